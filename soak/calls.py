@@ -37,7 +37,7 @@ from armcontour.program import Analog, Lead, Pierce, Switch, Tabs, Weave, smooth
 from armcontour.robot import scene
 from armcontour.simulation import robustness
 from armcontour.studies.placement import Placement
-from armcontour.verification import check_commands
+from armcontour.verification import check_interpolation
 from armcontour.verification.clearance import Cell
 from soak import Outcome
 
@@ -137,7 +137,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.certify, {"job": x["job"]}),
         (ac.check, {"samples": x["trajectory"], **on}),
         (ac.check, {"samples": x["trajectory"].sample(0.01), **on}),
-        (check_commands,
+        (check_interpolation,
          {"points": x["trajectory"].sample(0.01), "controller": "jtc", "rate": 100.0, **on}),
         (interpolate_set_points,
          {"set_points": x["set_points"], "controller": "jtc", "rate": 100.0}),
@@ -243,7 +243,7 @@ def instances() -> Iterator[Any]:
     yield ac.check_clearance(x["trajectory"], x["arm"])
     judged = ac.check(x["trajectory"], x["arm"])
     yield from (judged, judged.uses[0])
-    yield check_commands(x["trajectory"].sample(0.01), x["arm"], "jtc", 100.0)
+    yield check_interpolation(x["trajectory"].sample(0.01), x["arm"], "jtc", 100.0)
     yield ac.evaluate(x["executed"], x["path"])
     yield ac.RigidBodyPlant(x["arm_with_dynamics"], x["servo"])
     yield ac.shape(x["objective"], x["arm"], x["limits"], ac.Shaped(tolerance=1e-3, iterations=1))

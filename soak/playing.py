@@ -54,7 +54,7 @@ plant: {kp: 25 1/s, kv: 150 1/s, dead_time: 0 ms}
 runs:
   only: {timing: {reserve: 2 %}, compensation: {method: inverse}, cycle: 1 ms}
 """
-FEEDER = "armcontour.controllers.devices.linuxcnc"
+FEEDER = "armcontour.controllers.feeders.linuxcnc_feeder"
 # Longest time of a motion with its begin and end [s].
 PATIENCE = 60.0
 ATTEMPTS = 3

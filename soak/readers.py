@@ -177,14 +177,14 @@ def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float
 def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
     """Largest size of what is read [m], and all names in it."""
     from armcontour.files.mesh_file import read_mesh
-    from armcontour.files.robots.collision import read_left_out
+    from armcontour.files.robots.collision import read_excluded_pairs
     from armcontour.files.scene_file import read_scene_file
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / name
         file.write_bytes(data)
         if kind == "Srdf":
-            ignored = read_left_out(file, ["base", "beam", "camera"])
+            ignored = read_excluded_pairs(file, ["base", "beam", "camera"])
             return 0.0, [text for x in ignored for text in (x.first, x.second)]
         if kind in ("stl", "obj"):
             return read_mesh(file).size, []

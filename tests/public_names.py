@@ -20,7 +20,7 @@ OWNED = {
     "simulation": "Plant",
     "studies.certification": "Certificate",
     "studies.placement": "Placement",
-    "verification": "Check CommandCheck Evaluation LimitUse check_commands",
+    "verification": "Check InterpolationCheck Evaluation LimitUse check_interpolation",
     "verification.clearance": "Cell Clearance",
 }
 # By name, without the version.

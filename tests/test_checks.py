@@ -384,15 +384,13 @@ def test_a_transform_is_no_four_quaternions(refuses):
             lambda: Frame(rotation=transform),
             lambda: ac.Path.polyline(np.eye(3)).oriented(transform),
         ):
-            refuses(call, ac.InvalidInput, "is a 4 by 4 transform", "give Frame")
+            refuses(call, ac.InvalidInput, "is a 4 by 4 transform", "Use Frame")
 
 
 def test_degrees_given_for_radians_are_warned_of_with_what_was_meant():
-    with pytest.warns(
-        UserWarning, match=r"180 rad is more than a whole turn: for degrees"
-    ) as caught:
+    with pytest.warns(UserWarning, match=r"180 rad is more than a whole turn") as caught:
         Frame.rpy((0, 0, 0), (180, 0, 90))
-    assert str(caught[0].message).endswith("give np.radians([180.0, 0.0, 90.0]).")
+    assert str(caught[0].message).endswith("use np.radians([180.0, 0.0, 90.0]).")
     assert len(caught) == 1 and caught[0].filename == __file__
     # A whole turn is no mistake.
     for angle in (2 * np.pi, -6.2832, 6.28):

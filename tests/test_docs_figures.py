@@ -10,7 +10,7 @@ from soak import hal_drives, paper_table
 import armcontour as ac
 from armcontour.control.compensation.poles import pole_behaviour
 from armcontour.files.exports import make_table
-from armcontour.verification import check_commands
+from armcontour.verification import check_interpolation
 
 ROOT = Path(__file__).parent.parent
 CYCLE = 4e-3
@@ -166,7 +166,7 @@ def test_the_interpolation_of_ros():
         inverse = ac.compensate(plan, SERVO, INVERSE, cycle=CYCLE)
         for derivatives, printed in zip((0, 2), steps.groups()[2 * k : 2 * k + 2], strict=True):
             table = make_table(inverse, name="square", derivatives=derivatives)
-            commands = check_commands(table, arm, "jtc", 500.0, limits)
+            commands = check_interpolation(table, arm, "jtc", 500.0, limits)
             assert commands["joint_acceleration"].ratio == pytest.approx(float(printed), abs=0.51)
         rows = [x.split("|")[1:-1] for x in text.splitlines() if x.startswith("| ") and "ms |" in x]
         assert len(rows) == 4
@@ -179,7 +179,7 @@ def test_the_interpolation_of_ros():
                     cycle=float(period.split()[0]) * 1e-3,
                     derivatives=derivatives,
                 )
-                commands = check_commands(table, arm, law, 500.0, limits, reference=plan)
+                commands = check_interpolation(table, arm, law, 500.0, limits, reference=plan)
                 printed = numbers(cell)[k]
                 half = 0.51 * 10.0 ** -len(printed.partition(".")[2])
                 assert commands.deviation * 1e6 == pytest.approx(float(printed), rel=0.02, abs=half)

@@ -18,7 +18,7 @@ import armcontour
 import armcontour as ac
 from armcontour.core import compilation
 from armcontour.core.child_process import pack, unpack
-from armcontour.core.compilation import Order, from_text, read_list
+from armcontour.core.compilation import CompilationSchedule, from_text, read_list
 from armcontour.core.kernels import KERNELS, compiled
 from armcontour.core.pool import InProcess
 
@@ -162,7 +162,7 @@ def test_a_function_comes_after_those_that_it_calls(kernels, monkeypatch):
     watched = Watched()
     monkeypatch.setattr(compilation, "open_executor", lambda workers: nullcontext(watched))
     listed, steps = read_list("usual"), []
-    order = Order(listed, steps.append)
+    order = CompilationSchedule(listed, steps.append)
     order.run_all()
     assert set(watched.taken) == set(listed) and order.is_done and order.compiled == len(listed)
     assert steps[0].done == 0.0 and steps[-1].done == 1.0

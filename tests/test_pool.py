@@ -102,7 +102,7 @@ def test_a_pool_is_an_executor_of_other_processes():
         with pytest.raises(RuntimeError, match="ZeroDivisionError"):
             pool.submit(eval, "1 / 0").result()
         reports = []
-        tell = "__import__('armcontour.core.child_process', fromlist=['tell']).tell"
+        tell = "__import__('armcontour.core.child_process', fromlist=['pack']).report_to_parent"
         work = partial(eval, f"[{tell}(x) for x in 'ab'] and 3")
         assert pool.submit_reporting(reports.append, work).result() == 3 and reports == ["a", "b"]
         # An answer that is not read to its end is not taken for that of the next work.

@@ -128,7 +128,7 @@ def test_an_unknown_keyword_is_refused(limits, servo, refuses):
 # Results, and classes that only their subclasses make.
 NOT_MADE = {
     *("Arm", "Plant", "Batch", "Certificate", "Check", "Clearance", "Evaluation", "Explanation"),
-    "CommandCheck",
+    "InterpolationCheck",
     *(
         "BodyIdentification",
         "Identification",

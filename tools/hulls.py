@@ -33,14 +33,14 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 import armcontour as ac
 from armcontour.files.robots import loading
-from armcontour.files.robots.loading import STEP
+from armcontour.files.robots.loading import HULL_UNIT
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 
 # Largest distance of a hull from the convex hull of the mesh [m].
 EXCESS = 3e-4
 # Largest displacement of a corner by rounding to whole steps, and offset of the half-spaces [m].
-ROUNDING = STEP
+ROUNDING = HULL_UNIT
 # Tolerance of the frames of links between the description and the built-in arm [m].
 FRAME_TOLERANCE = 1e-8
 # Largest number of half-spaces added per iteration.
@@ -109,7 +109,7 @@ class _Body:
 
 def _rounded(points: FloatArray) -> FloatArray:
     """Unique points after rounding to whole steps."""
-    return np.unique(np.round(points / STEP), axis=0) * STEP
+    return np.unique(np.round(points / HULL_UNIT), axis=0) * HULL_UNIT
 
 
 def hull_of(shape: LinkShape, excess: float) -> dict[str, Any]:
@@ -130,7 +130,7 @@ def hull_of(shape: LinkShape, excess: float) -> dict[str, Any]:
         "name": shape.name,
         "link": shape.link,
         "excess": round(float(excess_used), 6),
-        "points": np.rint(corners / STEP).astype(int).tolist(),
+        "points": np.rint(corners / HULL_UNIT).astype(int).tolist(),
     }
 
 

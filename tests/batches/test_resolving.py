@@ -106,5 +106,5 @@ def test_runs_that_are_left_out_do_not_matter(planned, jobs):
     (jobs / "more.yaml").write_text(more)
     data = {"job": str(jobs / "more.yaml"), "run": "only"}
     assert digests(planned() | data) == digests(planned())
-    with pytest.raises(Exception, match="several runs, so choose one: other, only"):
+    with pytest.raises(Exception, match="several runs. Choose one of other, only"):
         read_plan(planned() | {"job": data["job"]})

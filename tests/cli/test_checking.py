@@ -68,14 +68,14 @@ def test_times_since_1970_and_notes(folder, check):
     # Rows that are there twice.
     lines = (folder / "late.csv").read_text().splitlines()
     (folder / "late.csv").write_text("\n".join([*lines[:9], lines[8], *lines[9:]]) + "\n")
-    assert "Note: 1 row of late.csv repeats" in check(folder, "late.csv", *options).out
+    assert "Note: 1 row of late.csv was skipped" in check(folder, "late.csv", *options).out
 
 
 def test_kept_limits_end_with_0(folder, check):
     options = (*PLANNED, "--path", "job.yaml")
     outcome = check(folder, *options)
     assert outcome.code == 0, outcome.out + outcome.errors
-    for words in ("joint_acceleration", "speed", "path_deviation", "kept", "Samples of q:"):
+    for words in ("joint_acceleration", "speed", "path_deviation", "kept", "samples (q)"):
         assert words in outcome.out
     assert "violated" not in outcome.out
     data = json.loads(check(folder, *options, "--json").out)
@@ -125,9 +125,9 @@ def test_the_path_and_the_limits_of_one_run(folder, check, refused):
     runs = {**JOB["runs"], "fast": fast}
     (folder / "fast.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
     rows = [
-        ((*options, "--run", "other"), ["its runs are rounded, sharp, wide"]),
-        (options, ["choose one with --run (rounded, wide)"]),
-        (("planned.csv", "--path", "fast.yaml"), ["have different limits: choose one with --run"]),
+        ((*options, "--run", "other"), ["Its runs are rounded, sharp, wide"]),
+        (options, ["Choose a run with --run (rounded, wide)"]),
+        (("planned.csv", "--path", "fast.yaml"), ["different limits. Choose a run with --run"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
     named = json.loads(
@@ -146,16 +146,16 @@ def test_wrong_files_and_options_are_refused(folder, refused):
     (folder / "bare.csv").write_text("0,1,2,open\n1,2,3,open\n")
     arm = "--arm pmk3s"
     rows = [
-        (f"none.csv {arm}", ["There is no trajectory file"]),
+        (f"none.csv {arm}", ["no trajectory file"]),
         (f"bare.csv {arm}", []),
         ("planned.csv --arm ur5e", ["positions of 2 joints ('joint 1 [rad]'", "UR5e has 6"]),
         (f"planned.csv {arm} --limits limits.yaml", ["with --path"]),
-        (f"planned.csv {arm} --columns t,q1", ["names of 2 are given"]),
+        (f"planned.csv {arm} --columns t,q1", ["--columns has 2 names"]),
         (
             ("planned.csv", *arm.split(), "--noise", "1 mrad, 1 rad/s"),
             ["--noise has 2 values", "no velocities"],
         ),
-        ("planned.csv --path job.yaml --tip tcp", ["--xacro-arg go with --arm"]),
+        ("planned.csv --path job.yaml --tip tcp", ["--xacro-arg require --arm"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
 
@@ -213,7 +213,7 @@ def test_a_measured_motion(folder, mac, check):
     outcome = check(folder, *options)
     assert outcome.code == 1
     output = " ".join(outcome.out.split())
-    for words in ("Left out of log.csv", "'i1 [A]'", "scatter by 0.012 mrad", "'0.047 mrad'"):
+    for words in ("columns of log.csv", "'i1 [A]'", "scatter by 0.012 mrad", "'0.047 mrad'"):
         assert words in output
     declared = check(folder, *options, "--noise", "0.02 mrad")
     assert declared.code in (0, 7), declared.out

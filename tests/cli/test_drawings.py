@@ -88,8 +88,8 @@ REFUSED = [
     ("deep.ngc --cell pmk3s", ["deep.ngc has z", "--ignore-z"]),
     ("two.csv --cell pmk3s --position 0.5m,0.3m", ["Contour b", "out of reach"]),
     ("two.csv --cell pmk3s --export template", ["--template"]),
-    ("two.csv --cell pmk3s --output tool", ["--output goes with"]),
-    ("two.csv --cell ur5e --export urscript --output tool=1", ["'tool'", "switches nothing"]),
+    ("two.csv --cell pmk3s --output tool", ["--output requires"]),
+    ("two.csv --cell ur5e --export urscript --output tool=1", ["'tool'", "switches no output"]),
 ]
 
 

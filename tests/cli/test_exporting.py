@@ -164,23 +164,23 @@ def test_a_run_is_divided_into_files_with_tolerances_and_torques(call, folder):
 def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, call, tmp_path):
     rows = [
         ("a.csv --run none", ["'none'", "'compensated'"]),
-        ("a.csv --cycle 48ms", ["--cycle goes with --reference"]),
+        ("a.csv --cycle 48ms", ["--cycle requires --reference"]),
         ("a.csv --reference --cycle 1ms", ["multiple", "4 ms", "1 ms"]),
-        ("a.csv --tool-motion", ["its job file or its cell with --job"]),
-        ("a.csv --points-per-file 1", ["--points-per-file", "from 2 on", "motoros2"]),
-        ("a.csv --call", ["--call has no effect"]),
-        ("a.npz --decimals 7", ["--decimals has no effect"]),
-        ("a.csv --output spindle=1", ["--output goes with"]),
+        ("a.csv --tool-motion", ["its job file or cell with --job"]),
+        ("a.csv --points-per-file 1", ["--points-per-file", "of at least 2", "motoros2"]),
+        ("a.csv --call", ["supports --call"]),
+        ("a.npz --decimals 7", ["supports --decimals"]),
+        ("a.csv --output spindle=1", ["--output requires"]),
         ("a.script --output spindle=9", ["--export urscript", "spindle", "0 to 7"]),
-        ("part.ngc --format csv", ["part.ngc exists already", "--force"]),
+        ("part.ngc --format csv", ["part.ngc already exists", "--force"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("export", "out")) == []
     file = result / "compensated" / "set_points.csv"
     text = file.read_text()
     file.write_text(text + "\n")
     rows = [
-        (("export", tmp_path, "a.csv"), ["holds no result"]),
-        ("export out a.csv", ["set_points.csv changed since"]),
+        (("export", tmp_path, "a.csv"), ["has no result"]),
+        ("export out a.csv", ["set_points.csv has changed since"]),
     ]
     assert refused(folder, rows, codes=(2,)) == []
     file.write_text(text)
@@ -216,7 +216,7 @@ def test_analog_outputs_are_columns_of_a_run_and_not_of_an_earlier_result(call, 
     assert power.iloc[0] == 0.0 and 990 < power.max() <= 1000 + 1e-6
     call("run", "laser.yaml", "--no-simulation", "--out", "plain")
     export_output = call("export", "plain", "laser.csv")
-    assert "Not exported: the analog outputs power" in export_output
+    assert "The analog outputs power are not exported" in export_output
     assert not any(x.startswith("analog") for x in pd.read_csv(folder / "laser.csv").columns)
 
 
@@ -243,7 +243,7 @@ def test_analog_outputs_of_robots_follow_their_options(call, folder):
         *("--template", "kuka", "--output", "urscript:power=AO1", "--output", "urscript:spindle=0"),
         *("--cycle", "45 ms", "--call", "--export", "ros-yaml", "--derivatives", "0"),
     )
-    assert "does not set power" in printed and "passthrough controller) needs velocities" in printed
+    assert "does not set power" in printed and "controller) requires velocities" in printed
     exports = folder / "robot" / "compensated" / "export"
     for name in ("set_points", "reference"):
         text = (exports / f"{name}.script").read_text()

@@ -160,8 +160,8 @@ def test_wrong_files_are_refused_before_anything_starts(tmp_path, monkeypatch, c
     (tmp_path / "job.yaml").write_text("name: a\n")
     for name, options, words in (
         ("none.yaml", {}, "There is no job file none.yaml"),
-        ("none.dxf", {"cell": "ur5e"}, "There is no drawing none.dxf"),
-        ("part.csv", {}, "part.csv is a drawing: .*--cell"),
+        ("none.dxf", {"cell": "ur5e"}, "none.dxf"),
+        ("part.csv", {}, "part.csv is a drawing, .*--cell"),
     ):
         with pytest.raises(InvalidInput, match=words):
             open_studio(None if name is None else Path(name), StudioOptions(**options))

@@ -60,7 +60,7 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
     log, out, third = written(tmp_path, shop.table), tmp_path / "second", tmp_path / "third"
     learn = ("learn", shop.file, "--log")
     shown = done(*learn, log, "--set-points", shop.first, "--out", out)
-    assert "run.csv" in shown and "Go on" in shown and "next run should have" in shown
+    assert "run.csv" in shown and "Continue with" in shown and "expected error of the next" in shown
     data = summary(out)
     present = {x.relative_to(out).as_posix() for x in out.rglob("*") if x.is_file()}
     assert set(data["files"]) == present - {".armcontour.json"}
@@ -86,9 +86,9 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
     rows = [
         (
             (log, "--set-points", out, "--out", "a"),
-            ["run.csv has the set-points of run 1 (run.csv)"],
+            ["run.csv contains the set-points of run 1 (run.csv)"],
         ),
-        ((log, "--set-points", out, "--judge-only"), ["run.csv has the set-points of run 1"]),
+        ((log, "--set-points", out, "--judge-only"), ["run.csv contains the set-points of run 1"]),
         (
             (second, "--set-points", shop.first, "--out", "a"),
             ["run2.csv is the log of another run"],
@@ -107,7 +107,7 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
         run = json.loads(shown)["judged"]
         assert code == 0 and (run["set_points_off"] > 1e-4) is differs
         assert differs or run["set_points_off"] < 1e-5
-        assert any("give those as --set-points" in x for x in run["notes"]) is differs
+        assert any("executed set-points (--set-points)" in x for x in run["notes"]) is differs
 
 
 def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refused, done):
@@ -126,7 +126,7 @@ def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refus
     assert runs[1]["contour_rms"] < 0.25 * runs[0]["contour_rms"]
     # Another plan is refused.
     other.write_text(CORNER_JOB.replace("0.72 rad", "0.70 rad"), encoding="utf-8")
-    rows = [((other, "--log", log, "--set-points", shop.first, "--out", "a"), ["begin again"])]
+    rows = [((other, "--log", log, "--set-points", shop.first, "--out", "a"), ["start again"])]
     assert refused(tmp_path, rows, codes=(2,), begin=("learn",)) == []
 
 
@@ -171,7 +171,7 @@ def test_options_that_do_not_go_together(shop, tmp_path, refused):
 def test_a_log_is_judged_without_learning(shop, tmp_path, done):
     log, out = written(tmp_path, shop.table), tmp_path / "judged"
     shown = done("learn", shop.file, "--log", log, "--judge-only", "--out", out)
-    assert "run.csv" in shown and "Go on" not in shown
+    assert "run.csv" in shown and "Continue with" not in shown
     assert "Set-points of the next run" not in shown
     assert {x.name for x in out.iterdir()} == {".armcontour.json", "summary.json"}
     data = summary(out)

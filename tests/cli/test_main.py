@@ -95,7 +95,7 @@ def test_any_key_of_the_job_is_set(tmp_path, run, refused):
         (("--set", "limits.speed=1 mm"), ["--set: job.yaml: limits.speed: must be", "m/s"]),
         (("--tolerance", "1 s"), ["--tolerance: job.yaml: corners.tolerance: must be"]),
         (("--set", "limits.speed=1", "--speed", "1 m/s"), ["--speed and --set limits.speed"]),
-        (("--set", "limits.speed"), ["--set: 'limits.speed' sets no key: write one such as"]),
+        (("--set", "limits.speed"), ["--set: 'limits.speed' sets no key. Write KEY=VALUE"]),
         (("--set", "runs.plan.end_time=1"), ["--set: job.yaml: runs.plan.end_time names no run"]),
         # The tolerance is not what is wrong.
         (
@@ -120,7 +120,7 @@ def test_shapes_of_corners_from_the_command_line(tmp_path, run, refused):
     others = [x for name, x in shaping["durations"].items() if name != "shaped"]
     assert shaping["gain"] == 1 - shaping["durations"]["shaped"] / min(others) >= 0
     assert sum(shaping["starts"].values()) == 1 and shaping["iterations"] <= 2
-    rows = [("run job.yaml --out no --zone 8mm", ["corners.zone is for the shape free"])]
+    rows = [("run job.yaml --out no --zone 8mm", ["corners.zone requires shape: free"])]
     assert refused(tmp_path, rows, codes=(2,)) == []
 
 
@@ -205,9 +205,9 @@ def test_a_quantity_has_a_unit_unless_it_is_zero():
 
 def test_other_texts_are_refused_with_the_option():
     for text, words in (
-        ("5 mm", "^--speed: must be a quantity in m/s, which '5 mm' is not.$"),
-        ("5", "^--speed: '5' has no unit: write one, as in '0.15 m/s'.$"),
-        ("12,5 mm/s", "write '12.5 mm/s'"),
+        ("5 mm", "^--speed: must be a quantity in m/s, but is '5 mm'.$"),
+        ("5", "^--speed requires a unit, but '5' has none. Specify it as in '0.15 m/s'.$"),
+        ("12,5 mm/s", "Write '12.5 mm/s'"),
         ("fast", "^--speed: 'fast' is not a quantity in m/s"),
     ):
         with pytest.raises(InvalidInput, match=words):
@@ -258,7 +258,7 @@ def test_a_cell_is_written_where_it_is_wanted_and_over_nothing(tmp_path, monkeyp
     written = (tmp_path / "shop.yaml").read_text()
     assert "arm: ur5e\n" in written
     code, message = call("init", "panda", "-o", "shop.yaml")
-    assert code != 0 and "shop.yaml exists already" in message and "--force" in message
+    assert code != 0 and "shop.yaml already exists" in message and "--force" in message
     assert (tmp_path / "shop.yaml").read_text() == written
     assert call("init", "panda", "-o", "shop.yaml", "--force")[0] == 0
     assert "arm: panda\n" in (tmp_path / "shop.yaml").read_text()

@@ -70,15 +70,15 @@ def test_place_writes_maps_a_table_and_a_job_that_runs(job, tmp_path, placed, do
 
 def test_wrong_options_write_nothing(job, tmp_path, refused):
     rows = [
-        ((), ["place needs --over for each axis"]),
-        (("--over", "x"), ["--over takes", "such as 'x: -300 mm"]),
-        (("--over", "x: 0 mm, 2"), ["--over takes", "such as 'x: -300 mm"]),
+        ((), ["place requires --over for each axis"]),
+        (("--over", "x"), ["--over requires", "such as 'x: -300 mm"]),
+        (("--over", "x: 0 mm, 2"), ["--over requires", "such as 'x: -300 mm"]),
         (("--over", "w: 0 mm .. 1 mm, 2"), ["--over: ", "unknown key placement.over.w"]),
         (("--over", "x: 0 mm .. 1, 2"), ["--over: ", "'1' has no unit"]),
         (("--over", "yaw: 0 .. 10 mm, 2"), ["--over: ", "placement.over.yaw.to"]),
         (("--over", "x: 1 mm .. 0 mm, 2"), ["placement", "range of x", "is empty"]),
-        ((*OVER, *OVER), ["--over names 'x' twice"]),
-        ((*OVER, "--uncertainty", "x"), ["--uncertainty takes", "such as 'x: 2 mm'"]),
+        ((*OVER, *OVER), ["--over specifies 'x' twice"]),
+        ((*OVER, "--uncertainty", "x"), ["--uncertainty requires", "such as 'x: 2 mm'"]),
     ]
     assert refused(tmp_path, rows, begin=("place", job, "--out", "no")) == []
 

@@ -38,6 +38,6 @@ def test_wrong_options_are_refused(job, refused, tmp_path):
         ((name, job, "--out", "out", *more, *both), ["has its own workers"])
         for name, more in (("place", OVER), ("certify", ()))
     ]
-    share = ["--workers and --cluster distribute simulations of uncertain robots"]
+    share = ["--workers and --cluster distribute the rigid-body simulations"]
     rows.append((("certify", job, "--plant", "servo", "--workers", 2), share))
     assert refused(tmp_path, rows, codes=(2,)) == []

@@ -42,7 +42,7 @@ LINES = {
     "certify": ("certify", "job.yaml"),
 }
 # With trust, certify comes as far as to what this job lacks.
-LACKING = {"certify": "A certificate needs"}
+LACKING = {"certify": "A certificate requires"}
 
 
 @pytest.fixture
@@ -88,10 +88,10 @@ def test_check_takes_packages_and_arguments(folder):
     for arguments, words in (
         (options[:2], "--xacro-arg kind=VALUE"),
         (options[2:], "--package six=FOLDER"),
-        (("--package", "six"), "--package takes NAME=VALUE"),
+        (("--package", "six"), "--package must be NAME=VALUE"),
     ):
         refused = armcontour(*LINES["check"], "--trust-xacro", *arguments)
         assert isinstance(refused.exception, InvalidInput) and words in str(refused.exception)
     (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "arm": "ur5e"}))
     of_job = armcontour(*LINES["check of a job"], "--trust-xacro", *options)
-    assert "--package and --xacro-arg go with --arm" in str(of_job.exception)
+    assert "--package and --xacro-arg require --arm" in str(of_job.exception)

@@ -33,11 +33,11 @@ def test_a_robot_is_named_by_its_address():
 @pytest.mark.parametrize(
     ("name", "address", "hal", "reason"),
     [
-        ("franka", None, None, "--on franka needs the address of the robot"),
-        ("ur", None, None, "--on ur needs the address of the robot"),
-        ("ur", "192.0.2.7", "a.hal", "--hal is for linuxcnc"),
-        ("linuxcnc", "192.0.2.7", None, "--address is for franka and ur"),
-        ("kuka", "192.0.2.7", None, "takes linuxcnc, franka or ur"),
+        ("franka", None, None, "--on franka requires the address of the robot"),
+        ("ur", None, None, "--on ur requires the address of the robot"),
+        ("ur", "192.0.2.7", "a.hal", "--hal is only allowed with --on linuxcnc"),
+        ("linuxcnc", "192.0.2.7", None, "--address is only allowed with --on franka or ur"),
+        ("kuka", "192.0.2.7", None, "must be linuxcnc, franka or ur"),
     ],
 )
 def test_no_address_is_assumed(name, address, hal, reason):

@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from armcontour.controllers.devices.feeder import Feeder
+from armcontour.controllers.feeders.feeder import Feeder
 
 
 class Device:

@@ -18,11 +18,11 @@ from tests.oracle.test_franka_limiter import (
 
 import armcontour as ac
 from armcontour.controllers import Franka
-from armcontour.controllers.devices.feeder import DeviceError
+from armcontour.controllers.feeders.feeder import DeviceError
 from armcontour.controllers.franka import LIMITS
 from armcontour.core.errors import ControllerRefused
 
-DEVICE = "armcontour.controllers.devices.franka"
+DEVICE = "armcontour.controllers.feeders.franka_feeder"
 HOME = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
 
 
@@ -151,7 +151,7 @@ def library(monkeypatch):
     library.mode = Library.RobotMode.Idle
     monkeypatch.setitem(sys.modules, "pylibfranka", library)
     monkeypatch.delitem(sys.modules, DEVICE, raising=False)
-    library.device = importlib.import_module(DEVICE).Franka
+    library.device = importlib.import_module(DEVICE).FrankaDevice
     yield library
     sys.modules.pop(DEVICE)
 

@@ -195,7 +195,7 @@ def test_without_a_terminal_nothing_is_executed(tmp_path, name):
         check=False,
     )
     assert done.returncode == 10
-    assert "terminal" in done.stderr and "nothing moves" in done.stderr
+    assert "terminal" in done.stderr and "has not moved" in done.stderr
     assert not (tmp_path / "out").exists()
 
 

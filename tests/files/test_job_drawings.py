@@ -132,7 +132,8 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
     assert made.process.of_layer("CUT").lead_in is not None
     cut, mark = prepare(made.program, made.process).contours
     assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
-    assert made.program.notes[-1] == "process.by_layer: no contour is on the layer 'GONE'."
+    note = "process.by_layer has the layer 'GONE', but no contour is on this layer."
+    assert made.program.notes[-1] == note
     open_speeds = "{process: {analog: [{name: power}]}, limits: {speed: inf}}"
     refusals(lambda x: job(folder, x), [(open_speeds, "Run compensated ... power ... contour a")])
     speeds = {"file": "layers.csv", "layers": {x: {"speed": "1 mm/s"} for x in ("CUT", "MARK")}}
@@ -142,12 +143,12 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
 BAD = r"""
 process: {by_layer: {"": {order: drawn}}} => process.by_layer ... order
 process: {by_layer: {"": {passes: null}}} => by_layer ... passes
-path: {points: [[0, 0], [1, 1]]} => file, or points
+path: {points: [[0, 0], [1, 1]]} => exactly one of file, points
 path: {frame: {position: [0.3, 0.1, 1 mm]}} => path.frame ... z = 0
 path: {frame: {position: [0.3, 0.1, 0], rpy: [0.1, 0, 0]}} => path.frame
 path: {orientation: {axis: [0, 0, -1]}} => path.orientation ... in space
 process: {approach: 5 mm} => in the plane
-runs: {one: {end_time: 9 s}} => end_time is for a job with a single path
+runs: {one: {end_time: 9 s}} => end_time requires a job with a single path
 name: "x\e]52;c;cHduZWQ=\e\\" => name of a job has the character U+001B
 process: {switch: {name: "a\a"}} => process.switch: The name of a switch
 """
@@ -169,7 +170,7 @@ def test_refuses_in_one_sentence(folder):
 
 def test_space_and_plane(folder):
     (folder / "deep.ngc").write_text("G21 F600\nG1 X10 Y0 Z1\nG1 X20 Y10 Z0\n")
-    words = "deep.ngc has z ... path.ignore_z ... --ignore-z"
+    words = "deep.ngc has z coordinates ... path.ignore_z ... --ignore-z"
     refusals(lambda x: job(folder, x), [("path: {file: deep.ngc}", words)])
     for text, dimension in (
         ("path: {file: deep.ngc, ignore_z: true}", 2),
@@ -245,7 +246,7 @@ def test_the_tool_axis_of_a_file_takes_precedence_over_the_cell(tmp_path):
     job = read_cell("ur5e", file, path={"units": "mm"})
     axis = job.program.path.orientation(0.0)[:, 2]
     np.testing.assert_allclose(axis, np.array([0, 0.1, -1]) / np.hypot(0.1, 1), atol=1e-12)
-    assert "comes from seam.csv" in job.path.notes[-1]
+    assert "because seam.csv has tool orientations" in job.path.notes[-1]
 
 
 def test_settings_for_layers_do_not_demand_them(tmp_path, folder):

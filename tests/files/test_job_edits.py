@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.files.tables import refusals
 
 from armcontour.core.yaml_loader import load
-from armcontour.files.job_edits import (
+from armcontour.files.job_text_edits import (
     REMOVE,
     Change,
     change_data,
@@ -217,11 +217,11 @@ def lines_of(text, key):
 
 def test_aliases_and_positions_that_are_not_there_are_refused():
     text = "a: &x [1, 2]\nb: *x\nc: {<<: &y {k: 1}, l: 2}\n"
-    shared = [(x, "is shared with other keys") for x in (("b", 0), ("b",), ("a", 0), ("a",))]
+    shared = [(x, "other keys share its value") for x in (("b", 0), ("b",), ("a", 0), ("a",))]
     refusals(lambda x: change_text(text, [Change(x, 5)]), shared)
-    words = "b.k is shared with other keys ... write b.k: 2"
+    words = "b.k is not changed, because other keys share its value ... write b.k: 2"
     refusals(lambda x: write_patch("a: &x {k: 1}\nb: *x\n", {x: 2}), [(("b", "k"), words)])
-    absent = [(("a", 3), "a (item 4) ... has 2 items")]
+    absent = [(("a", 3), "a (item 4) ... only 2 items")]
     refusals(lambda x: change_data({"a": [1, 2]}, [Change(x, 1)]), absent)
     # What is merged can be had as a key of its own.
     assert "c: {<<: &y {k: 1}, l: 2, k: 3}" in change_text(text, [Change(("c", "k"), 3)])

@@ -118,19 +118,19 @@ def test_a_job_cannot_trust_a_xacro_file(folder):
 
 
 BAD = """
-arm: {name: ur5e, file: x.urdf} => arm takes either name
-arm: {file: robot.txt} => arm.file must be a .yaml, .yml, .urdf, .xacro, .xml, .mjcf file
+arm: {name: ur5e, file: x.urdf} => arm requires either name
+arm: {file: robot.txt} => arm.file must have one of the extensions .yaml
 arm: {name: ur5e, tool: {position: [0, 0, 1 deg]}} => arm.tool.position (item 3): ... quantity in m
-arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => arm.tool takes either rpy or
+arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => must have either rpy or
 arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... length 1
 arm: {name: ur5e, payload: {mass: 1, inertia: [1, 0, 0, 1, 0, 5]}} => arm.payload: No body can have
-arm: {file: robot.urdf, tip: tcp, locked: {lift: 10 deg}} => arm.locked.lift ... in m, ... '10 deg'
+arm: {file: robot.urdf, tip: tcp, locked: {lift: 10 deg}} => arm.locked.lift: ... in m, ... '10 deg'
 seed: [0, 0, 0] => seed has 3 values, but the arm has 6 joints
 seed: {elbow: 0} => seed names the joints 'elbow' ... shoulder_lift_joint
 ignore_jerk: true => unknown key ignore_jerk: ... joint_jerk: inf
 experiment: {runs: [three]} => experiment.runs names the run three
 experiment: {noise: 1 m} => experiment.noise: must be a quantity in rad
-corners: {tolerance: 0.001, continuity: tangent, transition_tolerance: 1 um} => n_tolerance is for
+corners: {tolerance: 0.001, continuity: tangent, transition_tolerance: 1 um} => n_tolerance requires
 {corners: {tolerance: 1mm, continuity: curvature}, runs: {a: {timing: {method: paper}}}} => .contin
 """
 
@@ -184,19 +184,19 @@ def test_orientations():
 
 # P stands for three points.
 BAD_PATHS = """
-points: P, orientation: {} => takes one of rpy, ... not none
-points: P, orientation: {rpy: [0, 0, 0], axis: [0, 0, 1]} => path.orientation ... not rpy and axis
+points: P, orientation: {} => requires exactly one of rpy, ... has none
+points: P, orientation: {rpy: [0, 0, 0], axis: [0, 0, 1]} => path.orientation ... has rpy and axis
 points: P, orientation: {rpyy: [0, 0, 0]} => unknown key path.orientation.r
 points: P, orientation: [] => path.orientation is an empty list
 points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}] => has 2 values ... 3 waypoints
-points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}, {axis: [0, 0, 1]}] => none give axis
+points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}, {axis: [0, 0, 1]}] => axis, or none
 points: P, orientation: [&x {follow_tangent: {up: [0, 0, 1]}}, *x, *x] => (item 1): follow_tangent
-points: P, orientation: {axis: [[0, 0, -1], [0, 0.1, -1]]} => path.orientation.axis: is one
+points: P, orientation: {axis: [[0, 0, -1], [0, 0.1, -1]]} => path.orientation.axis: must be one
 points: [[0.3, 0.2], [0.4, 0.2]], orientation: {axis: [0, 0, 1]} => three coordinates
-spline: {points: P}, orientation: [&x {rpy: [0, 0, 0]}, *x, *x] => a spline takes one orientation
-spline: {points: []} => points of path.spline are empty
-spline: {points: P}, points: P => either points, or start and segments
-start: [0.4, 0, 0.2], segments: [{via: [0.5, 0.1, 0.2]}] => path.segments (item 1) takes either to
+spline: {points: P}, orientation: [&x {rpy: [0, 0, 0]}, *x, *x] => single mapping for a spline
+spline: {points: []} => path.spline.points is empty
+spline: {points: P}, points: P => exactly one of points, start with segments
+start: [0.4, 0, 0.2], segments: [{via: [0.5, 0.1, 0.2]}] => segments (item 1) requires either to
 """
 
 

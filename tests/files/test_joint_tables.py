@@ -171,7 +171,10 @@ def test_lines_above_the_names_are_ignored():
     text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0])
     for above in ("Trace of robot 7\n", "Robot;7\n\nstarted,12:00\n", "a b c d\n"):
         np.testing.assert_allclose(parse_log(above + text).measured[:, 0], Q[:, 0], atol=1e-8)
-    refusals(parse_log, [(text.replace("t,u1,q1", "t,u1,q1,tau"), "line 2: 3 values, but 4")])
+    refusals(
+        parse_log,
+        [(text.replace("t,u1,q1", "t,u1,q1,tau"), "line 2: the row has 3 values, but must have 4")],
+    )
 
 
 def test_times_in_two_columns_keep_their_nanoseconds():
@@ -207,7 +210,9 @@ def test_what_looks_like_another_unit_is_asked_about():
         refusals(parse_log, [(table(titles, *U.T, *Q.T, time=unix_times), f"'t [{unit}]=time'")])
     text = table(titles, *degrees)
     for read in (parse_log, parse_trajectory):
-        with pytest.raises(InvalidInput, match=r"turns: .* --columns .*meas_# \[deg\]=meas_#"):
+        with pytest.raises(
+            InvalidInput, match=r"turns in rad\. .* --columns .*meas_# \[deg\]=meas_#"
+        ):
             read(text)
         parsed = read(text, columns="cmd_# [deg]=cmd_#,meas_# [deg]=meas_#")
         q = parsed.measured if read is parse_log else parsed.q
@@ -266,12 +271,12 @@ def test_rows_of_other_topics_are_left_out():
 
 
 BAD = """
-q1=none => no column or joint 'none' ... it has 't', 'u1', 'q1'
+q1=none => no column or joint 'none' ... It has 't', 'u1', 'q1'
 q1= => NEW=NAME ... 'q1='
 q#=u1 => NEW=NAME
 q*=u# => NEW=NAME
-q1 => 3 columns, but names of 1
-q1=u1 => there are two columns 'q1': remove one, such as with --columns '-=q1'
+q1 => 3 columns, but --columns has 1 names
+q1=u1 => there are two columns 'q1'. Remove one (for example with --columns '-=q1')
 """
 
 

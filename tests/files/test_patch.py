@@ -8,7 +8,7 @@ from tests.files.tables import refusals, values
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job, parse_set
 from armcontour.files.cell import read_cell
-from armcontour.files.job_edits import REMOVE
+from armcontour.files.job_text_edits import REMOVE
 from armcontour.files.patch import apply_patch, key_of, locate_key, write_patch
 from armcontour.jobs import Rounding
 from armcontour.program import prepare
@@ -105,19 +105,19 @@ def test_a_shape_goes_to_every_run_that_can_have_it():
 
 BAD = """
 {corners.shape: round} => corners.shape: must be arc or free, not 'round'
-{corners.shape: free} => runs.slow.corners.speed sets the radius of arcs
-{corners.zone: 0.01} => runs.lifted.corners.zone is for the shape free
+{corners.shape: free} => runs.slow.corners.speed determines the radius of arcs
+{corners.zone: 0.01} => runs.lifted.corners.zone requires shape: free
 {limits.speed: 1 mm} => limits.speed: must be a quantity in m/s
 {limits.sped: 1} => unknown key limits.sped: did you mean speed?
 {tolerance: 1 mm} => unknown key tolerance: did you mean certificate.tolerance or corners.tolerance?
 {runs.onw.duration: 1} => runs.onw.duration names no run of the job: did you mean own?
 {runs: {}} => runs names no run of the job
-{limits.joint_velocity.1: 1} => limits.joint_velocity is 2.0 there, which has no key 1
-{path.points.9.0: 1} => path.points (item 10, item 1) cannot be changed: the list there has 3 items.
+{limits.joint_velocity.1: 1} => limits.joint_velocity is 2.0, which has no key 1
+{path.points.9.0: 1} => path.points (item 10, item 1) cannot be changed ... list has only 3 items.
 """
 OF_NO_RUN = """
-{corners.shape: free} => No run takes corners.shape, which goes with rounded corners
-{corners.continuity: curvature} => No run takes corners.continuity
+{corners.shape: free} => corners.shape requires a run with rounded corners
+{corners.continuity: curvature} => corners.continuity requires a run
 """
 
 
@@ -157,7 +157,7 @@ def test_a_drawing_is_placed_and_its_layers_keep_their_settings_in_the_job(tmp_p
     np.testing.assert_allclose(turned.vertices, [[0.3, 0.2], [0.3, 0.24]], atol=1e-15)
     moved = placed("{path.frame.position: [0.28, 0.25, 0], path.scale: 0.5}")
     np.testing.assert_allclose(moved.vertices, [[0.28, 0.25], [0.3, 0.25]], atol=1e-15)
-    words = "units must be a unit of length such as mm, not 'kg'"
+    words = "units must be a unit of length such as mm, but is 'kg'"
     table = [("{path.scale: 0}", "path.scale: "), ("{path.units: kg}", words)]
     refusals(placed, table)
 
@@ -172,7 +172,7 @@ def test_a_text_sets_a_key_to_a_value_of_a_job_file():
         ("path.frame.position=[1, 2, 3]", {("path", "frame", "position"): [1, 2, 3]}),
     ):
         assert parse_set(text) == expected
-    table = [("units", "write one such as limits.speed=0.2 m/s"), ("a..b=1", "'a..b' is no key")]
+    table = [("units", "such as limits.speed=0.2 m/s"), ("a..b=1", "'a..b' is not a key")]
     refusals(parse_set, [*table, ("a=[1", "a is not valid YAML")])
 
 
@@ -204,7 +204,7 @@ def test_what_goes_with_another_choice_is_left_out():
     assert [x.timing.method for x in runs.values()] == ["optimal"] * 2
     assert runs["a"].timing.reserve == 0.1
     # But nothing that is given beside it.
-    words = "runs.a.timing ... knots goes with the method paper, not optimal"
+    words = "runs.a.timing ... knots requires the method paper, not optimal"
     both = "{timing.knots: 40, timing.method: optimal}"
     refusals(lambda x: read(x, job), [(both, words)])
 

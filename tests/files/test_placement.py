@@ -92,7 +92,7 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
     np.testing.assert_allclose((first + last) / 2, [0.33, 0.2], atol=1e-12)
     # It does not lift the path out of the plane.
     lifted = PLANE.replace("points:", "frame: {position: [0, 0, 0.1]}, points:")
-    refusals(parse_job, [(lifted, "lifts or tilts")])
+    refusals(parse_job, [(lifted, "moves the drawing out of the plane")])
 
 
 def test_options_that_replaced_values_are_in_the_file(placed):
@@ -108,7 +108,7 @@ def test_a_base_that_moves_among_obstacles_writes_no_job():
     far = Obstacle(name="far", shape=Sphere(radius=0.1), place=ac.Frame(position=[0, 0, 3]))
     job = replace(parse_job(SQUARE), scene=Scene(obstacles=(far,)))
     placement = ac.place(job, ac.PlaceSearch(over={"x": (0.0, 0.0, 1)}, what="base", refined=False))
-    refusals(written, [(placement, "stay where they are when it moves")])
+    refusals(written, [(placement, "do not move with it")])
 
 
 @needs_dynamics

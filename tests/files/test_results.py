@@ -85,7 +85,7 @@ def test_force_removes_nothing_that_a_foreign_summary_names(tmp_path):
     for files in (["thesis.tex"], {"thesis.tex": "0"}):
         summary = json.dumps({"armcontour": "0.1.0", "files": files})
         (tmp_path / "summary.json").write_text(summary)
-        refused("holds no result of armcontour", tmp_path)
+        refused("no result of armcontour", tmp_path)
         assert contents(tmp_path) == {"thesis.tex", "summary.json"}
 
 
@@ -103,14 +103,14 @@ def test_force_follows_no_link_and_no_name_that_leads_out(tmp_path):
             listed["files"][extra] = checksum
         (out / str(i) / MANIFEST).write_text(json.dumps(listed))
         if i == 0:
-            refused("link changed", out / "0")
+            refused("changed since: link", out / "0")
         else:
             write(out / str(i), ["report.html"], force=True)
         assert contents(outside) == {"precious.txt"}
 
 
 def test_force_refuses_files_that_changed_since_they_were_written(tmp_path):
-    words = "one/set_points.csv changed since armcontour wrote"
+    words = "changed since: one/set_points.csv"
     write(tmp_path, ["one/set_points.csv", "report.html"])
     file = tmp_path / "one" / "set_points.csv"
     edited = file.read_text()[::-1]
@@ -128,7 +128,11 @@ def test_force_replaces_no_foreign_file(tmp_path):
     (tmp_path / "two").mkdir()
     refused("one/mine.txt", tmp_path)
     (tmp_path / "one" / "mine.txt").unlink()
-    refused("two: armcontour did not write", tmp_path, ["one/set_points.csv", "two/set_points.csv"])
+    refused(
+        "two, because armcontour did not write",
+        tmp_path,
+        ["one/set_points.csv", "two/set_points.csv"],
+    )
     assert contents(tmp_path) == {"one/set_points.csv", "summary.json"}
     assert (tmp_path / "one" / "set_points.csv").read_text() == "text of one/set_points.csv"
 
@@ -215,7 +219,7 @@ def test_files_that_cannot_be_moved_back_stay_in_the_hidden_folder(tmp_path, mon
     assert texts["report.html"] == "text of report.html" and "summary.json" in texts
     # The next run names them and leaves them there, too.
     for force in (False, True):
-        with pytest.raises(InvalidInput, match="killed.*move the files in .*remove"):
+        with pytest.raises(InvalidInput, match="killed.*files in .*remove"):
             ResultFolder(tmp_path, force=force)
     assert contents(old)
 

@@ -242,7 +242,7 @@ def test_names_with_a_prefix_and_new_names(tmp_path):
 
 
 OTHERS = f"""
-trajectory: [{INNER}, {INNER}] => holds 2 trajectories, but a check
+trajectory: [{INNER}, {INNER}] => has 2 trajectories, but a file
 a: 1 => no JointTrajectory ... joint_names and points
 joint_names: [a] | points: [] => without points
 joint_names: [a] | points: [{{positions: [1]}}] => point 1: ... time_from_start
@@ -314,14 +314,14 @@ def test_several_topics_and_what_is_no_bag(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "a.yaml").write_text("a: 1\n")
     no_bags = [
-        ("bag", "several topics of JointState ... --topic ... /left, /right"),
+        ("bag", "several topics of the type JointState ... --topic ... /left, /right"),
         ("a.mcap", "a.mcap cannot be read as a bag of ROS 2"),
         ("folder", "folder cannot be read as a bag of ROS 2"),
     ]
     refusals(lambda x: read_trajectory(tmp_path / x), no_bags)
     no_logs = [
-        ("bag", "no topic of JointTrajectoryControllerState"),
-        ("b.db3", "There is no"),
+        ("bag", "no topic of the type JointTrajectoryControllerState"),
+        ("b.db3", "does not exist"),
         ("a.yaml", "a log needs commands and measured positions"),
     ]
     refusals(lambda x: read_log(tmp_path / x), no_logs)

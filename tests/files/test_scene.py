@@ -100,7 +100,7 @@ def test_links_of_an_arm_and_its_tool_get_shapes():
 BAD = """
 scene => boxes: [{name: a, size: [1, 0, 1]}] => scene.boxes: a ... size
 scene => spheres: [{name: a, radius: 0}] => scene.spheres: a ... radius
-scene => halfspaces: [{name: w, normal: [0, 0, 0]}] => scene.halfspaces: w ... length 0
+scene => halfspaces: [{name: w, normal: [0, 0, 0]}] => scene.halfspaces: w ... must not be zero
 scene => meshes: [{name: m, file: no.stl}] => scene.meshes: m ... no.stl
 scene => files: [no.urdf] => scene.files ... no.urdf
 scene => spheres: [{name: a, radius: 1}, {name: a, radius: 2}] => Two obstacles ... 'a'
@@ -164,7 +164,7 @@ def test_links_of_a_cell_are_obstacles_where_they_stand(tmp_path):
         np.testing.assert_allclose(bodies[name].place.position, place, atol=1e-12)
     np.testing.assert_allclose(bodies["door"].place.rotation[:, 0], [0, 1, 0], atol=1e-12)
     table = [
-        ('<robot name="cell"><link name="world"/></robot>', "no collision elements"),
+        ('<robot name="cell"><link name="world"/></robot>', "collision elements"),
         (CELL.replace('radius="0.05"', 'radius="-1"'), "cell.urdf ... radius"),
     ]
     refusals(lambda x: read_scene_file(file) if file.write_text(x) else None, table)
@@ -227,7 +227,7 @@ def test_units_and_scales(tmp_path):
     table = [
         ((large,), "400 m large ... unit: mm ... 0.4 m"),
         ((small,), "0.0004 m large ... unit: km ... 0.4 m"),
-        ((small, "s"), "unit 's', which is no unit of length"),
+        ((small, "s"), "must be a unit of length such as mm, but is 's'"),
     ]
     refusals(lambda x: read_mesh(x[0], **({"unit": x[1]} if x[1:] else {})), table)
 
@@ -239,17 +239,17 @@ def test_polygons_negative_indices_and_triangles_without_an_area_of_obj(tmp_path
         file.write_text(text)
         assert len(read_mesh(file).triangles) == 12
     file.write_text(begin + "f 1 1 2\nf 3 4 3\n")
-    refusals(read_mesh, [(file, "No triangle ... has an area")])
+    refusals(read_mesh, [(file, "All triangles ... zero area")])
 
 
 BAD_MESHES = [
-    ("a.stl", binary()[:-1], "ends early ... 12 triangles take 684 bytes, and it has 683"),
-    ("a.stl", b"<html>" * 50, "no STL file"),
-    ("a.stl", binary(np.where(CORNERS == 0.3, np.nan, CORNERS)), "Triangle 1  ... no finite"),
-    ("a.stl", ascii_stl().rsplit("vertex", 1)[0].encode(), "within a triangle ... 35 corners"),
+    ("a.stl", binary()[:-1], "incomplete ... 12 triangles need 684 bytes, but it has 683"),
+    ("a.stl", b"<html>" * 50, "not an STL file"),
+    ("a.stl", binary(np.where(CORNERS == 0.3, np.nan, CORNERS)), "Triangle 1  ... not finite"),
+    ("a.stl", ascii_stl().rsplit("vertex", 1)[0].encode(), "35 vertices ... multiple of 3"),
     ("a.obj", b"", "no triangles"),
     ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 x 0\nf 1 2 3\n", "line 3 ... finite numbers ... '0 x 0'"),
-    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "line 3 ... vertex '3' ... 2 before it"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "line 3 ... vertex '3' ... 2 vertices are defined"),
     ("a.dae", b"<COLLADA/>", ".stl or .obj"),
 ]
 
@@ -267,5 +267,5 @@ def test_missing_files_and_too_many_triangles(tmp_path, monkeypatch):
     contents = {"a.stl": binary(), "b.stl": ascii_stl().encode(), "a.obj": obj().encode()}
     for name, content in contents.items():
         (tmp_path / name).write_bytes(content)
-    many = [(x, "12 triangles, more than the 11") for x in contents]
+    many = [(x, "12 triangles, but at most 11") for x in contents]
     refusals(lambda x: read_mesh(tmp_path / x), [("none.stl", "no mesh ... none.stl"), *many])

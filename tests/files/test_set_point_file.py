@@ -105,11 +105,11 @@ def test_other_set_points_are_refused(job, plan, tmp_path):
         ),
         ((changed(plan, by=0.0, cycle=0.005),), "set_points.csv ... at other times"),
         # Histories of other set-points, and of another job.
-        ((plan.set_points, lesson), "lesson.npz next to it ... joint 2"),
-        ((other, other), "give the job as it was"),
+        ((plan.set_points, lesson), "lesson.npz in its folder ... joint 2"),
+        ((other, other), "Specify the original job"),
     ]
     refusals(lambda x: read_set_points(put(tmp_path, job, *x), job, plan), table)
-    refusals(lambda x: read_set_points(x, job, plan), [(tmp_path, "holds no result")])
+    refusals(lambda x: read_set_points(x, job, plan), [(tmp_path, "has no result")])
 
 
 def made(plan, runs=2):
@@ -184,14 +184,14 @@ def test_damaged_and_other_files_are_refused(plan, tmp_path):
         return read_lesson(file, plan.trajectory)
 
     table = [
-        (other(version=99), "version 99 ... reads version 3"),
+        (other(version=99), "version 99 ... requires version 3"),
         (other(runs=[]), "a.npz ... at least one run"),
         (lambda parts: parts.update({"q.npy": b"\x93NUMPY garbage"}), "damaged"),
         (lambda parts: parts.pop("about.json"), "damaged"),
     ]
     refusals(read, table)
     (tmp_path / "text.npz").write_text("t,q1\n")
-    others = [("no.npz", "There is no file of learning"), ("text.npz", "no file of learning")]
+    others = [("no.npz", "no lesson file"), ("text.npz", "not a lesson file")]
     refusals(lambda x: read_lesson(tmp_path / x, plan.trajectory), others)
 
 

@@ -94,7 +94,7 @@ def test_refuses_tools_that_a_run_cannot_have(read):
             ((both,), "T1, T2", "path: {tool: T1}"),
             (("{T1: [0, 0, 100 mm]}",), "T2", "'T1'", "path.tool"),
             ((both, ", tool: T3"), "T3", "T1, T2"),
-            ((both, "", PART.replace("T1 M6\n", "")), "no tool before"),
+            ((both, "", PART.replace("T1 M6\n", "")), "selects no tool"),
         ],
     )
     # Without changes of tools the arm's own is used.

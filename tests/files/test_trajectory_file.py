@@ -80,12 +80,12 @@ BAD = f"""
 => log.csv is empty
 # nothing/ => log.csv is empty
 t,q1,q2/ => no rows
-# a/t,q2,tau1/0,1,2/ => line 2: the column q1 is missing ... 'tau1' are not known
-t,q1,q1_deg/0,1,2/ => line 1: the columns 'q1' and 'q1_deg' hold the same
+# a/t,q2,tau1/0,1,2/ => line 2: the column q1 is missing ... 'tau1' are not recognized
+t,q1,q1_deg/0,1,2/ => line 1: the columns 'q1' and 'q1_deg' have the same quantity
 q1,q2/0,1/ => line 1: the column t is missing
 t,q1,q3/0,1,2/ => line 1: the column q2 is missing
-t [m],q1/0,1/ => the unit 'm' of the column 't [m]' is not one that converts to s
-t,q1/0,1/1/ => line 3: 1 values, but 2 columns
+t [m],q1/0,1/ => the unit 'm' of the column 't [m]' must be convertible to s
+t,q1/0,1/1/ => line 3: the row has 1 values, but must have 2
 t,q1/0,1//1,x/ => line 4, column 'q1': 'x' is not a finite number
 t,q1/0,1/# a/0,2/ => line 4, column 't': '0' is 0.0 s, but times must increase
 t,q1/0,1/1,{"1" * 140_000}/ => line 3, column 'q1': '1111
@@ -128,9 +128,9 @@ def test_a_file_that_is_not_there_or_no_text(tmp_path, read):
     refusals(read, contents)
     refusals(lambda x: read(x, "a.bag"), contents[2:])
     text = "t,q1\n0,1\n1,1\n"
-    with pytest.raises(InvalidInput, match="CSV, which has no topics"):
+    with pytest.raises(InvalidInput, match="CSV file, which has no topics"):
         read(text, topic="/joint_states")
-    with pytest.raises(InvalidInput, match="no columns to name"):
+    with pytest.raises(InvalidInput, match="no columns"):
         read(text, "a.yaml", columns="t,q1")
 
 
@@ -161,7 +161,7 @@ joint_velocity: [[-90 deg/s, 1], [-2, 3]] => {0.joint_velocity: [[-1.57079632679
 deviation: 0.1 mm => {1: 0.0001}
 """
 BAD_LIMITS = r"""
-- 1 => must hold a mapping of limits
+- 1 => must be a mapping of limits
 { => not valid YAML
 joint_limits: {elbow_joint: {max_velocity: 3}} => of MoveIt ... --joint-limits
 deviation: 1 s => deviation: must be a quantity in m
@@ -199,7 +199,7 @@ def test_columns_that_are_not_known_or_named_beside_the_file(read):
 
 
 BAD_NAMES = """
-t,q1 => log.csv, line 1: 3 columns, but names of 2 are given
+t,q1 => log.csv, line 1: the table has 3 columns, but --columns has 2 names
 t,-,- => log.csv, --columns: the column q1 is missing
 1,2,3 => log.csv, --columns: the first line must name
 """
@@ -212,7 +212,7 @@ def test_names_that_do_not_fit():
     six = [kind.format(x) for kind in kinds for x in ("a", "b", "wrist_1", "c", "d", "e")]
     table = [
         (["t [s]", *six], "6 joints ('a', 'b', 'wrist_1' ... the arm has 2 ('joint 1', 'joint 2')"),
-        (["t", *(f"x{k}" for k in range(20))], "'x7' and 12 more are not known"),
+        (["t", *(f"x{k}" for k in range(20))], "'x7' and 12 more are not recognized"),
     ]
 
     def parse(titles):

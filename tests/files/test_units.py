@@ -17,7 +17,7 @@ from armcontour.files.units import (
     MAX_CHARACTERS,
     PERCENT,
     QUANTITY,
-    USUAL,
+    UNIT_FACTORS,
     parse_quantity,
     parse_share,
     read_quantity,
@@ -85,7 +85,7 @@ def test_long_texts_are_no_quantities():
     # No text above the bound is looked at.
     text = "5" + " " * (MAX_CHARACTERS - 3) + "mm"
     assert len(text) == MAX_CHARACTERS and parse_quantity(text, "m") == 5e-3
-    with pytest.raises(ValueError, match="101 characters, more than the 100"):
+    with pytest.raises(ValueError, match="101 characters, but a quantity in"):
         parse_quantity(text + " ", "m")
     assert parse_share("5" + " " * (MAX_CHARACTERS - 2) + "%") == 0.05
     with pytest.raises(ValueError, match="percentage"):
@@ -94,7 +94,7 @@ def test_long_texts_are_no_quantities():
 
 def test_usual_units_are_those_of_pint():
     registry = pint.UnitRegistry(cache_folder=None)
-    for unit, names in USUAL.items():
+    for unit, names in UNIT_FACTORS.items():
         for name, number in itertools.product(names, ("5", "-.25", "+3.7e-2", "123456789.")):
             text = f" {number}{' ' if name == '1/s' else ''}{name} "
             assert parse_quantity(text, unit) == float(registry.Quantity(text).to(unit).magnitude)
@@ -135,7 +135,7 @@ def test_the_unit_of_a_quantity_is_the_one_written():
     assert unit_of(None, SHARE) == ("%", 0.01)
     # Degrees without their unit are refused where angles are within a turn.
     turn = Quantity("rad", "90 deg", "turn")
-    with pytest.raises(ValueError, match="but is 180 rad: for 180 degrees write 180 deg"):
+    with pytest.raises(ValueError, match="but is 180 rad. For 180 degrees, write 180 deg"):
         read_quantity(180, turn)
     assert read_quantity("720 deg", turn) == pytest.approx(4 * math.pi)
     assert read_quantity("7 rad", turn) == 7.0 and read_quantity(-6.2832, turn) == -6.2832
@@ -174,11 +174,11 @@ def test_units_become_factors():
 
 BAD = """
 1|-2.5e3 => the first line must name the columns, such as t,q
-t|q|q [deg] => the columns 'q' and 'q [deg]' hold the same
+t|q|q [deg] => the columns 'q' and 'q [deg]' have the same quantity
 t|t => there are two columns 't'
-q [1/s] => the unit '1/s' of the column 'q [1/s]' is not one that converts to rad
-t [-ms] => not one that converts to s
-name [m] => the unit 'm' of the column 'name [m]' is not wanted
+q [1/s] => the unit '1/s' of the column 'q [1/s]' must be convertible to rad
+t [-ms] => must be convertible to s
+name [m] => the unit 'm' of the column 'name [m]' must be removed
 q_deg [rad] => the column 'q_deg [rad]' has two units
 """
 
@@ -194,7 +194,7 @@ x,y,z\n0,1,2 => column t
 t,x,y,z\n0,1,2,many => line 2 ... 'many'
 0,1,2,3\n1,1,2,3 => first line must name the columns
 t,x,y,z\n0,0,0,0\n0,1,0,0 => line 3, column 't': '0' is 0.0 s, but times must increase
-t [ns],x,y,z\n1,0,0,0\n2,1,0 => line 3: 3 values, but 4 columns
+t [ns],x,y,z\n1,0,0,0\n2,1,0 => line 3: the row has 3 values, but must have 4
 """
 
 

@@ -11,10 +11,10 @@ import armcontour as ac
 from armcontour.core.render import plain
 from armcontour.files import parse_job
 from armcontour.files.cell import drawing_text
-from armcontour.files.job_edits import change_data
+from armcontour.files.job_text_edits import change_data
 from armcontour.files.patch import key_of, resolve_patch
 from armcontour.jobs import advise
-from armcontour.jobs.advice import advised, is_small
+from armcontour.jobs.advice import is_small, with_advice
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 CORNER = {
@@ -117,7 +117,7 @@ def test_a_study_has_the_changes_in_data_and_text(tmp_path):
     job = parse_job(yaml.safe_dump(CORNER))
     study = ac.run(job)
     assert "changes" not in plain(study.runs["one"].to_data())
-    done = advised(study)
+    done = with_advice(study)
     improvements = done.runs["one"].advice.improvements
     rows = plain(done.figures["one"])["changes"]
     assert [x["saved"] for x in rows] == [x.saved for x in improvements]

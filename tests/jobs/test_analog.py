@@ -248,11 +248,11 @@ def test_what_is_no_corner_is_refused():
     refused(
         (lambda: job("1: 1 mm"), "waypoint 1 is an end of the path"),
         (lambda: job("3: 1 mm"), "no corner at waypoint 3"),
-        (lambda: job("5: 1 mm", SQUARE), "waypoint 5 is the start", "name it 1"),
-        (lambda: job("2: 1 mm", SQUARE, "process: {kerf: 1 mm}"), "without process.k"),
-        (lambda: job("{speed: 0.1, acceleration: 1, at: {2: 1 mm}}"), "at needs corners.tolerance"),
-        (lambda: prepare_and_round(drawn, drawn.runs[0]), "starts and ends at waypoint 1"),
-        (lambda: dataclasses.replace(one, path=two), "path of one contour, but the job has 2"),
+        (lambda: job("5: 1 mm", SQUARE), "waypoint 5 is the start", "Use the number 1"),
+        (lambda: job("2: 1 mm", SQUARE, "process: {kerf: 1 mm}"), "combined with process.k"),
+        (lambda: job("{speed: 0.1, acceleration: 1, at: {2: 1 mm}}"), "requires corners.tolerance"),
+        (lambda: prepare_and_round(drawn, drawn.runs[0]), "waypoint 1 cannot be rounded"),
+        (lambda: dataclasses.replace(one, path=two), "path with one contour, but the job has 2"),
     )
     # The automatic start is in the middle of a segment: something passes waypoint 1.
     passing = errors(job("1: 0.1 mm", SQUARE, "process: {}"))

@@ -41,7 +41,7 @@ servo: {kp: 25, kv: 150}
 cycle: 0.004
 runs: {compensated: {timing: {method: optimal}, compensation: {method: inverse}}}
 """
-OTHER = "another configuration is taken, in which the contours are collision-free"
+OTHER = "the arm uses another configuration, because the contours are collision-free in it"
 
 
 def seams(*places):
@@ -222,7 +222,7 @@ def test_a_tool_without_shapes_is_a_capsule_from_the_flange():
     assert not [x for x in clamped(far, tip).avoided if "tool" in x]
     thin = clamped(CLAMPED, ", shapes: {}")
     assert ["no shape" in x for x in thin.avoided if "tool" in x] == [True]
-    assert "clearance is not checked" in str(thin.clearance_note)
+    assert "clearance of the tool is not checked" in str(thin.clearance_note)
 
 
 @needs_dynamics

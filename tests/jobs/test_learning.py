@@ -50,13 +50,13 @@ def test_errors_are_those_of_encoders(job, plan, executed, study):
 
 
 def test_limits_exceeded_before_learning_are_reported(job, plan, study):
-    assert not any("exceed limits" in x for x in dataclasses.replace(study, plan=plan).notes)
+    assert not any("exceed joint limits" in x for x in dataclasses.replace(study, plan=plan).notes)
     rate = np.abs(np.diff(plan.set_points.q, axis=0)).max(axis=0) / plan.set_points.cycle
     trajectory = plan.trajectory.limited(plan.run.limits.replace(joint_velocity=0.9 * rate))
     set_points = dataclasses.replace(plan.set_points, trajectory=trajectory)
     slow = dataclasses.replace(plan, trajectory=trajectory, set_points=set_points)
     notes = dataclasses.replace(study, plan=slow).notes
-    assert sum("exceed limits of the joints already before learning" in x for x in notes) == 1
+    assert sum("set-points before learning already exceed joint limits" in x for x in notes) == 1
     lesson = learn_run(
         job, slow, slow.set_points, ac.simulate(slow.set_points, loaded_robot(job, plan))
     )

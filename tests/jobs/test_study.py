@@ -139,14 +139,14 @@ def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
     refused(
         (lambda: ac.run(with_runs(job, fast)), "paper needs an assigned velocity"),
         (lambda: Rounding(tolerance=5e-3, acceleration=0.0), "acceleration of a rounding", "zero"),
-        (lambda: with_runs(job, first, first), "every run its own name"),
+        (lambda: with_runs(job, first, first), "runs must differ in name"),
         (lambda: dataclasses.replace(in_space, seed=np.zeros(2)), "seed has 2 values"),
         (lambda: Experiment(viscous=[1.0, 2.0]).for_joints(6), "viscous has 2 values"),
         (
             lambda: Experiment(joint_stiffness=[1e4, 0.0]),
             "joint_stiffness of an experiment must be above zero",
         ),
-        (lambda: Experiment(joint_damping=1.0), "needs their joint_stiffness"),
+        (lambda: Experiment(joint_damping=1.0), "requires joint_stiffness"),
         (lambda: Experiment(friction=False, coulomb=1.0), "friction"),
     )
 
@@ -285,7 +285,7 @@ def test_the_run_is_chosen_by_its_name_or_the_only_one():
     assert choose_run(job, "other", "learned") is other
     assert choose_run(job, None, "learned", [only]) is only
     refused(
-        (lambda: choose_run(job, None, "placed"), "be placed, with --run (only, o"),
+        (lambda: choose_run(job, None, "placed"), "be placed. Choose it with --run (only, o"),
         (lambda: choose_run(job, "cut", "placed"), "no run 'cut'", "only, other"),
     )
 
@@ -344,7 +344,7 @@ def test_contours_are_refused_before_the_rapids_to_them():
     # The part stays on its table.
     assert way(message)[2] == 0
     _, message = approached(0.45, 1.0)
-    assert "Rapid to contour 1 is out of reach" in message and "take a smaller approach" in message
+    assert "Rapid to contour 1 is out of reach" in message and "use a smaller approach" in message
 
 
 def test_of_very_many_contours_the_worst_is_found():

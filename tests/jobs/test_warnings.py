@@ -11,7 +11,7 @@ from tests.jobs.making import ARM, a_job, a_run
 
 import armcontour as ac
 from armcontour.jobs import Experiment, PlaceSearch, Rounding, run
-from armcontour.jobs.place_search import corners_of, read_axes, read_uncertainty
+from armcontour.jobs.placement_options import corners_of, read_axes, read_uncertainty
 from armcontour.program import Contour, Program, Rapid
 from armcontour.studies.placement import Moves
 
@@ -46,11 +46,11 @@ def test_a_speed_and_a_tolerance_above_the_runs_are_reported_once():
     names = "MARK 1", "CUT 1", "MARK 2"
     moves = (Contour(path=drawn(*x), name=y) for x, y in zip(values, names, strict=True))
     speed, tolerance = warnings_of(job(Program(moves=tuple(moves))))
-    capped = "of contour MARK 1, contour MARK 2 is capped at "
-    assert f"speed of up to 150 mm/s {capped}100 mm/s by limits.speed: " in speed
-    assert f"tolerance of up to 0.5 mm {capped}0.25 mm by corners.tolerance: " in tolerance
+    capped = "of contour MARK 1, contour MARK 2 is reduced to "
+    assert f"speed of up to 150 mm/s {capped}100 mm/s by limits.speed. " in speed
+    assert f"tolerance of up to 0.5 mm {capped}0.25 mm by corners.tolerance. " in tolerance
     (speed,) = warnings_of(job(drawn(0.15, 0.1e-3)))
-    assert "of contour 1 is capped" in speed
+    assert "of contour 1 is reduced" in speed
 
 
 def test_limits_that_change_nothing_are_not_reported():
@@ -75,9 +75,9 @@ def test_a_demand_far_above_the_limit_is_warned_of_with_its_cause():
     assert ratio.max() > 1.5
     (warning,) = result.warnings
     joint = int(ratio.argmax())
-    assert f"joint {joint + 1} is commanded " in warning and "a larger reserve" in warning
+    assert f"the demand of joint {joint + 1} is " in warning and "a larger reserve" in warning
     assert f"{ratio[joint]:.3g} times its acceleration limit at " in warning
-    assert f"{result.evaluation.contour_error.max * 1e3:.4g} mm off" in warning
+    assert f"{result.evaluation.contour_error.max * 1e3:.4g} mm. " in warning
 
 
 def test_a_duration_is_kept():
@@ -94,7 +94,7 @@ def test_who_judges_set_points_that_are_for_the_bodies():
     (warning,) = bare.warnings
     deviation = bare.evaluation.contour_error.max * 1e3
     assert (
-        f"(there the tool is up to {deviation:.4g} mm off)" in warning
+        f"(with the servo model, the contour error is up to {deviation:.4g} mm)" in warning
         and "experiment: {}" in warning
     )
     result = only(job(straight, **options, experiment=Experiment()))
@@ -167,7 +167,7 @@ def test_contours_far_slower_than_assigned_are_warned_of_with_the_slowest():
     assert "instead of 150 mm/s" in warning
     a, b = (Contour(path=measured(x), name=name) for x, name in ((4e-3, "a"), (6e-3, "b")))
     (warning,) = slow(Program(moves=(a, Rapid(), b)))
-    assert "of 2 places" in warning and "contour b" in warning
+    assert "of 2 cases" in warning and "contour b" in warning
     circle = ac.Path.from_segments([ac.Arc(start=(0.32, 0.2), center=(0.3, 0.2), angle=2 * np.pi)])
     assert len(slow(circle, limits={"centripetal_acceleration": 0.02})) == 1
     # Smooth axes, a given duration and lines without room for their speed are not warned of.
@@ -218,10 +218,10 @@ def test_axes_come_in_one_order_and_a_whole_turn_has_no_direction_twice():
 
 def test_wrong_axes_and_searches_are_refused():
     axes = (
-        ({}, "over names the axes"),
-        ({"w": (0, 1, 2)}, "no axis 'w': axes are x, y, z, yaw, tilt"),
+        ({}, "over must be a mapping of the axes"),
+        ({"w": (0, 1, 2)}, "no axis 'w'. The axes are x, y, z, yaw, tilt"),
         ({"x": (0, 0.1, 0)}, "number of places along x"),
-        ({"x": (0, 0.1, 1)}, "1 place along x from 0 to 0.1 m"),
+        ({"x": (0, 0.1, 1)}, "1 place from 0 to 0.1 m"),
         ({"x": (0, 0.1)}, "first value, the last value and the number"),
         ({"x": (0, 1, 2000), "y": (0, 1, 2000)}, "4,000,000 places, but at most 500,000"),
     )
@@ -234,7 +234,7 @@ def test_wrong_axes_and_searches_are_refused():
     )
     refused(*((lambda x=x: PlaceSearch(**x), word) for x, word in searches))
     refused(
-        (lambda: read_axes({"z": (0, 1, 2)}, 2), "no axis 'z' for an arm in the plane"),
+        (lambda: read_axes({"z": (0, 1, 2)}, 2), "no axis 'z' for a planar arm"),
         (lambda: read_uncertainty({"tilt": 0.1}, 2), "uncertainty has no axis 'tilt'"),
         (lambda: PlaceSearch(over={"z": (0, 1, 2)}).check(2), "over has no axis 'z'"),
     )

@@ -224,11 +224,11 @@ def test_a_tool_on_a_circle(arm):
         ("tool_acceleration", REACH * np.hypot(DDQ, DQ**2)),
         ("tool_jerk", REACH * np.hypot(DDDQ - DQ**3, 3 * DQ * DDQ)),
     ):
-        bound = about_joint(arm, 0).bound(name)[0]
+        bound = about_joint(arm, 0).measure(name)[0]
         np.testing.assert_allclose(bound, expected, rtol=1e-12, err_msg=name)
     states = about_joint(ac.load_arm("ur5e"), 5)
     for name, expected in (("angular_speed", DQ), ("angular_acceleration", DDQ)):
-        np.testing.assert_allclose(states.bound(name)[0], np.abs(expected), rtol=1e-12)
+        np.testing.assert_allclose(states.measure(name)[0], np.abs(expected), rtol=1e-12)
 
 
 def test_refusals(arm, refuses):
@@ -237,10 +237,10 @@ def test_refusals(arm, refuses):
     np.testing.assert_allclose(ratios, [[0, 0.7], [0, 0], [0, 0.3]], rtol=1e-12)
     without = States(arm, states.columns[:3])
     for name in ("joint_jerk", "tool_jerk"):
-        refuses(lambda x=name: without.bound(x), ac.InvalidInput, "states with dddq")
+        refuses(lambda x=name: without.measure(x), ac.InvalidInput, "states with dddq")
     for name in ("sped", "path_jerk", "joint_lower"):
-        refuses(lambda x=name: states.bound(x), ac.InvalidInput, repr(name))
-    refuses(lambda: states.bound("angular_speed"), ac.InvalidInput, "a point without")
+        refuses(lambda x=name: states.measure(x), ac.InvalidInput, repr(name))
+    refuses(lambda: states.measure("angular_speed"), ac.InvalidInput, "a point without")
 
 
 def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm):
@@ -261,7 +261,7 @@ def test_dry_friction_at_rest_is_the_one_that_helps(arm):
     without = np.abs(arm.torque(q, still, ddq))
     helped = np.maximum(without - [3.0, 0.5], 0.0)
     for dq in (still, STILL * np.ones((1, 2)), -STILL * np.ones((1, 2))):
-        bound = States(rough, (q, dq, ddq)).bound("joint_torque")[0]
+        bound = States(rough, (q, dq, ddq)).measure("joint_torque")[0]
         np.testing.assert_allclose(bound, helped, atol=1e-6)
-    bound = States(rough, (q, slow, ddq)).bound("joint_torque")[0]
+    bound = States(rough, (q, slow, ddq)).measure("joint_torque")[0]
     np.testing.assert_allclose(bound, np.abs(rough.torque(q, slow, ddq)), rtol=1e-12)

@@ -114,7 +114,7 @@ def test_what_has_no_torques_is_refused(monkeypatch, states):
     assert np.isfinite(dynamics.torque(*states)).all()
     refused(
         (lambda: arm.torque([0, 0], [0, 0], [0, 0]), "masses of the arm bare"),
-        (lambda: Dynamics(arm.chain), "without masses"),
+        (lambda: Dynamics(arm.chain), "require the masses"),
         (lambda: dynamics.torque(p, p, p), "3 joints", "3 columns", "(4, 2)"),
         (lambda: dynamics.mass_matrix(p), "3 columns"),
         (lambda: dynamics.torque(q, q[0], q), "one shape", "(3,)"),

@@ -76,11 +76,11 @@ def test_only_what_no_posture_reaches_is_beyond(arms, name):
     rng = np.random.default_rng(3)
     base = arm.chain.base.matrix[None]
     within = poses_of(arm, rng.uniform(-np.pi, np.pi, (2000, 6)))
-    assert closed.beyond(base, within, 1e-6)[0] <= 1e-6
+    assert closed.measure_excess(base, within, 1e-6)[0] <= 1e-6
     # The same orientations elsewhere, some of them just out of reach.
     moved = within[:40].copy()
     moved[:, :, 3] += rng.normal(0, 0.3, (40, 3))
-    gaps = np.array([closed.beyond(base, x[None], 1e-6)[0] for x in moved])
+    gaps = np.array([closed.measure_excess(base, x[None], 1e-6)[0] for x in moved])
     assert 5 < (gaps > 1e-6).sum() < 35
     for pose, gap in zip(moved, gaps, strict=True):
         assert (gap > 1e-6) == (len(search(arm, pose, 6)) == 0)

@@ -245,7 +245,7 @@ def test_what_an_arm_is_made_of_stays_as_it_is_and_states_have_to_fit():
         (lambda: arm.tool_position(states), "crooked has 6 joints", "(5, 7)"),
         (lambda: arm.tool_jacobian_rate(states[:, :6], states), "(5, 6), (5, 7)"),
         (lambda: arm.tool_position(1.0), "6 columns"),
-        (lambda: arm.tool_twist(states[:, :6], states[:3, :6]), "fit together", "(3, 6)"),
+        (lambda: arm.tool_twist(states[:, :6], states[:3, :6]), "broadcast together", "(3, 6)"),
     )
 
 
@@ -277,7 +277,7 @@ ODD_LIMITS = (
 )
 ODD_CHAINS = (
     ({"joints": ()}, "joints = 0"),
-    ({"centers": None}, "needs centres of mass"),
+    ({"centers": None}, "requires centres of mass"),
     ({"positions": [0, 0, 0]}, "positions of a chain", "(joints, 3)"),
     ({"rotations": np.tile(2 * np.eye(3), (2, 1, 1))}, "rotations of a chain", "not a rotation"),
     ({"rotations": np.tile(-np.eye(3), (2, 1, 1))}, "rotations of a chain", "right-handed"),

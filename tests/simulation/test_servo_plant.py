@@ -161,7 +161,7 @@ def test_a_drive_that_cannot_hold_its_arm_is_an_error(refuses):
     end = np.array([up, up, up + [0, 1.0, 0, 0, 0, 0]])
     error = {"joint": 1, "allowed": 20.0}
     for set_points, words, data in (
-        (taught_data(q), "raise its torque limit", {"t": 0.0, "needed": weight}),
+        (taught_data(q), "Increase the torque limit", {"t": 0.0, "needed": weight}),
         (taught_data(end, 0.5), "at the last set-point", {"t": 1.0}),
     ):
         call = partial(ac.simulate, set_points, simulated)
@@ -326,13 +326,13 @@ def test_refused(arm, refuses):
         (partial(ac.simulate, set_points, "plant"), "simulate needs a Plant"),
         (partial(ac.simulate, set_points, plant(arm), resolution=0.0), "above zero"),
         (partial(ac.simulate, set_points, plant(arm), resolution=np.nan), "finite"),
-        (partial(ac.simulate, taught_data(np.zeros((4, 3))), plant(arm)), "for 3 joints"),
+        (partial(ac.simulate, taught_data(np.zeros((4, 3))), plant(arm)), "have 3 joints"),
         (partial(plant, arm, kp=[1.0, 2.0, 3.0]), "kp has 3 values"),
         (partial(plant, arm, limit=[1.0]), "joint_acceleration has 1 values"),
-        (partial(ac.ServoPlant, arm, SERVO, saturation="torque"), "needs joint_torque"),
+        (partial(ac.ServoPlant, arm, SERVO, saturation="torque"), "the limit joint_torque"),
         (partial(ac.ServoPlant, arm, SERVO, saturation="jerk"), "acceleration, torque, none"),
-        (partial(ac.ServoPlant, arm, LAG, saturation="acceleration"), "order first"),
-        (partial(ac.ServoPlant, arm, LAG, saturation="torque"), "order first"),
+        (partial(ac.ServoPlant, arm, LAG, saturation="acceleration"), "is of order first"),
+        (partial(ac.ServoPlant, arm, LAG, saturation="torque"), "is of order first"),
     ):
         refuses(call, ac.InvalidInput, words)
     assert np.isinf(ac.ServoPlant(arm, SERVO, saturation="none").acceleration).all()

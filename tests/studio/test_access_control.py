@@ -151,7 +151,7 @@ def test_programs_that_the_user_has_not_named_are_refused(tmp_path):
         check_trusted_xacro({"arm": arm}, tmp_path, named)
     # Without any trust an arm's file is read as elsewhere.
     check_trusted_xacro({"arm": "b.yaml"}, tmp_path, [])
-    with pytest.raises(InvalidInput, match="is a program"):
+    with pytest.raises(InvalidInput, match="can run code"):
         check_trusted_xacro({"arm": "a.xacro"}, tmp_path, [])
 
 

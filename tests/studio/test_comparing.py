@@ -72,5 +72,5 @@ def test_the_job_before_an_edit_is_the_other_variant(job):
     assert list(frame.header["names"]) == ["now", "before"]
     deviation = next(x for x in frame.header["table"] if x[0] == "off the drawing")
     assert deviation[3].startswith("+")
-    with pytest.raises(InvalidInput, match="no edit yet"):
+    with pytest.raises(InvalidInput, match="has not been edited yet"):
         compared(wide)

@@ -11,7 +11,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.job_edits import Change, change_data
+from armcontour.files.job_text_edits import Change, change_data
 from armcontour.studio.document import Document
 from armcontour.studio.edits import changes_of
 from armcontour.studio.handles import EditState, handles_of
@@ -117,7 +117,7 @@ def test_saving_and_reloading_respect_changes_of_others(file):
     assert [x.name for x in file.parent.iterdir()] == ["job.yaml"]
     file.write_text(THEIRS)
     assert document.changed_on_disk()
-    with pytest.raises(InvalidInput, match="was changed by another program"):
+    with pytest.raises(InvalidInput, match="Another program has changed"):
         document.save()
     assert "-name: theirs" in document.conflict()
     document.save(force=True)
@@ -164,9 +164,9 @@ def test_a_drawing_becomes_a_job_beside_it_with_the_comments_of_its_cell(tmp_pat
 def test_a_job_without_a_folder_may_name_no_files():
     document = Document.of_text(TEXT, None, "upload.yaml")
     assert document.on_disk() == "none" and not document.dirty
-    with pytest.raises(InvalidInput, match="upload.yaml names the file part.dxf"):
+    with pytest.raises(InvalidInput, match="upload.yaml refers to the file part.dxf"):
         Document.of_text("path: {file: part.dxf}\n", None, "upload.yaml")
-    with pytest.raises(InvalidInput, match="names the file /etc/passwd"):
+    with pytest.raises(InvalidInput, match="refers to the file /etc/passwd"):
         document.apply([Change(("path", "file"), "/etc/passwd")], "file")
     assert document.text == TEXT
     with pytest.raises(InvalidInput):

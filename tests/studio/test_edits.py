@@ -13,7 +13,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.cell import cell_names, cell_text
-from armcontour.files.job_edits import change_data, change_text, value_at
+from armcontour.files.job_text_edits import change_data, change_text, value_at
 from armcontour.files.patch import key_of, locate_key
 from armcontour.files.units import parse_quantity
 from armcontour.studio.description import slider_rows
@@ -156,7 +156,7 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("servo.kp.1", 30.0)["servo"]["kp"] == ["25 1/s", "30 1/s"]
     listed = PLANE.replace("kp: 25 1/s", "kp: [25 1/s, 26.0]")
     assert set_to("servo.kp.1", 30.0, text=listed)["servo"]["kp"] == ["25 1/s", 30.0]
-    for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "no values of single")):
+    for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "a value per joint")):
         with pytest.raises(InvalidInput, match=words):
             set_to(key, 1.0)
     changes = set_to("timing.method", "optimal", "paper")
@@ -275,7 +275,7 @@ def test_frames_and_points_keep_their_written_form():
     assert data["path"]["points"][1] == ["361.5 mm", "20 cm"]
     data = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
     assert data["path"]["points"][1] == ["361 mm", "210 mm"]
-    with pytest.raises(InvalidInput, match="Waypoint 2 has 2 coordinates"):
+    with pytest.raises(InvalidInput, match="waypoint 2 must be a list of 2 coordinates"):
         edited(PLANE, do="set_waypoint", index=1, value=["1 mm"])
 
 
@@ -287,7 +287,7 @@ def test_a_point_lies_where_it_was_moved_to(text, index, u, v):
     point = handles.waypoints[index]
     to = point.uv + [u, v]
     if point.why_not is not None:
-        with pytest.raises(InvalidInput, match="Waypoint 4 cannot be moved. This end follows"):
+        with pytest.raises(InvalidInput, match="Waypoint 4 cannot be moved. The centre"):
             edited(text, do="move_waypoint", index=index, to=to.tolist())
         return
     data = edited(text, do="move_waypoint", index=index, to=to.tolist())
@@ -314,7 +314,7 @@ def test_points_are_inserted_and_removed_with_orientations_and_numbers_of_corner
     data = edited(SPACE, do="remove_waypoint", index=1)
     assert data["path"]["orientation"] == [{"rpy": ["180 deg", 0, 0]}, {"rpy": [3.1, 0, 0]}]
     two = PLANE.replace(", [0.36, 0.26]", "")
-    with pytest.raises(InvalidInput, match="A path needs two points"):
+    with pytest.raises(InvalidInput, match="a path needs two points"):
         edited(two, do="remove_waypoint", index=0)
 
 

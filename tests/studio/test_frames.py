@@ -27,7 +27,7 @@ from armcontour.studio.picture import (
     picture_frame,
     refusal_header,
 )
-from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, CoarsePlanner, Tier
+from armcontour.studio.preview import CONFIGURATION_NOTE, MOVING_SAMPLES, CoarsePlanner, Tier
 from armcontour.studio.view import select_points
 from armcontour.verification import check, evaluate
 
@@ -135,10 +135,10 @@ def test_slow_places_that_are_not_listed_are_counted(shown, view):
     ]
     planned = replace(shown[0], explanation=replace(why, shortfalls=tuple(slow)))
     header = picture_frame(planned, view).header
-    assert len(header["shortfalls"]) == limit_count and f"{limit_count} more places" in " ".join(
+    assert len(header["shortfalls"]) == limit_count and f"{limit_count} further points" in " ".join(
         header["notes"]
     )
-    assert not any("more places" in x for x in shown[1].header["notes"])
+    assert not any("further points" in x for x in shown[1].header["notes"])
 
 
 def test_other_methods_have_no_colours(plans, view):
@@ -418,10 +418,10 @@ class TestWhatIsDoneAgain:
 class TestDifferences:
     def test_the_arm_stays_in_its_configuration(self, previewer, square):
         first = previewer.plan(square)
-        assert CONFIGURATION not in first.differs
+        assert CONFIGURATION_NOTE not in first.differs
         square = square | {"limits": {"speed": 0.1}}
         second = previewer.plan(square)
-        assert CONFIGURATION in second.differs
+        assert CONFIGURATION_NOTE in second.differs
         np.testing.assert_allclose(second.start, first.start, atol=1e-9)
         # A full run may take another one; previews stay there from then on.
         other = first.start + [0, 0, 0, 0, 0, np.pi / 2]
@@ -450,7 +450,7 @@ def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewe
         previewer.plan(paper, "other")
     planned = previewer.plan(paper, "optimal")
     assert planned.run.cycle == 4e-3
-    assert planned.differs == ("set-points come every 4 ms, and in a run every 0.2 ms.",)
+    assert planned.differs == ("the preview has a cycle of 4 ms; the full run has 0.2 ms.",)
     assert previewer.plan(paper, "optimal", tier=Tier.EXACT).run.cycle == 0.2e-3
     stiff = paper | {"servo": {"kp": 25, "kv": 300_000}}
     assert previewer.plan(stiff, "optimal").run.cycle == 0.2e-3

@@ -11,7 +11,7 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.job_edits import change_text
+from armcontour.files.job_text_edits import change_text
 from armcontour.studio.edits import changes_of
 from armcontour.studio.edits.conversion import is_convertible
 from armcontour.studio.handles import EditState, handles_of, obstacles_of
@@ -94,7 +94,7 @@ def test_chains_have_points_at_ends_and_beside_them():
     ]  # fmt: skip
     end = parsed.waypoints[3]
     np.testing.assert_allclose(end.uv, [0.40, 0.22], atol=1e-15)
-    assert "follows from the centre" in (end.why_not or "") and parsed.waypoints[2].why_not is None
+    assert "Move the centre instead" in (end.why_not or "") and parsed.waypoints[2].why_not is None
     assert [x.index for x in parsed.ends] == [0, 1, 2, 3]
     parsed = handles("{spline: {points: [[0.3, 0.2], [0.35, 0.22], [0.4, 0.2]]}}", "pmk3s")
     assert [x.keys for x in parsed.waypoints] == [("path", "spline", "points", k) for k in range(3)]
@@ -206,7 +206,7 @@ def test_what_waypoints_do_not_have_is_refused(tmp_path):
     text = JOB.format(arm="ur5e", path="{file: a.csv}")
     job, data = parse_job(text, folder=tmp_path), load(text, "")
     state = EditState(data=data, run="own", handles=handles_of(job, data))
-    with pytest.raises(InvalidInput, match="a.csv gives the orientation of the tool"):
+    with pytest.raises(InvalidInput, match="a.csv specifies tool orientations"):
         changes_of({"do": "to_waypoints"}, state)
 
 

@@ -25,7 +25,7 @@ import armcontour as ac
 from armcontour.core.progress import Step
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.job_edits import Change, change_text
+from armcontour.files.job_text_edits import Change, change_text
 from armcontour.studio import scheduler
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner, Tier

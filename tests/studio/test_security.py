@@ -223,7 +223,7 @@ def test_s7_logs_are_kept_apart_and_need_the_token(studio, folder):
         assert shown["text"] == text and not shown["can_undo"]
         for name in ("../job.yaml", str(folder / "job.yaml"), "/etc/passwd", {"a.csv": 1}):
             page.say("task", id="t", task="measured", options={"logs": [name]})
-            assert "drop it" in page.hear("failed").header["sentence"]
+            assert "Drop it" in page.hear("failed").header["sentence"]
     assert sorted(folder.rglob("*")) == before
 
 
@@ -293,7 +293,7 @@ def test_s11_this_machine_only(studio):
 def test_s12_no_programs(studio):
     for arm in ("robot.xacro", "{file: robot.xacro}", "{file: ./ROBOT.XACRO}"):
         message = refusal_of(studio, JOB.replace("arm: pmk3s", f"arm: {arm}"))
-        assert "is a program" in message, arm
+        assert "can run code" in message, arm
     with studio.page() as page:
         edit = {"do": "set", "key": "arm", "value": {"file": "robot.xacro"}}
         seq = page.say("edit", gesture=1, final=False, edits=[edit])

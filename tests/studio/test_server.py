@@ -75,7 +75,7 @@ def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
         with pytest.raises(InvalidInput, match="Port .* cannot be used.*--port"):
             listen(taken.getsockname()[1])
     monkeypatch.setattr(server, "REQUIRED_LIBRARIES", ("uvicorn", "no_such_library"))
-    with pytest.raises(InvalidInput, match=r"needs no_such_library: .*armcontour\[studio\]"):
+    with pytest.raises(InvalidInput, match=r"requires no_such_library.*armcontour\[studio\]"):
         require_server()
 
 

@@ -265,7 +265,7 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     lane = RecordingTaskWorker.last
     ((id, task, request),) = lane.given
     assert (id, task, request["options"]) == ("t1", "report", {"all": True})
-    assert "running already" in sentence(tab.say("task", id="t1", task="check"))
+    assert "already in use" in sentence(tab.say("task", id="t1", task="check"))
     tab.say("cancel", id="t1")
     assert lane.cancelled == ["t1"] and tab.say("cancel", id="t2") == []
     lane.deliver(PageFrame("progress", {"id": "t1", "share": 0.5}))

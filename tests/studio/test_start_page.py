@@ -12,7 +12,7 @@ from tests.studio.session_pages import JOB, ImmediateWorker, RecordingTaskWorker
 
 import armcontour as ac
 from armcontour.files.cell import cell_names
-from armcontour.files.job_edits import Change
+from armcontour.files.job_text_edits import Change
 from armcontour.studio.connection import open_session
 from armcontour.studio.document import Document
 from armcontour.studio.start_page import DRAWINGS as CARDS
@@ -142,7 +142,7 @@ def test_a_new_job_does_not_lose_what_is_not_saved(opened):
         session.document.apply(FASTER, "speed")
         texts.append(session.document.text)
     frames = tab.say("new", card="empty", arm="ur5e")
-    assert any(x.kind == "notice" and "not saved" in x.header["sentence"] for x in frames)
+    assert any(x.kind == "notice" and "stored as a draft" in x.header["sentence"] for x in frames)
     drafts = start(tab)["recent"]
     assert [x["where"] for x in drafts] == ["not saved"] * 2
     for x, text in zip(drafts, reversed(texts), strict=True):

@@ -167,5 +167,5 @@ def test_a_real_process_does_one_task_after_the_other():
     lane.submit("c", "bake", {"text": WARMUP_JOB})
     assert figure(heard.wait("a", "figures").header, "duration") > 0
     assert heard.wait("b", "result").arrays["values"].tolist() == [0.1, 0.2]
-    assert "no task 'bake'" in heard.wait("c", "failed").header["sentence"]
+    assert "but is 'bake'" in heard.wait("c", "failed").header["sentence"]
     lane.close()

@@ -346,7 +346,7 @@ def test_what_is_no_trajectory_is_refused(arm, refuses):
         ({"q": [HERE, HERE, [0.3, np.inf]]}, "inf in row 3", {"index": 2, "joint": 1}),
         ({"dq": [HERE, [np.nan, 0.9], HERE]}, "dq of joint 1 is nan in row 2", {}),
         ({"t": [0.0, 0.1], "q": GOOD["q"][:2]}, "at least 3 samples", {}),
-        ({"t": [0.0, 0.1]}, "2 times, but 3 rows of q", {}),
+        ({"t": [0.0, 0.1]}, "3 rows for 2 times", {}),
         ({"q": [[0.3], [0.3], [0.3]]}, "2 columns, one per joint", {}),
         ({"q": [["a", "b"]]}, "q must be numbers in rad", {}),
         ({"t": None}, "must have times t", {}),
@@ -369,10 +369,10 @@ def test_what_cannot_be_asked(arm, objective, refuses):
     other = ac.Trajectory(laws=(spline,), method="by hand")
     check = partial(ac.check, log, arm)
     for call, words in (
-        (partial(check, deviation=1e-3), "needs the path"),
+        (partial(check, deviation=1e-3), "requires a path"),
         (partial(check, coverage_error=1e-3), "coverage_error"),
         (partial(check, path=objective, deviation=0), "above zero"),
-        (partial(check, resolution={"x": 1}), "not of 'x'"),
+        (partial(check, resolution={"x": 1}), "key 'x'"),
         (partial(check, resolution={"q": -1}), "must not be negative"),
         (partial(check, path=ac.Path.polyline([(0, 0, 0), (1, 1, 1)])), "3 coordinates"),
         (partial(check, three), "3 values"),

@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.verification import ErrorProfile
-from armcontour.verification.contour_execution import corner_deviations, measure_speed_ratios
+from armcontour.verification.contour_errors import corner_deviations, measure_speed_ratios
 from armcontour.verification.path_following import follow_path
 
 

@@ -189,7 +189,7 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
         (partial(ac.evaluate, execution, program, objective=one), "2 contours"),
         (partial(ac.evaluate, execution, program, objective=BEND), "2 contours"),
         (partial(ac.evaluate, execution, BEND), "2 contours"),
-        (partial(ac.evaluate, plain, program), "1 contour:"),
+        (partial(ac.evaluate, plain, program), "1 contour,"),
         (partial(ac.trace, one, ARM), "trace takes a Path, not a Program"),
         (partial(ac.check, plain.set_points.trajectory, ARM, LIMITS, "path"), "not str"),
     ):

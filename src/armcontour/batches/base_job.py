@@ -1,4 +1,4 @@
-"""Jobs of a plan: data of a job file with the values of parameters, and their digests."""
+"""Base jobs of a plan: job data, substitution of parameter values, and digests for the cache."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.text import show
 from armcontour.files.cell import cell_data
 from armcontour.files.job_arm import ARM_FILES
-from armcontour.files.job_edits import Keys
 from armcontour.files.job_file import assemble_job, job_text, model_of, parts_of, read_data
 from armcontour.files.job_model import JobModel
+from armcontour.files.job_text_edits import Keys
 from armcontour.files.patch import apply_patch
 from armcontour.files.si_data import in_si
 from armcontour.geometry import Path
@@ -29,16 +29,16 @@ from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 
-# Keys of a job that read files, and the keys inside them that name files.
-WITH_FILES = ("arm", "tools", "path", "scene")
+# Sections of a job that can name files, and the keys in these sections whose values are file names.
+FILE_SECTIONS = ("arm", "tools", "path", "scene")
 FILE_KEYS = ("file", "files", "joint_limits")
-# Keys of a job that may choose the run, by kind of work.
-CHOOSERS = {CERTIFY: "certificate", PLACE: "placement"}
+# Section of a job whose key `run` selects the run, by kind of work.
+RUN_SELECTORS = {CERTIFY: "certificate", PLACE: "placement"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseJob:
-    """A job before its parameters have values."""
+    """Job of a plan, before the parameters of the plan replace its values."""
 
     # Name of the job in results
     name: str
@@ -46,17 +46,17 @@ class BaseJob:
     source: str
     # Folder against which relative file names are resolved
     folder: FilePath
-    # Data of the file, in SI units, with one run only
+    # Data of the file in SI units; only the selected run, all runs if `run` is None
     data: Mapping[str, Any]
-    # Name of that run; None if the certificate or the placement chooses
+    # Name of the selected run; None if the certificate or the placement selects the run
     run: str | None
-    # Digests of files that the job reads and no key names, such as meshes
+    # Digests of files that the job reads but no key names, such as meshes
     files: tuple[str, ...] = ()
-    # Dimension of the arm's work space
+    # Dimension of the arm's work space, 2 or 3; 0 before `with_digests`
     dimension: int = 0
 
     def data_with(self, keys: Sequence[Keys], values: Sequence[Any]) -> dict[str, Any]:
-        """The data with values of parameters."""
+        """Data of the job with the values of parameters."""
         with error_context(self.source):
             data: dict[str, Any] = apply_patch(
                 self.data, dict(zip(keys, values, strict=True)), self.run
@@ -64,27 +64,27 @@ class BaseJob:
         return data
 
     def model(self, data: Mapping[str, Any]) -> JobModel:
-        """Model of the keys of a job."""
+        """Check the data of a job, and return its model."""
         return model_of(JobModel, data, self.source)
 
     def job(self, data: Mapping[str, Any], *, trust_xacro: bool = False) -> Job:
-        """The job of some data; arm and path are cached while their data stay the same."""
+        """Create the job of some data; equal data of arm, path and scene are read only once."""
         model = self.model(data)
         with error_context(self.source):
-            text = _text([data.get(x) for x in WITH_FILES])
+            text = _canonical_json([data.get(x) for x in FILE_SECTIONS])
             return assemble_job(
                 model, *_cached_parts(text, _PartFactory(model, self.folder, trust_xacro))
             )
 
     def key(self, data: Mapping[str, Any], request: Sequence[str]) -> str:
-        """Digest of all that the results of a job depend on."""
+        """Digest of everything that the results of a job depend on."""
         with error_context(self.source):
             named = [_digest_of(self.folder / x) for x in named_files(data)]
-        text = _text([__version__, request, data, named, self.files])
+        text = _canonical_json([__version__, request, data, named, self.files])
         return hashlib.sha256(text.encode()).hexdigest()
 
     def with_digests(self, data: Mapping[str, Any], *, trust_xacro: bool) -> BaseJob:
-        """Copy with the arm's dimension, and digests of the files that arm, path and scene read."""
+        """Copy with the arm's dimension and digests of files that no key names."""
         digests: dict[FilePath, str] = {}
 
         def add_digest(file: FilePath, content: bytes) -> None:
@@ -101,7 +101,7 @@ class BaseJob:
 
 @dataclass(frozen=True, slots=True)
 class _PartFactory:
-    """Factory of arm, path and scene; all instances are equal, so that a cache uses the text."""
+    """Factory of arm, path and scene; ignores `model` in comparisons, so a cache uses the text."""
 
     model: JobModel = field(compare=False)
     folder: FilePath
@@ -114,14 +114,14 @@ class _PartFactory:
 
 @lru_cache(maxsize=4)
 def _cached_parts(text: str, factory: _PartFactory) -> tuple[Arm, Path | Program, Scene | None]:
-    """Arm, path and scene of some data, cached by its text."""
+    """Arm, path and scene of a job, cached by the text of its data."""
     return factory.make()
 
 
 def read_base(
     job: str | Mapping[str, str], folder: FilePath, run: str | None, work: str
 ) -> BaseJob:
-    """Read a job of a plan."""
+    """Read a base job of a plan: a job file, or a drawing and its cell."""
     if isinstance(job, str):
         file = folder / job
         data, source, home = read_data(job_text(file), file.name), file.name, file.parent
@@ -133,93 +133,93 @@ def read_base(
         data, source, home = cell_data(cell, drawing)
         name = drawing.stem
     model_of(JobModel, data, source)
-    reduced, chosen = _with_run(data, source, run, work)
+    reduced, chosen = _select_run(data, source, run, work)
     si_data = in_si(reduced, JobModel)
     return BaseJob(name=name, source=source, folder=home.absolute(), data=si_data, run=chosen)
 
 
-def _with_run(
+def _select_run(
     data: Mapping[str, Any], source: str, run: str | None, work: str
 ) -> tuple[dict[str, Any], str | None]:
-    """Data of a job without other runs, and without the keys for their comparison."""
+    """Data with the selected run only, and the name of this run; None if the work selects it."""
     runs, names = data["runs"], ", ".join(data["runs"])
-    name = run or (data.get(CHOOSERS.get(work, "")) or {}).get("run")
+    name = run or (data.get(RUN_SELECTORS.get(work, "")) or {}).get("run")
     if name is None and len(runs) == 1:
         (name,) = runs
-    unknown = f"run: {source} has no run {show(name)}: it has {names}."
+    unknown = f"run: {source} has no run {show(name)}. It has the runs {names}."
     raise_if(name not in (None, *runs), unknown)
-    missing = f"run is missing: {source} has several runs, so choose one: {names}."
-    raise_if(name is None and work not in CHOOSERS, missing)
-    reduced = dict(data) if work == CERTIFY else _without(data, "certificate")
+    missing = f"run is missing: {source} has several runs. Choose one of {names}."
+    raise_if(name is None and work not in RUN_SELECTORS, missing)
+    reduced = dict(data) if work == CERTIFY else _remove_key(data, "certificate")
     if name is None:
         return reduced, None
     reduced["runs"] = {name: runs[name]}
-    for key in CHOOSERS.values():
+    for key in RUN_SELECTORS.values():
         if reduced.get(key):
-            reduced[key] = _without(reduced[key], "run")
+            reduced[key] = _remove_key(reduced[key], "run")
     experiment = reduced.get("experiment")
     if isinstance(experiment, dict) and experiment.get("runs") is not None:
         if name in experiment["runs"]:
-            reduced["experiment"] = _without(experiment, "runs")
+            reduced["experiment"] = _remove_key(experiment, "runs")
         else:
             del reduced["experiment"]
     return reduced, name
 
 
-def _without(data: Mapping[str, Any], name: str) -> dict[str, Any]:
+def _remove_key(data: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {key: x for key, x in data.items() if key != name}
 
 
-def check_placed(base: BaseJob, data: Mapping[str, Any]) -> None:
-    """Check that a job has axes for its placement."""
+def check_placement_axes(base: BaseJob, data: Mapping[str, Any]) -> None:
+    """Check that a job has axes for the placement search."""
     placement = data.get("placement") or {}
     if not placement.get("over"):
         raise InvalidInput(
-            f"do: place needs the key placement.over of {base.source}, the axes of the search, "
-            "such as placement: {over: {x: {from: -100 mm, to: 100 mm, places: 5}}}."
+            f"do: place requires the key placement.over in {base.source}, which defines the axes "
+            "of the search, such as placement: {over: {x: {from: -100 mm, to: 100 mm, places: 5}}}."
         )
 
 
 def named_files(data: Mapping[str, Any]) -> Iterator[str]:
-    """Files that keys of a job name."""
+    """Yield the names of the files that keys of a job name."""
     arm = data.get("arm")
     if isinstance(arm, str) and arm.lower().endswith(ARM_FILES):
         yield arm
-    for key in WITH_FILES:
-        yield from _files_in(data.get(key))
+    for key in FILE_SECTIONS:
+        yield from _iterate_file_names(data.get(key))
 
 
-def _files_in(data: Any) -> Iterator[str]:
+def _iterate_file_names(data: Any) -> Iterator[str]:
     if isinstance(data, list):
         for value in data:
-            yield from _files_in(value)
+            yield from _iterate_file_names(value)
     elif isinstance(data, Mapping):
         for key, value in data.items():
             if key in FILE_KEYS:
                 yield from (
                     y for y in (value if isinstance(value, list) else [value]) if isinstance(y, str)
                 )
-            yield from _files_in(value)
+            yield from _iterate_file_names(value)
 
 
-def _text(value: Any) -> str:
+def _canonical_json(value: Any) -> str:
     """Canonical JSON of a value."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), default=str)
 
 
 def _digest_of(file: FilePath) -> str:
-    """Digest of a file, cached by size and time of change."""
+    """Digest of a file, cached by its size and modification time."""
     try:
         state = file.stat()
     except OSError:
-        # Reading raises the error.
+        # Reading the file raises the error.
         return _digest(file, (0, 0))
     return _digest(file, (state.st_size, state.st_mtime_ns))
 
 
 @lru_cache(maxsize=10_000)
 def _digest(file: FilePath, state: tuple[int, int]) -> str:
-    """Digest of a file in a state."""
+    """Digest of a file; `state` has its size and modification time, for the cache."""
     return hashlib.sha256(
         file_access.read_bytes(file, "file", maximum=file_access.LARGE)
     ).hexdigest()

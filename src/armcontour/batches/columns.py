@@ -1,4 +1,4 @@
-"""Figures of a job that a batch can have as columns."""
+"""Figures of a job that can be columns of a batch."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from typing import Any
 from armcontour.core.errors import InvalidInput
 from armcontour.core.result import Row
 from armcontour.core.text import suggest
-from armcontour.jobs.place_search import UNITS
+from armcontour.jobs.placement_options import UNITS
 
-# Kinds of work on each job: each of the first includes those before it; `PLACE` is separate.
-COMPENSATE, RUN, CERTIFY = RISING = ("compensate", "run", "certify")
+# Kinds of work on each job. Each of RISING includes the previous kinds; `PLACE` is separate.
+COMPENSATE, RUN, CERTIFY = INCREASING_WORKS = ("compensate", "run", "certify")
 PLACE = "place"
-WORKS = (*RISING, PLACE)
+WORKS = (*INCREASING_WORKS, PLACE)
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
     """A figure of a job, known before the job runs."""
 
-    # Its SI unit, as in the row
+    # SI unit of the figure; empty for counts
     unit: str
-    # The smallest work that computes it
-    since: str
+    # The smallest kind of work that computes the figure
+    smallest_work: str
 
     def is_computed_by(self, work: str) -> bool:
         """True if a kind of work computes the figure."""
-        if PLACE in (work, self.since):
-            return work == self.since
-        return RISING.index(self.since) <= RISING.index(work)
+        if PLACE in (work, self.smallest_work):
+            return work == self.smallest_work
+        return INCREASING_WORKS.index(self.smallest_work) <= INCREASING_WORKS.index(work)
 
 
 ERRORS = ("contour_error", "objective_error", "tracking_error", "experiment.contour_error")
-PLACED = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
-# Units of the rows by name, for the smallest work that computes them.
-ROWS: dict[str, dict[str, str]] = {
+PLACEMENT_UNITS = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
+# Units of the figures by name, grouped by the smallest kind of work that computes them.
+UNITS_BY_WORK: dict[str, dict[str, str]] = {
     COMPENSATE: {
         **{"duration": "s", "length": "m", "corner_error": "m", "full_stops.count": ""},
         "set_points": "",
@@ -55,12 +55,16 @@ ROWS: dict[str, dict[str, str]] = {
     },
     PLACE: {
         **{f"best.place.{x}": unit for x, unit in UNITS.items()},
-        **{f"{x}.{y}": unit for x in ("best", "own_place") for y, unit in PLACED.items()},
+        **{f"{x}.{y}": unit for x in ("best", "own_place") for y, unit in PLACEMENT_UNITS.items()},
         **{"gain": "1", "places": "", "planned": "", "refused_places": ""},
     },
 }
-COLUMNS = {x: Column(unit, since) for since, rows in ROWS.items() for x, unit in rows.items()}
-USUAL = {
+COLUMNS = {
+    x: Column(unit, smallest_work)
+    for smallest_work, rows in UNITS_BY_WORK.items()
+    for x, unit in rows.items()
+}
+DEFAULT_COLUMNS = {
     COMPENSATE: ("duration", "corner_error"),
     RUN: ("duration", "contour_error.rms", "contour_error.max", "corner_error", "demand_ratio"),
     PLACE: (
@@ -77,30 +81,32 @@ USUAL = {
 
 
 def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
-    """Names of the columns of a plan, or the usual ones."""
+    """Names of the columns of a plan; by default the usual columns of its kind of work."""
     if requested is None:
-        return USUAL[work]
+        return DEFAULT_COLUMNS[work]
     available = [x for x, column in COLUMNS.items() if column.is_computed_by(work)]
     names = tuple(requested)
     for k, name in enumerate(names):
         location = f"columns (item {k + 1})"
         if name not in COLUMNS:
-            hint = suggest(name, available, f"there are {', '.join(available)}.")
+            hint = suggest(name, available, f"the columns are {', '.join(available)}.")
             raise InvalidInput(f"{location}: unknown column {name}: {hint}")
         if name not in available:
             raise InvalidInput(
-                f"{location}: {name} comes from do: {COLUMNS[name].since}, but the plan does "
-                f"{work}: change one of them."
+                f"{location}: {name} requires do: {COLUMNS[name].smallest_work}, but the plan has "
+                f"do: {work}. Change do, or remove the column."
             )
         if name in names[:k]:
-            raise InvalidInput(f"{location}: {name} is repeated.")
+            raise InvalidInput(f"{location}: the column {name} is repeated.")
     if not names:
-        raise InvalidInput(f"columns is empty: name some of {', '.join(available)}, or remove it.")
+        raise InvalidInput(
+            f"columns is empty. Name at least one of {', '.join(available)}, or remove the key."
+        )
     return names
 
 
 def figures_of(result: Any, names: Iterable[str], work: str) -> tuple[float | None, ...]:
-    """Figures of a job, in the order of the columns."""
+    """Figures of a job in the order of the columns; None if missing or not finite."""
     from armcontour.jobs.job_result import judging_rows
 
     rows: list[Row] = []

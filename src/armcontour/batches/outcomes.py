@@ -1,4 +1,4 @@
-"""Outcomes of jobs: work on a job, in any process, and the folder with the results of a batch."""
+"""Outcomes of jobs: the work on a job in any process, and the results folder of a batch."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ from armcontour.jobs import Job
 if TYPE_CHECKING:
     from armcontour.report.sections.batch import PlotValues
 
-# Statuses of jobs: with figures, refused by this library, or failed, which may be repeated.
+# Statuses of jobs. DONE: the job has figures. REFUSED: this library raised an error. FAILED: any
+# other error, which may be temporary; the option `retry` repeats these jobs.
 DONE, REFUSED, FAILED = STATUSES = ("done", "refused", "failed")
 
 
@@ -34,9 +35,9 @@ class Outcome(NamedTuple):
 
     # One of STATUSES
     status: str
-    # Name of the error; None for a job that is done
+    # Name of the error's class; None for a job that is done
     error: str | None = None
-    # Message of the error
+    # Message of the error; None for a job that is done
     sentence: str | None = None
     # Figures for the columns of the plan; empty for a job that is not done
     figures: tuple[float | None, ...] = ()
@@ -46,18 +47,17 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Work:
-    """Work on jobs of a plan; picklable for other processes."""
+    """Function that executes jobs of a plan; picklable for other processes."""
 
-    # The plan
     plan: Plan
 
     def __call__(self, index: int) -> Outcome:
-        """Work on the job of an index."""
+        """Execute the job with an index, from 0; errors become outcomes."""
         begin = time.perf_counter()
         try:
             base = self.plan.bases[self.plan.base(index)]
             job = base.job(self.plan.data(index), trust_xacro=self.plan.trust_xacro)
-            result = _do(self.plan.work, job, base.run)
+            result = _execute_work(self.plan.work, job, base.run)
             outcome = Outcome(DONE, figures=figures_of(result, self.plan.columns, self.plan.work))
         except ArmContourError as error:
             outcome = Outcome(REFUSED, type(error).__name__, str(error))
@@ -66,18 +66,18 @@ class Work:
         return outcome._replace(seconds=time.perf_counter() - begin)
 
 
-def killed() -> Outcome:
+def process_ended() -> Outcome:
     """Outcome of a job whose process ended."""
     return Outcome(
         FAILED,
         "ProcessEnded",
-        "The process of this job ended before the job did: it crashed, or was killed, as when the "
-        "memory of the machine runs out.",
+        "The process of this job ended before the job was done. It crashed or was killed, for "
+        "example because the machine ran out of memory.",
     )
 
 
-def _do(work: str, job: Job, run: str | None) -> Any:
-    """Do the work of the plan on a job."""
+def _execute_work(work: str, job: Job, run: str | None) -> Any:
+    """Execute the work of the plan on a job; returns the result of the job."""
     if work == CERTIFY:
         from armcontour.studies.certification import certify
 
@@ -85,7 +85,7 @@ def _do(work: str, job: Job, run: str | None) -> Any:
     if work == PLACE:
         from armcontour.studies.placement import place
 
-        # Other processes work on other jobs.
+        # One process, because the other processes execute other jobs.
         return place(job, run=run, processes=1)
     from armcontour import jobs
 
@@ -93,12 +93,12 @@ def _do(work: str, job: Job, run: str | None) -> Any:
 
 
 ROWS, TABLE, REPORT = "results.jsonl", "results.parquet", "report.html"
-# Column that differs between runs of the same batch.
+# Name of the column with the run times, which differ if the same batch is run again.
 SECONDS = "seconds (not reproducible)"
 
 
 class Results:
-    """Results of a batch in its folder; as a context manager it locks the folder."""
+    """Results folder of a batch; locked while the context manager is active."""
 
     def __init__(self, folder: FilePath, plan: Plan) -> None:
         self.folder, self.rows = folder, dict[int, dict[str, Any]]()
@@ -126,14 +126,14 @@ class Results:
     def __exit__(self, *_: object) -> None:
         self._closing.close()
 
-    def left(self, *, retry: bool) -> list[int]:
+    def remaining(self, *, retry: bool) -> list[int]:
         """Indices of the jobs without a result."""
         again = FAILED if retry else None
         rows = (self.rows.get(k, {"status": again}) for k in range(len(self._plan)))
         return [k for k, row in enumerate(rows) if row["status"] == again]
 
     def add(self, index: int, outcome: Outcome) -> None:
-        """Store the outcome of a job; the row is written when this returns."""
+        """Store the outcome of a job, and write its row to the file immediately."""
         figures = outcome.figures or [None] * len(self._plan.columns)
         named = dict(zip(self._plan.columns, figures, strict=True))
         row = self._row(index, outcome._asdict() | named | {SECONDS: outcome.seconds})
@@ -142,7 +142,7 @@ class Results:
         self._lines.flush()
 
     def finish(self) -> list[dict[str, Any]]:
-        """Write rows in the order of the jobs, the table and the page; returns the rows."""
+        """Write the rows in the order of the jobs, the table and the report; returns the rows."""
         rows = [self.rows[k] for k in range(len(self._plan))]
         self._lines.close()
         self._put(ROWS, "".join(json.dumps(x) + "\n" for x in rows).encode())
@@ -152,7 +152,7 @@ class Results:
         return rows
 
     def _row(self, index: int, outcome: Mapping[str, Any]) -> dict[str, Any]:
-        """Row of a job: its parameters, outcome and key."""
+        """Row of a job: its number, name, parameter values, outcome and key."""
         parameters = zip(self._plan.parameters, self._plan.values(index), strict=True)
         return {
             "number": index + 1,
@@ -182,28 +182,28 @@ class Results:
                     self.rows[index] = self._row(index, row)
             except (ValueError, KeyError, TypeError, RecursionError):
                 raise InvalidInput(
-                    f"{self._file}, line {k + 1}: not a result of a batch: remove the line, "
-                    "or the file, and run the batch again, which repeats its jobs."
+                    f"{self._file}, line {k + 1} is not a result of a batch. Remove the line or "
+                    "the file, and run the batch again; it repeats the removed jobs."
                 ) from None
         if complete < len(data):
             os.truncate(self._file, complete)
 
     def _put(self, name: str, content: bytes) -> None:
-        """Write a file atomically."""
+        """Write a file of the results folder atomically."""
         fresh = self._staging.folder / name
         fresh.write_bytes(content)
         with staging.moving():
             os.replace(fresh, self.folder / name)
 
     def _refuse_others(self) -> None:
-        """Reject a folder with other files and no batch."""
+        """Reject a folder that has files but no results of a batch."""
         if self.folder.exists() and not self.folder.is_dir():
-            raise InvalidInput(f"{self.folder} is a file, not a folder: choose another --out.")
+            raise InvalidInput(f"{self.folder} is a file, not a folder. Choose another --out.")
         there = self.folder.iterdir() if self.folder.exists() else ()
         names = [x.name for x in there if not x.name.startswith(staging.PREFIX)]
         if names and ROWS not in names:
             raise InvalidInput(
-                f"The folder {self.folder} is not empty and has no {ROWS} of a batch: choose "
+                f"The folder {self.folder} is not empty and has no {ROWS} of a batch. Choose "
                 "another --out."
             )
 
@@ -230,13 +230,13 @@ def _parquet(rows: list[dict[str, Any]], plan: Plan) -> bytes:
     return bytes(sink.getvalue())
 
 
-# Largest number of drawn jobs.
+# Maximum number of jobs in the plots of the report; larger batches are subsampled.
 MAX_DRAWN = 5_000
 
 
 def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Render the results of a batch as one HTML page without other files."""
-    # Imported here, because worker processes do not need the library for drawing.
+    """Render the results of a batch as a self-contained HTML page."""
+    # Imported here, because worker processes do not need the plotting library.
     from armcontour.report import render_batch
     from armcontour.report.sections.batch import BatchView
 
@@ -265,7 +265,7 @@ def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
 def _axis(
     name: str, unit: str | None, rows: Sequence[Mapping[str, Any]], *, log: bool = False
 ) -> PlotValues:
-    """Values of a column, in SI units."""
+    """Values of a column in SI units, for a plot."""
     from armcontour.report.sections.batch import PlotValues
 
     values: FloatArray = np.array([x[name] for x in rows], dtype=float)

@@ -14,8 +14,8 @@ from armcontour.core.checks import FloatArray, raise_if
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import show, suggest
-from armcontour.files.job_edits import Change, Keys, change_data, value_at
 from armcontour.files.job_model import JobModel
+from armcontour.files.job_text_edits import Change, Keys, change_data, value_at
 from armcontour.files.patch import full_key, key_of
 from armcontour.files.si_data import in_si, quantity_of
 from armcontour.files.units import parse_quantity, read_quantity
@@ -30,20 +30,22 @@ MAX_VALUES = 1_000_000
 class Parameter:
     """A key of job files with its values."""
 
-    # The key, with dots between the keys that lead there
+    # The key path in the job file, such as "path.corner_error"
     key: str
-    # Unit of the numbers; None if they are not quantities
+    # SI unit of the values; None if they are not quantities
     unit: str | None
-    # Values in SI units; the ends of a sampled range
+    # Values in SI units; for a sampled range its start and end
     values: tuple[Any, ...]
-    # The values are a range, it has a logarithmic scale, and the plan draws samples of it
+    # Whether the values are a range
     ranged: bool = False
+    # Whether the range has a logarithmic scale
     log: bool = False
+    # Whether the plan draws samples from the range
     sampled: bool = False
 
     @property
     def parts(self) -> Keys:
-        """The keys that lead to the value."""
+        """Key path as a tuple of keys and list indices."""
         return key_of(self.key)
 
     @property
@@ -52,8 +54,8 @@ class Parameter:
         return all(isinstance(x, int | float) and not isinstance(x, bool) for x in self.values)
 
     def values_at(self, fractions: FloatArray) -> FloatArray:
-        """Values at fractions of a range."""
-        return _between(self.values[0], self.values[-1], fractions, log=self.log)
+        """Values at fractions (0 to 1) of the range, in the shape of `fractions`."""
+        return _interpolate(self.values[0], self.values[-1], fractions, log=self.log)
 
 
 def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
@@ -66,77 +68,82 @@ def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
         low, high, count, log = _read_range(location, specified, quantity, sampled)
         if sampled:
             return Parameter(key, unit, (low, high), True, log, True)
-        values = _between(low, high, np.linspace(0.0, 1.0, count), log=log).tolist()
-        if quantity is None and all(_whole(specified[x]) for x in ("from", "to")):
-            # Counts, such as knots, must be integers.
+        values = _interpolate(low, high, np.linspace(0.0, 1.0, count), log=log).tolist()
+        if quantity is None and all(_is_integer(specified[x]) for x in ("from", "to")):
+            # Integer keys, such as numbers of knots, need integer values.
             values = [round(x) if abs(x - round(x)) < 1e-9 * abs(x) else x for x in values]
         return Parameter(key, unit, tuple(values), True, log)
     listed = specified if isinstance(specified, list) else [specified]
     count = len(listed)
     raise_if(
         sampled and count > 1,
-        f"{location}: samples are drawn of ranges, not of lists: write {{from: ..., to: ...}}, or "
+        f"{location}: combine.sobol requires a range, not a list. Write {{from: ..., to: ...}}, or "
         "combine: product.",
     )
-    raise_if(count == 0, f"{location} is an empty list: give a value, or remove the key.")
-    raise_if(count > MAX_VALUES, f"{location} has {count} values, more than {MAX_VALUES}.")
-    return Parameter(key, unit, tuple(_in_si(key, x) for x in listed))
+    raise_if(count == 0, f"{location} is an empty list. Specify a value, or remove the key.")
+    raise_if(
+        count > MAX_VALUES, f"{location} has {count} values, but at most {MAX_VALUES} are allowed."
+    )
+    return Parameter(key, unit, tuple(_value_in_si(key, x) for x in listed))
 
 
 def _read_range(
     location: str, ends: Mapping[str, Any], quantity: Quantity | None, sampled: bool
 ) -> tuple[float, float, int, bool]:
-    """Start, end and number of values of a range, and whether it is logarithmic."""
+    """Start, end and number of values of a range, and True if its scale is logarithmic."""
     for name in ends:
         if name not in RANGE:
-            hint = suggest(str(name), RANGE, f"a range has {', '.join(RANGE)}.")
+            hint = suggest(str(name), RANGE, f"a range has the keys {', '.join(RANGE)}.")
             raise InvalidInput(f"{location}: unknown key {show(name)} of a range: {hint}")
     for name in RANGE[: 2 if sampled else 3]:
         if ends.get(name) is None:
             raise InvalidInput(
-                f"{location}.{name} is missing: a range is written as {{from: ..., to: ..., "
-                "steps: 5}."
+                f"{location}.{name} is missing. Write a range as {{from: ..., to: ..., steps: 5}}."
             )
     raise_if(
         sampled and "steps" in ends,
-        f"{location}.steps: the plan draws samples, whose number is combine.sobol: remove steps.",
+        f"{location}.steps cannot be combined with combine.sobol, which is the number of samples. "
+        "Remove steps.",
     )
     scale = checks.check_choice(f"{location}.scale", ends.get("scale", "linear"), SCALES)
     low, high = (_read_end(f"{location}.{x}", ends[x], quantity) for x in ("from", "to"))
     count = 2 if sampled else ends["steps"]
-    if not (_whole(count) and 1 <= count <= MAX_VALUES):
+    if not (_is_integer(count) and 1 <= count <= MAX_VALUES):
         raise InvalidInput(
             f"{location}.steps must be a whole number from 1 to {MAX_VALUES}, but is {show(count)}."
         )
     start, end = show(ends["from"]), show(ends["to"])
-    empty = f"{location} is an empty range: from and to are both {end}."
+    empty = f"{location} is an empty range, because from and to are both {end}."
     raise_if(low == high and count > 1, empty)
-    one = f"{location}.steps is 1, but from and to differ: write one value, or more."
+    one = (
+        f"{location}.steps is 1, but from and to differ. Write one value instead of the range, or "
+        "more steps."
+    )
     raise_if(low != high and count == 1, one)
     raise_if(
         scale == "log" and min(low, high) <= 0,
-        f"{location}: a range with scale: log must be above zero, but goes from {start} to {end}: "
-        "write scale: linear.",
+        f"{location}: a range with scale: log must be positive, but is from {start} to {end}. "
+        "Write scale: linear.",
     )
     return low, high, count, scale == "log"
 
 
 def _read_end(location: str, value: Any, quantity: Quantity | None) -> float:
-    """End of a range in SI units."""
+    """Start or end of a range in SI units."""
     try:
         return parse_quantity(value, "1") if quantity is None else read_quantity(value, quantity)
     except ValueError as error:
         raise InvalidInput(f"{location}: {str(error).rstrip('.')}.") from None
 
 
-def _in_si(key: str, value: Any) -> Any:
-    """Value of a key in SI units; a value without a quantity is unchanged."""
+def _value_in_si(key: str, value: Any) -> Any:
+    """Value of a key in SI units; a value that is not a quantity is unchanged."""
     keys = full_key(key_of(key))
     return value_at(in_si(change_data({}, [Change(keys, value)]), JobModel), keys)
 
 
-def _between(low: float, high: float, fractions: FloatArray, *, log: bool) -> FloatArray:
-    """Values between two ends, which are reproduced exactly."""
+def _interpolate(low: float, high: float, fractions: FloatArray, *, log: bool) -> FloatArray:
+    """Values at fractions (0 to 1) between two ends; at 0 and 1 exactly the ends."""
     if log:
         values = np.exp(math.log(low) + fractions * (math.log(high) - math.log(low)))
     else:
@@ -145,6 +152,6 @@ def _between(low: float, high: float, fractions: FloatArray, *, log: bool) -> Fl
     return np.clip(values, min(low, high), max(low, high))
 
 
-def _whole(value: Any) -> bool:
-    """True if a value is written as an integer."""
+def _is_integer(value: Any) -> bool:
+    """True if a value is an integer, not a boolean."""
     return isinstance(value, int) and not isinstance(value, bool)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from armcontour.batches.base_job import BaseJob, check_placed, named_files, read_base
+from armcontour.batches.base_job import BaseJob, check_placement_axes, named_files, read_base
 from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
 from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.core import checks
@@ -23,7 +23,7 @@ from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import MappingKeys, read_keys
 
 PRODUCT, ZIP = "product", "zip"
-# Largest number of jobs of a plan: their rows take about 1 kB each.
+# Maximum number of jobs of a plan; their rows need about 1 kB each.
 MAX_JOBS = 1_000_000
 
 
@@ -31,7 +31,7 @@ MAX_JOBS = 1_000_000
 class DrawingModel:
     """A drawing and its cell."""
 
-    # The drawing, relative to the plan
+    # File name of the drawing, relative to the plan file
     drawing: str
     # Name of a built-in cell, or a job file relative to the plan
     cell: str
@@ -39,11 +39,11 @@ class DrawingModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SamplesModel:
-    """Samples of a Sobol sequence, which fill all ranges evenly."""
+    """Samples of a Sobol sequence, which covers all ranges uniformly."""
 
-    # Number of samples; powers of 2 fill most evenly
+    # Number of samples; powers of 2 give the most uniform coverage
     sobol: Annotated[int, AtLeast(1)]
-    # Seed of the scrambling of the sequence
+    # Random seed for the scrambling of the sequence
     seed: Annotated[int, AtLeast(0)] = 0
 
 
@@ -55,25 +55,25 @@ class PlanModel:
     name: str | None = None
     # A job file relative to the plan, or a drawing and its cell
     job: str | DrawingModel | None = None
-    # Several of them, each with all parameters
+    # Several job files or drawings; each is combined with all parameter values
     jobs: Annotated[list[str | DrawingModel], Field(min_length=1)] | None = None
-    # Name of the run of the jobs; not needed if they have one run
+    # Name of the run to execute; optional if the jobs have only one run
     run: str | None = None
     # Kind of work: `compensate` plans and compensates, `run` also simulates, `certify` finds the
     # fastest plan that satisfies the job's certificate, `place` finds the best placement
     do: Annotated[str, Choice(WORKS)] = RUN
-    # Values of keys of the jobs, by the keys with dots between them
+    # Values of parameters by key path in the job file, such as "path.corner_error"
     over: dict[str, Any] = field(default_factory=dict)
-    # Combination of the values: `product` combines each with each, `zip` the first values of all,
-    # the second values of all and so on; or samples of ranges
+    # Combination of the values: `product` makes a job for each combination, `zip` combines values
+    # with the same index; or samples of ranges
     combine: Literal["product", "zip"] | SamplesModel = "product"
-    # Stored figures of each job; the guide lists them
+    # Names of the stored figures of each job; docs/guides/batches.md lists them
     columns: list[str] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """Many jobs, each a base job with values of all parameters, as a sequence.
+    """Sequence of many jobs, each of which is a base job with values of all parameters.
 
     Args:
         name: Name of the plan.
@@ -108,7 +108,7 @@ class Plan:
 
     @property
     def keys(self) -> tuple[tuple[str | int, ...], ...]:
-        """For each parameter, the keys that lead to its value."""
+        """Key path of each parameter in the job file."""
         return tuple(x.parts for x in self.parameters)
 
     @property
@@ -118,12 +118,12 @@ class Plan:
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of all numeric columns of results."""
+        """SI units of the numeric columns of results, by name."""
         units = {x.key: x.unit for x in self.parameters if x.unit is not None}
         return units | {x: COLUMNS[x].unit for x in self.columns}
 
     def base(self, index: int) -> int:
-        """Index of the base job of a job."""
+        """Index of the base job that a job is made from."""
         return index // self.each
 
     def values(self, index: int) -> tuple[Any, ...]:
@@ -153,7 +153,7 @@ class Plan:
         return self.bases[self.base(index)].data_with(self.keys, self.values(index))
 
     def job_keys(self) -> list[str]:
-        """Key of each job: a digest of all that its row depends on.
+        """Key of each job, a digest of everything that its row depends on.
 
         Raises:
             InvalidInput: A missing file, or two equal jobs.
@@ -165,8 +165,8 @@ class Plan:
             first = indices.setdefault(key, index)
             if first != index:
                 raise InvalidInput(
-                    f"The jobs {first + 1} and {index + 1} of the plan are the same: remove "
-                    "one of the repeated values or files."
+                    f"The jobs {first + 1} and {index + 1} of the plan are equal. Remove one of "
+                    "the repeated values or files."
                 )
         return list(indices)
 
@@ -193,13 +193,13 @@ def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = F
             )
     model: PlanModel = read_keys(MappingKeys(PlanModel), data, source)
     with error_context(source):
-        return _plan(model, folder, FilePath(source).stem, trust_xacro)
+        return _make_plan(model, folder, FilePath(source).stem, trust_xacro)
 
 
-def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> Plan:
-    """Plan from its model."""
+def _make_plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> Plan:
+    """Create a plan from its model, and check the jobs with their parameter values."""
     if (model.job is None) == (model.jobs is None):
-        raise InvalidInput("a plan needs either the key job, or the key jobs with a list.")
+        raise InvalidInput("a plan must have either the key job, or the key jobs with a list.")
     sampled = isinstance(model.combine, SamplesModel)
     parameters = tuple(read_parameter(k, x, sampled=sampled) for k, x in model.over.items())
     _refuse_overlaps([x.key for x in parameters])
@@ -215,11 +215,13 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
     )
     for base in bases:
         if model.do == PLACE:
-            check_placed(base, _first(base, parameters))
+            check_placement_axes(base, _first_data(base, parameters))
         _refuse_unreadable(base, parameters)
     plan = Plan(
         name=checks.check_name("name of the plan", model.name or name),
-        bases=tuple(x.with_digests(_first(x, parameters), trust_xacro=trust_xacro) for x in bases),
+        bases=tuple(
+            x.with_digests(_first_data(x, parameters), trust_xacro=trust_xacro) for x in bases
+        ),
         parameters=parameters,
         work=model.do,
         columns=columns,
@@ -230,23 +232,26 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
     _refuse_uneven(plan)
     if len(plan) > MAX_JOBS:
         raise InvalidInput(
-            f"the plan has {len(plan)} jobs, more than {MAX_JOBS}: take fewer steps, or samples "
-            "with combine: {sobol: 4096}."
+            f"the plan has {len(plan)} jobs, but at most {MAX_JOBS} are allowed. Use fewer steps, "
+            "or samples with combine: {sobol: 4096}."
         )
     return plan
 
 
-def _first(base: BaseJob, parameters: Sequence[Parameter]) -> dict[str, Any]:
+def _first_data(base: BaseJob, parameters: Sequence[Parameter]) -> dict[str, Any]:
     """Data of a base job with the first values of all parameters."""
     return base.data_with([x.parts for x in parameters], [x.values[0] for x in parameters])
 
 
 def _refuse_overlaps(keys: Sequence[str]) -> None:
-    """Reject two parameters of which one is inside the other."""
+    """Reject two parameters if the key of one contains the key of the other."""
     for key in keys:
         for other in keys:
             if other.startswith(f"{key}."):
-                raise InvalidInput(f"over.{key} and over.{other} set the same: remove one of them.")
+                raise InvalidInput(
+                    f"over.{key} contains over.{other}, so both set the same value. Remove one of "
+                    "them."
+                )
 
 
 def _refuse_uneven(plan: Plan) -> None:
@@ -257,16 +262,16 @@ def _refuse_uneven(plan: Plan) -> None:
     if len(set(counts.values())) > 1:
         named = ", ".join(f"{key} has {n}" for key, n in counts.items())
         raise InvalidInput(
-            f"combine: zip takes parameters with the same number of values, but {named}: make "
-            "them equal, or write combine: product."
+            f"combine: zip requires the same number of values for all parameters, but {named}. "
+            "Make the numbers equal, or write combine: product."
         )
 
 
 def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
-    """Reject keys and values that are invalid in a job file."""
+    """Reject parameter keys and values that are invalid in a job file."""
     keys = [x.parts for x in parameters]
     for k, parameter in enumerate(parameters):
-        # The ends of a range represent its values.
+        # Of a range, only the first and the last value are checked.
         tried = {0, len(parameter.values) - 1} if parameter.ranged else range(len(parameter.values))
         for i in sorted(tried):
             location = (
@@ -274,23 +279,24 @@ def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
                 if len(parameter.values) > 1
                 else f"over.{parameter.key}"
             )
-            problem = _problem(base, [parameter.parts], [parameter.values[i]])
+            problem = _find_problem(base, [parameter.parts], [parameter.values[i]])
             if problem is None:
                 continue
-            # With the first values of the others, and with those of the same index.
+            # A value can be valid only together with values of other parameters: try the first
+            # values, then the values with the same index.
             problems = []
             for j in (0, i):
                 values = [y.values[min(j, len(y.values) - 1)] for y in parameters]
                 values[k] = parameter.values[i]
-                problems.append(_problem(base, keys, values))
+                problems.append(_find_problem(base, keys, values))
             if None not in problems:
                 raise problem.with_location(location)
 
 
-def _problem(
+def _find_problem(
     base: BaseJob, keys: Sequence[tuple[str | int, ...]], values: Sequence[Any]
 ) -> InvalidInput | None:
-    """Error of some values in a job; None if they are valid."""
+    """Error that parameter values cause in a job; None if the values are valid."""
     try:
         data = base.data_with(keys, values)
         base.model(data)
@@ -298,21 +304,22 @@ def _problem(
         return error
     missing = [x for x in named_files(data) if not (base.folder / x).is_file()]
     if missing:
-        return InvalidInput(f"There is no file {base.folder / missing[0]}.")
+        return InvalidInput(f"The file {base.folder / missing[0]} does not exist.")
     return None
 
 
 def _samples(combine: Any, parameters: Sequence[Parameter]) -> FloatArray | None:
-    """Values of all sampled parameters, (n, sampled); None without samples."""
+    """Values of the sampled parameters in SI units, (n, sampled); None without samples."""
     if not isinstance(combine, SamplesModel):
         return None
     ranges = [x for x in parameters if x.sampled]
     if not ranges:
         raise InvalidInput(
-            "combine.sobol draws samples of ranges, but over has none: write {from: ..., to: ...}."
+            "combine.sobol requires a range in over, but over has none. Write a range as {from: "
+            "..., to: ...}."
         )
     if combine.sobol > MAX_JOBS:
-        raise InvalidInput(f"combine.sobol is {combine.sobol}, more than {MAX_JOBS} jobs.")
+        raise InvalidInput(f"combine.sobol must be at most {MAX_JOBS}, but is {combine.sobol}.")
     from scipy.stats import qmc
 
     sequence = qmc.Sobol(len(ranges), scramble=True, seed=combine.seed)

@@ -1,4 +1,4 @@
-"""Entry point `batch`: run all jobs of a plan and store their results."""
+"""`batch`, which runs all jobs of a plan and stores their results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour.batches.outcomes import Outcome, Results, Work, killed
+from armcontour.batches.outcomes import Outcome, Results, Work, process_ended
 from armcontour.batches.plan import Plan, read_plan
 from armcontour.core.compilation import compile_kernels
 from armcontour.core.fields import checked
@@ -24,7 +24,7 @@ class BatchProgress:
     """Progress of a batch.
 
     Args:
-        total: Number of its jobs.
+        total: Number of jobs of the batch.
         done: Number of jobs with a result.
         before: Number of jobs with a result when the batch started.
         seconds: Time since the start [s].
@@ -53,12 +53,12 @@ class BatchProgress:
 
     @property
     def rate(self) -> float:
-        """Jobs per second; 0 at the start."""
+        """Finished jobs per second since the start of the batch; 0 at the start."""
         return (self.done - self.before) / self.seconds if self.seconds > 0 else 0.0
 
     @property
     def left(self) -> float | None:
-        """Remaining time at this rate [s]; None if unknown."""
+        """Remaining time at the present rate [s]; None if the rate is 0."""
         return (self.total - self.done) / self.rate if self.rate > 0 else None
 
 
@@ -87,7 +87,7 @@ class Batch:
         return dict(Counter(x["error"] for x in self.rows if x["error"]).most_common())
 
     def table(self) -> dict[str, list[Any]]:
-        """The results as columns, by name."""
+        """Columns of the results: a list of values per column name."""
         return {name: [x[name] for x in self.rows] for name in self.rows[0]}
 
     def __str__(self) -> str:
@@ -150,10 +150,10 @@ def batch(
         open_executor(workers, cluster, executor) as opened,
         Results(FilePath(out), parsed) as results,
     ):
-        remaining = results.left(retry=retry)
+        remaining = results.remaining(retry=retry)
         if remaining:
             if not isinstance(opened, InProcess):
-                # Otherwise several processes would compile the same functions.
+                # Compile here first; otherwise several processes would compile the same functions.
                 for dimension in {x.dimension for x in parsed.bases}:
                     compile_kernels("plane" if dimension == 2 else "space", compiling)
             _work(parsed, remaining, opened, results, progress or (lambda tally: None))
@@ -167,10 +167,10 @@ def _work(
     results: Results,
     progress: Callable[[BatchProgress], None],
 ) -> None:
-    """Run the jobs that have no result."""
+    """Run the jobs with the indices `remaining`, and store their outcomes."""
     statuses, errors = Counter[str](), Counter[str]()
     before, begin = len(plan) - len(remaining), time.monotonic()
-    with TaskQueue[int, Outcome](Work(plan), executor, killed) as queue:
+    with TaskQueue[int, Outcome](Work(plan), executor, process_ended) as queue:
         waiting = iter(remaining)
         while statuses.total() < len(remaining):
             while len(queue) < queue.ahead and (index := next(waiting, None)) is not None:

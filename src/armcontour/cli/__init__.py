@@ -1,4 +1,4 @@
-"""The command line: thin commands over the library; heavy imports are inside functions."""
+"""The command line: commands that call the library; slow imports are inside functions."""
 
 from armcontour.cli.entry import main
 

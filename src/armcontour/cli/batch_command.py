@@ -1,4 +1,4 @@
-"""The command `batch`: run all jobs of a plan, show the progress and the results."""
+"""The command `batch`: runs all jobs of a plan, and shows progress and results."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from armcontour.cli.options import BatchOptions
     from armcontour.core.progress import Progress
 
-# Time between two lines of JSON [s].
+# Minimum time between two progress lines of JSON [s].
 EVERY = 1.0
 
 
 def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
-    """Run all jobs of a plan; the exit code is 1 if some jobs failed."""
+    """Run all jobs of a plan; returns the exit code, 1 if some jobs failed."""
     from armcontour.batches import batch
 
     with _shown(options.as_json) as (progress, compiling):
@@ -48,7 +48,7 @@ def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
 
 @contextmanager
 def _shown(as_json: bool) -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
-    """Context that shows the progress of a batch as a bar or as lines of JSON."""
+    """Context that shows progress as a bar or as JSON; yields functions for jobs and compiling."""
     if not as_json:
         with batch_progress() as functions:
             yield functions
@@ -65,7 +65,7 @@ def _shown(as_json: bool) -> Iterator[tuple[Callable[[BatchProgress], None], Pro
 
 
 def describe(progress: BatchProgress) -> dict[str, object]:
-    """Progress of a batch as data."""
+    """Progress of a batch as a mapping for JSON."""
     return {
         "done": progress.done,
         "total": progress.total,
@@ -79,7 +79,7 @@ def describe(progress: BatchProgress) -> dict[str, object]:
 
 
 def _end(batch: Batch) -> dict[str, object]:
-    """Result of a batch as data."""
+    """Result of a batch as a mapping for JSON."""
     return {
         "batch": batch.plan.name,
         "folder": str(batch.folder),
@@ -89,13 +89,13 @@ def _end(batch: Batch) -> dict[str, object]:
 
 
 def _print_json(data: object) -> None:
-    """Write a line of JSON."""
+    """Print data as a line of JSON."""
     sys.stdout.write(json.dumps(data) + "\n")
     sys.stdout.flush()
 
 
 def _print(batch: Batch, report: FilePath) -> None:
-    """Print the result of a batch."""
+    """Print the numbers of jobs and errors of a batch, and the address of its report."""
     console = Console()
     rows = [[name, str(n)] for name, n in batch.counts.items()]
     console.show_table(["jobs", "number"], rows, title=f"{batch.plan.name}: {len(batch.plan)} jobs")

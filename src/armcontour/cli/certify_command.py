@@ -1,4 +1,4 @@
-"""The command `certify`: certify a job, print and write the certificate."""
+"""The command `certify`: certifies a job, and prints and writes the certificate."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
     from armcontour.files import ResultFolder, certificate_json
 
     if options.out is None and (options.open_report or options.force):
-        raise InvalidInput("--open and --force go with --out, the folder for the report.")
+        raise InvalidInput("--open and --force require --out, the folder for the report.")
     shared = options.workers is not None or options.cluster is not None
     with (
         open_executor(options.workers, options.cluster) if shared else nullcontext() as executor,
@@ -51,19 +51,19 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
 
 
 def _refuse_nothing_shared(goal: CertificateGoal) -> None:
-    """Reject `--workers` and `--cluster` for a certificate without parallel work."""
+    """Raise InvalidInput if a certificate has no simulations for `--workers` or `--cluster`."""
     from armcontour.core.errors import InvalidInput
 
     if goal.plant != "rigid_body" or goal.box is None:
         raise InvalidInput(
-            "--workers and --cluster distribute simulations of uncertain robots as rigid bodies, "
-            "and this certificate has none: remove them, or give the job's certificate a box "
-            "and plant: rigid_body."
+            "--workers and --cluster distribute the rigid-body simulations of uncertain robots, "
+            "but this certificate has no such simulations. Remove these options, or add a box and "
+            "plant: rigid_body to the certificate of the job."
         )
 
 
 def _write(certificate: Certificate, folder: Any) -> None:
-    """Write the plan, its set-points, the derating, the report and the summary."""
+    """Write plan, set-points, derating, report and summary of a certificate to a folder."""
     from armcontour.cli.run_command import write_motions
     from armcontour.files import certificate_json, derating_csv
     from armcontour.report import render_report
@@ -75,7 +75,7 @@ def _write(certificate: Certificate, folder: Any) -> None:
 
 
 def _print(certificate: Certificate, report: FilePath | None) -> None:
-    """Print the certificate and the uncertified plan, with notes and warnings."""
+    """Print the certificate and its comparison with the uncertified plan, notes and warnings."""
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE
 

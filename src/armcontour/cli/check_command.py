@@ -1,4 +1,4 @@
-"""The command `check`: check a trajectory file against limits."""
+"""The command `check`: checks a trajectory file against limits."""
 
 from __future__ import annotations
 
@@ -21,17 +21,19 @@ if TYPE_CHECKING:
     from armcontour.program import Program
     from armcontour.robot import Arm, Limits
     from armcontour.robot.scene import Scene
-    from armcontour.verification import Check, CommandCheck
+    from armcontour.verification import Check, InterpolationCheck
     from armcontour.verification.clearance import Clearance
 
-# Smallest noise [rad]: below it is rounding; an encoder of 32 bits has steps of 1.5e-9 rad.
+# Standard deviation below which scatter counts as rounding, not as noise [rad]. The steps of a
+# 32-bit encoder are 1.5e-9 rad.
 MIN_NOISE = 1e-9
-# Largest number of listed column titles.
+# Maximum number of listed column titles.
 MAX_TITLES = 8
+# Extensions of job files.
 JOB_FILES = (".yaml", ".yml")
-# Options of an arm from a robot description, which go with --arm.
+# Options for robot descriptions, which require --arm.
 ARM_OPTIONS = ("tip", "base", "joint_limits", "package", "xacro_arg")
-# Exit codes of the verdicts; no error has the code 7.
+# Exit codes by verdict; no error has the exit code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
 
@@ -53,7 +55,10 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
     clearance = None if scene is None else _clearance(samples, arm, scene)
     commands = _check_commands(samples, arm, options, limits, path, allowed)
     if not result.uses and result.path_deviation is None and clearance is None:
-        raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
+        raise InvalidInput(
+            f"There is no limit to check, because the arm {arm.name} has no limits. Specify limits "
+            "with --limits."
+        )
     data = result.to_data()
     if options.as_json:
         notes = (Row("left_out", samples.left_out), Row("notes", samples.notes))
@@ -66,7 +71,7 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
         remarks = [f"Joints: {', '.join(called)}."] if called != [str(y) for y in named] else []
         remarks += _file_notes(samples, result, declared=options.noise is not None)
         if clearance is not None:
-            evenly = "Between samples the joints are interpolated linearly."
+            evenly = "Joint positions between samples are interpolated linearly."
             remarks.append(f"{clearance.sentence} {evenly}")
             remarks += filter(None, [clearance.below_base])
         remarks += [f"Note: {note}" for note in arm.notes]
@@ -85,30 +90,34 @@ def _check_commands(
     limits: Limits,
     path: Program | None,
     allowed: Mapping[str, Any],
-) -> CommandCheck | None:
-    """Check of the commands of a controller; None without `--controller`."""
+) -> InterpolationCheck | None:
+    """Check the commands of a controller for the samples; None without `--controller`."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Frequency
     from armcontour.motion.controller_laws import interpolate_points
-    from armcontour.verification import check_commands
+    from armcontour.verification import check_interpolation
 
     name, rate = options.controller, read_option("--rate", options.rate, Frequency)
     if name is None or rate is None:
         if (name, rate, options.plan) != (None, None, None):
-            raise InvalidInput("--controller and --rate go together; --plan goes with them.")
+            raise InvalidInput(
+                "--controller and --rate require each other, and --plan requires both of them."
+            )
         return None
     reference = None
     if options.plan is not None:
         plan = _samples(options.plan, arm, replace(options, noise=None))
         reference = interpolate_points(plan, "jtc_spline").curve
-    return check_commands(samples, arm, name, rate, limits, path, reference=reference, **allowed)
+    return check_interpolation(
+        samples, arm, name, rate, limits, path, reference=reference, **allowed
+    )
 
 
 def _limits_and_path(
     options: CheckOptions, job: Job | None, arm: Arm
 ) -> tuple[Limits, Program | None, float | None, float | None]:
-    """Limits, path, and allowed deviations from the path [m] and [rad]."""
+    """Limits, path, and allowed deviations of position [m] and orientation [rad] from the path."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_limits
     from armcontour.jobs import prepare_and_round
@@ -122,22 +131,24 @@ def _limits_and_path(
     limits, deviation, angle = read_limits(options.limits, arm)
     if path is None and (deviation, angle) != (None, None):
         raise InvalidInput(
-            f"{options.limits} limits the deviation from a path: name its job with --path."
+            f"{options.limits} limits the deviation from a path, but no path is specified. Specify "
+            "the job of the path with --path."
         )
     return limits, path, deviation, angle
 
 
 def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
-    """Clearance of the arm to itself and to its cell, at the times of the file."""
+    """Clearance of the arm from itself and its cell along the samples, with times of the file."""
     from armcontour.verification.clearance import check_clearance
 
     return check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
 
 
 def _arm_and_scene(options: CheckOptions, default: Arm | None) -> tuple[Arm, Scene | None]:
-    """Arm and scene of the options; no scene without `--scene`."""
-    # The arm is that of `--arm`, else `default` (that of the job), else that of the cell of the
-    # scene.
+    """Arm and scene of the options; the scene is None without `--scene`.
+
+    The arm is that of `--arm`, else `default` (arm of the job), else the arm of the scene's cell.
+    """
     from armcontour.files.cell import cell_names, read_cell_scene
     from armcontour.files.scene_file import read_scene_file
     from armcontour.robot.scene import Scene
@@ -154,25 +165,26 @@ def _arm_and_scene(options: CheckOptions, default: Arm | None) -> tuple[Arm, Sce
 
 
 def _arm(options: CheckOptions, default: Arm | None) -> Arm:
-    """The arm of the options, by default that of the job or cell."""
+    """Arm of the options; the default is the arm of the job or cell."""
     from armcontour.core.errors import InvalidInput
 
     if options.arm is not None:
         return named_arm(options.arm, options)
     if default is None:
         raise InvalidInput(
-            "Name the arm with --arm, with --path a job that has one, or with --scene a cell."
+            "The check requires an arm. Specify it with --arm, with the job of --path, or with the "
+            "cell of --scene."
         )
     if any(getattr(options, x) is not None for x in ARM_OPTIONS):
         raise InvalidInput(
-            "--tip, --base, --joint-limits, --package and --xacro-arg go with --arm: the job's arm "
-            "has its own."
+            "--tip, --base, --joint-limits, --package and --xacro-arg require --arm; they do not "
+            "apply to the arm of a job or cell."
         )
     return default
 
 
 def named_arm(name: str, command: DescriptionOptions) -> Arm:
-    """Load the arm of a name or file with the options for robot descriptions."""
+    """Load an arm by name or file, with the options for robot descriptions."""
     from armcontour.files.robots.arm_options import ArmOptions
     from armcontour.files.robots.loading import load_arm
 
@@ -187,20 +199,22 @@ def named_arm(name: str, command: DescriptionOptions) -> Arm:
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
-    """Values of an option given as NAME=VALUE, by name."""
+    """Values of an option by name, from texts NAME=VALUE."""
     from armcontour.core.errors import InvalidInput
 
     pairs = {}
     for text in texts or []:
         name, equals, value = text.partition("=")
         if not name or not equals:
-            raise InvalidInput(f"{option} takes NAME=VALUE, such as {option} a=b, not {text!r}.")
+            raise InvalidInput(
+                f"The value of {option} must be NAME=VALUE, such as {option} a=b, but is {text!r}."
+            )
         pairs[name.strip()] = value.strip()
     return pairs
 
 
 def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> TrajectoryFile:
-    """Read a trajectory file, and check its number of joints."""
+    """Read a trajectory file, check its joints and ranges, and apply `--noise`."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_trajectory
     from armcontour.motion.log_checks import check_range_of_log
@@ -212,7 +226,8 @@ def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> Trajector
         raise InvalidInput(
             f"{samples.source} has positions of {samples.q.shape[1]} joints "
             f"({', '.join(map(show, samples.joints))}), but the arm {arm.name} has {arm.dof} "
-            f"({', '.join(arm.joint_names)}): give all of them, or the arm of the file with --arm."
+            f"({', '.join(arm.joint_names)}). Use a file with all joints, or specify the arm of "
+            "the file with --arm."
         )
     check_range_of_log(
         samples.source, samples.t, {"position": samples.q}, samples.joints, arm,
@@ -222,7 +237,7 @@ def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> Trajector
 
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
-    """The samples with a declared largest error of positions and velocities."""
+    """Samples whose resolution includes the maximum errors that `--noise` declares."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, AngularRate
@@ -239,17 +254,17 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
     for name, part, kind in zip(("q", "dq"), parts, (AngularDistance, AngularRate), strict=False):
         error = read_option("--noise", part, kind)
         assert error is not None
-        # The resolution is twice the largest error, as for a rounded number.
+        # A resolution is twice the maximum error, as for rounded numbers.
         resolution[name] = max(resolution.get(name, 0.0), 2 * error)
     return replace(samples, resolution=resolution)
 
 
 def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> list[str]:
-    """Sentences on ignored columns and on undeclared noise."""
+    """Sentences about ignored columns, notes of the file, and undeclared noise."""
     lines = []
     if samples.left_out:
         lines.append(
-            f"Left out of {samples.source}: "
+            f"Ignored columns of {samples.source}: "
             f"{list_some([show(x) for x in samples.left_out], MAX_TITLES)}."
         )
     lines += [f"Note: {x}" for x in samples.notes]
@@ -260,30 +275,31 @@ def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> li
         and noise > max(samples.resolution.get("q", 0.0), MIN_NOISE)
     ):
         lines.append(
-            f"The positions scatter by {digits(noise * 1e3, 2)} mrad from sample to sample, as "
-            "measured ones do, and this noise counts as motion. If they are measured, declare the "
-            f"largest error with --noise, such as '{digits(4e3 * noise, 2)} mrad': then only what "
-            "is beyond it is a violation. If they are set-points, whose accelerations jump, check "
-            "planned.csv."
+            f"The positions scatter by {digits(noise * 1e3, 2)} mrad from sample to sample, like "
+            "measured positions, and the check treats this noise as motion. If the positions are "
+            "measured, declare their largest error with --noise, such as "
+            f"'{digits(4e3 * noise, 2)} mrad'; then only deviations beyond this error are "
+            "violations. If they are set-points, whose accelerations jump, check planned.csv "
+            "instead."
         )
     return lines
 
 
 def _noise(q: FloatArray) -> float:
-    """Standard deviation of the noise of measured positions [rad]; 0 for computed positions."""
+    """Largest standard deviation of the noise in joint positions [rad]; 0 without noise."""
     third = np.diff(q, n=3, axis=0)
     power = np.sum(third**2, axis=0)
     noise = 0.0
     for j in np.flatnonzero(power > 0):
-        # Neighbouring third differences of white noise have the correlation -0.75.
+        # Third differences of white noise have the correlation -0.75 with their neighbours.
         if float(third[1:, j] @ third[:-1, j]) < -0.6 * power[j]:
             noise = max(noise, math.sqrt(power[j] / len(third) / 20))
     return noise
 
 
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
-    """The run of a job whose path, and with `limited` whose limits, the check uses."""
-    # Without a name it is the first run that rounds corners; all such runs must round alike.
+    """Run of a job whose path and, if `limited`, whose limits the check uses."""
+    # The default is the first run that rounds corners, if all such runs round corners equally.
     from armcontour.core.errors import InvalidInput
     from armcontour.jobs.job import find_run
     from armcontour.jobs.reuse import comparable
@@ -296,14 +312,14 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     if runs[0].rounding is not None and len(rounding) > 1:
         names = ", ".join(x.name for x in rounding.values())
         raise InvalidInput(
-            f"The runs of the job {job.name} round corners differently: choose one with --run "
+            f"The runs of the job {job.name} round corners differently. Choose a run with --run "
             f"({names})."
         )
     first, *others = ((path_inputs(job, x), comparable(x.limits)) for x in runs)
     if limited and any(x != first for x in others):
         names = ", ".join(x.name for x in runs)
         raise InvalidInput(
-            f"The runs of the job {job.name} have different limits: choose one with --run "
-            f"({names}), or give --limits."
+            f"The runs of the job {job.name} have different limits. Choose a run with --run "
+            f"({names}), or specify --limits."
         )
     return runs[0]

@@ -43,16 +43,16 @@ JobOrDrawing = Annotated[
         "waypoints (.csv), with --cell.",
     ),
 ]
-# Width of the list of arms [characters].
+# Width of the output of the command `arms` [characters].
 WIDTH = 100
 PACKAGE = FilePath(__file__).parents[1]
-# Topics of the commands.
+# Topics under which the help lists the commands.
 RUN, PREPARE, JUDGE = "Plan and run", "Look, place, prepare", "Check and certify"
 ROBOT, INSTALLED = "With the robot", "About this installation"
 
 
 class Kind(Enum):
-    """Functions that the command `compile` compiles."""
+    """Sets of functions that the command `compile` can compile."""
 
     all = "all"
     usual = "usual"
@@ -79,10 +79,11 @@ app = typer.Typer(
 
 
 def app_for(arguments: Sequence[str]) -> typer.Typer:
-    """The program with only the called command, because building all commands takes time.
+    """Program with only the called command, because creating all commands takes time.
 
     Args:
-        arguments: Arguments of the program; all commands are built if the first is no command.
+        arguments: Arguments of the program. If the first is not a command, all commands are
+            created.
     """
     called = [
         x for x in app.registered_commands if x.callback and x.callback.__name__ in arguments[:1]
@@ -95,7 +96,7 @@ def app_for(arguments: Sequence[str]) -> typer.Typer:
 def _command(
     topic: str, example: str, name: str | None = None
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Decorator for a command with a topic in the help and the arguments of an example."""
+    """Decorator that registers a command, with its topic and an example in the help."""
     epilog = f"\b\nExample:\n  armcontour {example}"
     return app.command(name, cls=Command, rich_help_panel=topic, epilog=epilog)
 
@@ -165,7 +166,7 @@ def studio(
         ),
     ] = None,
 ) -> None:
-    """Open a page in which the path is dragged, and the robot's answer is seen at once."""
+    """Open a web page on which you edit the path and see the resulting robot motion at once."""
     from armcontour.cli.studio_command import open_studio
 
     open_studio(job, options)
@@ -183,7 +184,7 @@ def show(
     drawing_options: DrawingOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Show size and layers of a drawing, before any arm."""
+    """Show size and layers of a drawing; no arm is required."""
     from armcontour.cli.show_command import show_file
 
     show_file(drawing, drawing_options, as_json)
@@ -213,7 +214,7 @@ def certify(
     job_options: JobOptions,
     options: CertifyOptions,
 ) -> None:
-    """Find the fastest plan whose execution keeps a tolerance; exit code 4 if there is none."""
+    """Find the fastest plan whose execution stays within a tolerance; exit code 4 without one."""
     from armcontour.cli.certify_command import certify_file
 
     certify_file(job, job_options, options)
@@ -227,7 +228,7 @@ def place(
     job_options: JobOptions,
     options: PlaceOptions,
 ) -> None:
-    """Find where the part lies best: writes maps, a table, and the job in the best place."""
+    """Find the best placement of the part: writes maps, a table, and the placed job."""
     from armcontour.cli.place_command import place_file
 
     place_file(job, out, job_options, options)
@@ -239,13 +240,15 @@ def batch(
     plan: Annotated[FilePath, typer.Argument(help="Plan of many jobs (.yaml).")],
     out: Annotated[
         FilePath,
-        typer.Option("--out", "-o", help="Folder for the results; that of an earlier run goes on."),
+        typer.Option(
+            "--out", "-o", help="Folder for the results; an earlier batch in it is continued."
+        ),
     ],
     options: BatchOptions,
 ) -> None:
-    """Work on many jobs: a job file over values of its keys; an interrupted batch goes on.
+    """Run a job file for many values of its keys; an interrupted batch can be continued.
 
-    Exit codes: 0 every job is done or refused; 1 some failed; 2 a wrong plan.
+    Exit codes: 0 every job is done or refused; 1 some jobs failed; 2 the plan is invalid.
     """
     from armcontour.cli.batch_command import batch_file
 
@@ -258,10 +261,12 @@ def export(
     result: Annotated[
         FilePath, typer.Argument(help="Folder of a result, of `run`, `certify` or `learn`.")
     ],
-    file: Annotated[FilePath, typer.Argument(help="File to write; its ending says the format.")],
+    file: Annotated[
+        FilePath, typer.Argument(help="File to write; its extension determines the format.")
+    ],
     options: StoredExportOptions,
 ) -> None:
-    """Export set-points, or the plan, of an earlier result for a robot controller."""
+    """Export the set-points or the plan of an earlier result for a robot controller."""
     from armcontour.cli.exports import export_stored
 
     export_stored(result, file, options)
@@ -280,9 +285,9 @@ def identify(
     ],
     options: IdentifyOptions,
 ) -> None:
-    """Identify a servo, or with --arm a robot, from logs, or with --on from motions.
+    """Identify servos, or with --arm a robot with masses, from logs; with --on, from new motions.
 
-    Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good on one program only.
+    Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good for one program only.
     """
     from armcontour.cli.identify_command import identify_files
 
@@ -296,7 +301,7 @@ def learn(
     options: LearnOptions,
     job_options: JobOptions,
 ) -> None:
-    """Learn the set-points of the next run from the log of the last, or with --on from runs."""
+    """Learn the set-points of the next run from logs; with --on, from runs on the robot."""
     if options.on is not None:
         from armcontour.cli.robot_commands import learn_robot
 
@@ -309,7 +314,7 @@ def learn(
 @_command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")
 @grouped
 def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> None:
-    """Play a run on a robot controller and record it; without --execute nothing moves."""
+    """Play a run on a robot controller and record it; the robot moves only with --execute."""
     from armcontour.cli.play_command import play_file
 
     raise typer.Exit(play_file(job, job_options, options))
@@ -317,7 +322,7 @@ def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> No
 
 @_command(PREPARE, "arms")
 def arms() -> None:
-    """List the built-in arms, with the parameters that are assumed."""
+    """List the built-in arms with their sources and assumed parameters."""
     from armcontour.files.robots.loading import arm_names, load_arm
 
     for name in arm_names():
@@ -345,7 +350,7 @@ def init(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a file of that name.")] = False,
 ) -> None:
-    """Write a work cell as a job file to start from, with an arm, limits, a servo and comments."""
+    """Write a built-in cell as a job file to edit, with arm, limits, servo and comments."""
     from armcontour.cli.console import Console
     from armcontour.core import staging
     from armcontour.core.errors import InvalidInput
@@ -354,16 +359,18 @@ def init(
     text = cell_text(cell)
     file = FilePath(f"{cell}.yaml") if out is None else out
     if file.suffix.lower() not in YAML:
-        raise InvalidInput(f"A cell is a {YAML[0]} file: name one with --out, not {file}.")
+        raise InvalidInput(f"The file of --out must have the extension {YAML[0]}, but is {file}.")
     if file.exists() and not force:
-        raise InvalidInput(f"{file} exists already: name another file with --out, or give --force.")
+        raise InvalidInput(
+            f"{file} already exists. Specify another file with --out, or add --force to replace it."
+        )
     try:
         staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
     except OSError as error:
         raise staging.unwritable(file, error) from None
     Console().print(
-        f"{file} is a copy of the cell {cell}: set its arm, servo and position of the drawing, "
-        f"then armcontour run DRAWING --cell {file} --out FOLDER"
+        f"{file} is a copy of the cell {cell}. Set its arm, its servo and the position of the "
+        f"drawing. Then use: armcontour run DRAWING --cell {file} --out FOLDER"
     )
 
 
@@ -372,11 +379,12 @@ def compile_functions(
     kind: Annotated[
         Kind,
         typer.Argument(
-            help="What to compile: all, or what usual runs need, in plane, in space, or both."
+            help="Functions to compile: all, or those of usual runs in the plane, in space, or "
+            "both (usual)."
         ),
     ] = Kind.all,
 ) -> None:
-    """Compile everything that is compiled at its first use, so that no command has to wait."""
+    """Compile functions now that are otherwise compiled at first use, to avoid later waiting."""
     from armcontour.cli.console import Console
     from armcontour.cli.progress_bars import share_progress
     from armcontour.core.compilation import compile_kernels
@@ -390,9 +398,10 @@ def compile_functions(
     )
     if not os.environ.get("NUMBA_CACHE_DIR") and PACKAGE not in compiled.folder.parents:
         console.print(
-            f"Note: only your own programs use these files, because the folder {PACKAGE} cannot "
-            "be written. Other users compile their own, or set NUMBA_CACHE_DIR to a folder that "
-            "all can write to, now and whenever armcontour runs."
+            f"Note: only your own programs use these files, because the folder {PACKAGE} is not "
+            "writable. Other users compile their own files. To share the files, set "
+            "NUMBA_CACHE_DIR to a folder that all users can write to, now and whenever armcontour "
+            "runs."
         )
 
 

@@ -1,6 +1,6 @@
-"""Output on the terminal: tables, lines, and the report in a browser.
+"""Output on the terminal: tables and lines; opening the report in a browser.
 
-All text passes through `to_line`, because names come from files of users.
+`to_line` makes all text printable, because names come from files of users.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from armcontour.core.text import to_line
 if TYPE_CHECKING:
     from armcontour.core.result import Data
 
-# Width of output to a file or another program [characters].
+# Width of output that does not go to a terminal [characters].
 WIDTH = 120
-# Longest name that is not folded in the first column of a table [characters].
+# Maximum length of names that are not wrapped in a table [characters].
 USUAL_NAME = 24
 
 
 class Console:
-    """Standard output, as wide as the terminal."""
+    """Printer on the standard output, as wide as the terminal."""
 
     def __init__(self) -> None:
         from rich.console import Console as Rich
@@ -40,7 +40,7 @@ class Console:
         left_aligned: Collection[int] = (0,),
         whole: Collection[int] = (0,),
     ) -> None:
-        """Print a table."""
+        """Print a table; columns of `whole` are not wrapped if their names are of usual length."""
         from rich.markup import escape
         from rich.table import Table
 
@@ -48,7 +48,7 @@ class Console:
         table = Table(title=shown, title_justify="left")
         lines = [[to_line(x) for x in row] for row in rows]
         for i, heading in enumerate(headings):
-            # Long names are folded, not cut; usual names of runs and joints stay on one line.
+            # Long names are wrapped instead of cut; names of usual length stay on one line.
             justify: Literal["left", "right"] = "left" if i in left_aligned else "right"
             usual = i in whole and max((len(x[i]) for x in lines), default=0) <= USUAL_NAME
             table.add_column(escape(heading), justify=justify, overflow="fold", no_wrap=usual)
@@ -66,18 +66,18 @@ class Console:
             self.print(note)
 
     def print(self, text: str) -> None:
-        """Print a line; the terminal may wrap it, and markup has no effect."""
+        """Print a line without markup; the terminal wraps it."""
         self._rich.print(to_line(text), soft_wrap=True, highlight=False, markup=False)
 
 
 def print_line(text: str) -> None:
-    """Print a line without loading the library for tables, which takes a tenth of a second."""
+    """Print a line without loading the library `rich`, which takes 0.1 s."""
     sys.stdout.write(f"{to_line(text)}\n")
     sys.stdout.flush()
 
 
 def show_notes(notes: Iterable[str]) -> None:
-    """Print notes on input files to the standard error."""
+    """Print notes about input files to the standard error."""
     for note in notes:
         sys.stderr.write(f"Note: {to_line(note)}\n")
 

@@ -1,4 +1,4 @@
-"""Entry point of the program `armcontour`: signals, errors, exit codes, and broken output."""
+"""Entry point of the program `armcontour`: signals, errors, exit codes, broken pipes."""
 
 from __future__ import annotations
 
@@ -15,28 +15,29 @@ from armcontour.core.child_process import (
 from armcontour.core.errors import ArmContourError
 from armcontour.core.text import to_line
 
-# Exit code for a pipe whose reader has ended, as in `armcontour arms | head -1`.
+# Exit code if the reader of the output has ended, as in `armcontour arms | head -1`.
 BROKEN_PIPE = 128 + 13
 OUT_OF_MEMORY = (
-    "The available memory is used up: close other programs, or reduce the job by a longer cycle, "
-    "fewer runs or --no-simulation."
+    "The available memory is not sufficient. Close other programs, or reduce the job by a longer "
+    "cycle, fewer runs or --no-simulation."
 )
 
 
 def main() -> None:
     """Run the command line; an error is printed as one sentence and determines the exit code.
 
-    Nothing is imported from the current folder, nor from the folders of the arguments.
+    Modules are imported neither from the current folder nor from the folders of the arguments.
     """
     sys.path[:] = import_path(*map(os.path.dirname, sys.argv[1:]))
-    # A file .numba_config.yaml in the current folder could name a folder of compiled functions,
-    # which numba would run; an environment variable overrides it.
+    # Security: a file .numba_config.yaml in the current folder could name a folder of compiled
+    # functions that numba runs. The environment variable overrides the file.
     os.environ.setdefault("NUMBA_CACHE_DIR", "")
     skip_exit_collection()
     reduce_garbage_collection()
-    # MuJoCo would start a process to find a graphics library, which no command needs.
+    # Without this value, MuJoCo starts a process that looks for a graphics library, although no
+    # command needs it.
     os.environ.setdefault("MUJOCO_GL", "disable")
-    # pydantic would search all installed packages for plugins.
+    # Without this value, pydantic searches all installed packages for plugins.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     sys.exit(run_interruptibly(_command))
 
@@ -59,13 +60,14 @@ def _command() -> int:
     except OSError as error:
         _mute()
         file = f" {error.filename}" if error.filename is not None else ""
-        _complain(f"The system refused to write or read{file}: {error.strerror or error}.")
+        _complain(f"Writing or reading{file} has failed: {error.strerror or error}.")
         return 1
 
 
 def _run() -> int:
     """Run the typer app and return its exit code."""
-    # Imported here, because loading typer takes 0.1 s, in which signals must already work.
+    # The modules are imported here, because loading typer takes 0.1 s and signals must already be
+    # handled during this time.
     from armcontour.cli.commands import app_for
     from armcontour.cli.progress_bars import compiling_notice
 
@@ -81,12 +83,12 @@ def _run() -> int:
 
 
 def _complain(text: str) -> None:
-    """Print an error on the standard error."""
+    """Print a message to the standard error; errors of writing are ignored."""
     with suppress(OSError, ValueError, AttributeError):
         print(f"Error: {to_line(text)}", file=sys.stderr, flush=True)
 
 
 def _mute() -> None:
-    """Discard output that cannot be written, so that Python does not try again at exit."""
+    """Redirect the standard output to the null device, so that Python writes no more at exit."""
     with suppress(OSError, ValueError, AttributeError), open(os.devnull, "wb") as null:
         os.dup2(null.fileno(), sys.stdout.fileno())

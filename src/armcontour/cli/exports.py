@@ -1,4 +1,4 @@
-"""Export of set-points and plans in the formats of the command line, from a run or a result."""
+"""Export of set-points and plans of a run or of a stored result, with the command line options."""
 
 from __future__ import annotations
 
@@ -23,54 +23,54 @@ if TYPE_CHECKING:
     from armcontour.program import Event
     from armcontour.robot import Arm, Limits
 
-# Labels of the set-points for the robot, and of the plan without compensation.
+# Labels of exported set-points, and of the exported plan (without compensation).
 SET_POINTS, REFERENCE = "set_points", "reference"
-# Formats whose controllers interpolate set-points by quintics, and the fraction of the limit of
-# acceleration above which a warning is given.
+# Formats whose controllers interpolate set-points with quintics, and ratio of acceleration and
+# limit above which a warning is given.
 JOINED_BY_QUINTICS = ("ros-yaml", "mcap")
-FAR_ABOVE = 3.0
+MAX_ACCELERATION_RATIO = 3.0
 
 Outputs = dict[str, int | str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """One file of an export."""
+    """Format and file name extension of an exported file."""
 
-    format: ExportFormat  # The format, with its outputs of events
-    ending: str  # Ending of the file name
+    format: ExportFormat  # Format with its options and the outputs of events
+    ending: str  # File name extension
 
     @property
     def plans(self) -> bool:
-        """True if the controller plans between the points; such files contain the plan only."""
+        """True if the controller plans the motion between points; such files have only the plan."""
         from armcontour.files.exports.template import templates
 
         return self.format.label in templates()
 
     @property
     def option(self) -> str:
-        """Option of the command line for this file, for messages."""
+        """Command line option that requests this file, for messages."""
         kind = "template" if self.format.kind == "template" else "export"
         return f"--{kind} {self.format.label}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exports:
-    """Formats in which every run is exported."""
+    """Formats and options with which every run is exported."""
 
     targets: tuple[Target, ...] = ()
-    cycle: float | None = None  # Time between points of the plan [s]; None for the cycle of the run
-    derivatives: int = 2
-    tool_motion: bool = False  # Whether files have point, orientation and speed of the tool
-    effort: bool = False  # Whether files have the torques of the plan
-    # Ratio of tolerances in files of ros-yaml to predicted errors; None for no goals.
+    cycle: float | None = None  # Time between points of the plan [s]; None: cycle of the run
+    derivatives: int = 2  # Highest derivative of the positions in files
+    tool_motion: bool = False  # True if files have point, orientation and speed of the tool
+    effort: bool = False  # True if files have the joint torques of the plan
+    # Ratio of the tolerances in ros-yaml files and the predicted errors; None: no tolerances.
     tolerances: float | None = None
 
     def __bool__(self) -> bool:
         return bool(self.targets)
 
     def write(self, target: Target, table: SetPointTable, file: FilePath) -> None:
-        """Write a table to a file; analog outputs only if the format supports them."""
+        """Write a table to a file; without analog outputs if the format does not support them."""
         from armcontour.core.errors import error_context
         from armcontour.files.exports.formats import WITH_ANALOG
 
@@ -80,15 +80,15 @@ class Exports:
             target.format.write(table, file)
 
     def cycle_of(self, target: Target) -> float | None:
-        """Time between points of the plan in a file [s]; None for the cycle of the run."""
+        """Time between points of the plan in a file [s]; None: cycle of the run."""
         return None if target.format.kind == "urscript" else self.cycle
 
     def describe(self, target: Target, parts: Sequence[SetPointTable]) -> list[str]:
-        """Sentences on files: outputs that they do not switch, digits, and size."""
+        """Sentences about exported files: events without outputs, number of digits, and size."""
         return target.format.describe(parts, lambda event, output: f"--output {event}={output}")
 
     def table_options(self, arm: Arm) -> dict[str, Any]:
-        """Keyword arguments for a table of the arm; tool points only if a file contains them."""
+        """Keyword arguments for tables; they include the arm only if a file has tool positions."""
         needed = (self.tool_motion or self.effort) or any(
             x.format.kind in ("npz", "template") for x in self.targets
         )
@@ -101,7 +101,7 @@ class Exports:
         }
 
     def with_tolerances(self, target: Target, label: str, result: RunResult) -> Target:
-        """The target with tolerances from the errors of the simulation, for its set-points."""
+        """Target with tolerances from simulated errors, if the file has set-points for ros-yaml."""
         from armcontour.files.exports.ros import predict_tolerances
 
         if target.format.kind != "ros-yaml" or self.tolerances is None or label != SET_POINTS:
@@ -114,7 +114,7 @@ class Exports:
 
 
 def exports_of(command: ExportOptions) -> Exports:
-    """Read the export options of a command line."""
+    """Read the export options of a command."""
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Interval
     from armcontour.files.exports.formats import TemplateFormat, format_named
@@ -122,7 +122,9 @@ def exports_of(command: ExportOptions) -> Exports:
 
     kinds = [format_named(name) for name in command.export or ()]
     if TemplateFormat in kinds:
-        raise InvalidInput("--export template needs its template: give it with --template.")
+        raise InvalidInput(
+            "--export template does not specify a template. Use --template NAME instead."
+        )
     targets = [Target(format=of(), ending=of.ending) for of in kinds]
     targets += [
         Target(format=TemplateFormat(template=name), ending=ending_of(name))
@@ -143,7 +145,7 @@ def exports_of(command: ExportOptions) -> Exports:
         }
         for option, is_set in options.items():
             if is_set:
-                raise InvalidInput(f"{option} goes with --export or --template.")
+                raise InvalidInput(f"{option} requires --export or --template.")
     _refuse_same_files(targets)
     if command.tolerances is not None and command.tolerances < 1:
         raise InvalidInput(f"--tolerances must be at least 1, but is {command.tolerances:g}.")
@@ -158,7 +160,7 @@ def exports_of(command: ExportOptions) -> Exports:
 
 
 def _with_options(targets: Sequence[Target], command: PointOptions) -> list[Target]:
-    """Targets with the options that their formats have."""
+    """Targets with the options that their formats support."""
     from armcontour.core.errors import InvalidInput, error_context
     from armcontour.files.exports.file_parts import read_points_per_file
 
@@ -182,20 +184,21 @@ def _with_options(targets: Sequence[Target], command: PointOptions) -> list[Targ
             dataclasses.replace(target, format=dataclasses.replace(target.format, **taken))
         )
     if unused and targets:
-        raise InvalidInput(f"--{min(unused)} has no effect on the formats of these exports.")
+        option = f"--{min(unused).replace('_', '-')}"
+        raise InvalidInput(f"None of the exported formats supports {option}. Remove the option.")
     return complete
 
 
 def _with_outputs(targets: Sequence[Target], texts: Sequence[str]) -> list[Target]:
-    """Targets with outputs of events, from texts such as "tool=0", or "abb:tool=doTool" for one."""
+    """Targets with the outputs of events, from texts such as "tool=0" or "abb:tool=doTool"."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files.exports.formats import FORMATS, WITH_OUTPUTS
     from armcontour.files.exports.template import templates
 
     takers = [x.format.label for x in targets if isinstance(x.format, WITH_OUTPUTS)]
     if texts and not takers:
-        raise InvalidInput("--output goes with --export urscript or with --template.")
-    # Outputs by format; the key "" is for all formats.
+        raise InvalidInput("--output requires --export urscript or --template.")
+    # Outputs by format, then by event; the key "" means all formats.
     outputs: dict[str, Outputs] = {}
     for text in texts:
         event, equals, number = text.partition("=")
@@ -203,16 +206,22 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str]) -> list[Targe
         if colon and kind in takers:
             event = remainder
         elif colon and kind in (*FORMATS, *templates()):
-            raise InvalidInput(f"--output {text} is for {kind}, which is not exported.")
+            raise InvalidInput(
+                f"--output {text} is for the format {kind}, which is not exported. Remove this "
+                f"option, or export {kind} too."
+            )
         else:
             kind = ""
         if not (event and equals and number):
             raise InvalidInput(
-                f"--output must be an event and its output, such as tool=0: {text!r}."
+                f"The value of --output must be an event and its output, such as tool=0, but is "
+                f"{text!r}."
             )
         events = outputs.setdefault(kind, {})
         if event in events:
-            raise InvalidInput(f"--output gives the event {event!r} two outputs: give it one.")
+            raise InvalidInput(
+                f"--output specifies two outputs for the event {event!r}. Specify only one."
+            )
         events[event] = int(number) if number.isdecimal() else number
     complete = []
     for target in targets:
@@ -225,24 +234,24 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str]) -> list[Targe
 
 
 def _refuse_same_files(targets: list[Target]) -> None:
-    """Reject two exports to the same file."""
+    """Raise InvalidInput if two exports would be written to the same file."""
     from armcontour.core.errors import InvalidInput
 
     taken: dict[str, str] = {}
     for target in targets:
         if taken.get(target.ending) == target.option:
-            raise InvalidInput(f"{target.option} is given twice: give it once.")
+            raise InvalidInput(f"{target.option} is specified twice. Specify it only once.")
         if target.ending in taken:
             raise InvalidInput(
                 f"{taken[target.ending]} and {target.option} would both be written to "
-                f"{SET_POINTS}{target.ending}: remove one of them, or give a template "
-                "another ending, such as cell.txt.j2."
+                f"{SET_POINTS}{target.ending}. Remove one of them, or use a template with another "
+                "extension, such as cell.txt.j2."
             )
         taken[target.ending] = target.option
 
 
 def rehearse(job: Job, exports: Exports, scratch: FilePath) -> None:
-    """Write a table of two points in each format, to find errors before the run."""
+    """Write a table of two points in each format, to find errors of options before the run."""
     from armcontour.core.errors import InvalidInput
 
     events = _events_of(job)
@@ -256,16 +265,18 @@ def rehearse(job: Job, exports: Exports, scratch: FilePath) -> None:
         for target in exports.targets:
             if cycle not in (*intervals, exports.cycle_of(target)):
                 continue
-            # Each file has its own name, because a bag is a folder that cannot be replaced.
+            # Each file has its own name, because a bag is a folder, and folders are not replaced.
             file = scratch / f"rehearsal{number}{target.ending}"
             try:
                 exports.write(target, table, file)
             except OSError as error:
-                raise InvalidInput(f"Cannot try {target.option}: {error.strerror}.") from None
+                raise InvalidInput(
+                    f"A test file for {target.option} cannot be written: {error.strerror}."
+                ) from None
 
 
 def _refuse_outputs(exports: Exports, events: Iterable[str], owner: str) -> None:
-    """Reject outputs for events that do not exist."""
+    """Raise InvalidInput if an output is specified for an event that does not exist."""
     from armcontour.files.exports.formats import check_outputs, outputs_of
 
     names = {name: 0 for target in exports.targets for name in outputs_of(target.format)}
@@ -273,7 +284,7 @@ def _refuse_outputs(exports: Exports, events: Iterable[str], owner: str) -> None
 
 
 def _events_of(job: Job) -> list[Event]:
-    """All events of a job, each name and value once."""
+    """Events of a job; each combination of name and value occurs once."""
     from armcontour.program import Contour, Event
 
     events: list[Event] = []
@@ -292,7 +303,7 @@ def _events_of(job: Job) -> list[Event]:
 
 
 def _two_points(job: Job, cycle: float, events: Sequence[Event], exports: Exports) -> SetPointTable:
-    """SetPointTable of two points with the joints and events of a job."""
+    """Table of two points with the joints, events and analog outputs of a job."""
     import numpy as np
 
     from armcontour.files.exports.table import tabulate
@@ -315,14 +326,14 @@ def _two_points(job: Job, cycle: float, events: Sequence[Event], exports: Export
 
 
 def _title(job: Job, label: str) -> str:
-    """Title of a table inside its file."""
+    """Title of a table, which its file contains."""
     return f"{job.name} {label}"
 
 
 def write_exports(
     folder: ResultFolder, job: Job, name: str, result: RunResult, exports: Exports
 ) -> tuple[list[str], list[str]]:
-    """Export set-points and plan of one run; return sentences on the files, and warnings."""
+    """Export set-points and plan of a run; returns sentences about the files, and warnings."""
     from armcontour.files.exports import make_table
     from armcontour.files.exports.file_parts import part_files
     from armcontour.files.exports.formats import FORMATS, WITH_ANALOG
@@ -365,7 +376,7 @@ def write_exports(
             if exports.derivatives == 0 and job.arm.name.lower().startswith("ur"):
                 warnings.append(
                     f"{target.option}, run {name}: the trajectory interface of UR (passthrough "
-                    "controller) needs velocities: remove --derivatives 0."
+                    "controller) requires velocities. Remove --derivatives 0."
                 )
             warnings += _warn_of_jumps(target, table, result.run.limits, name)
         warnings += [f"{target.option}, run {name}: {x}" for x in sentences]
@@ -393,14 +404,14 @@ def _size(file: FilePath) -> int:
 
 
 def _total(table: SetPointTable, sizes: Sequence[int]) -> str:
-    """Number of files, points and size, in words."""
+    """Text with the number of files, the number of points and the total size."""
     size = digits(max(sum(sizes) / MEGABYTE, 1e-3), 2)
     several = f"{len(sizes)} files, " if len(sizes) > 1 else ""
     return f"{several}{count_noun(len(table.t), 'point')}, {size} MB"
 
 
 def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: str) -> list[str]:
-    """Warnings of set-points whose interpolation exceeds the limits of acceleration by far."""
+    """Warnings if set-points require accelerations far above the joint acceleration limits."""
     import numpy as np
 
     from armcontour.robot.limit_use import use_of
@@ -409,21 +420,24 @@ def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: s
         return []
     ratio = use_of("joint_acceleration", limits, table.ddq).largest
     joint = int(np.argmax(ratio))
-    if ratio[joint] < FAR_ABOVE:
+    if ratio[joint] < MAX_ACCELERATION_RATIO:
         return []
     smooth = limits.joint_jerk is not None and bool(np.isfinite(limits.joint_jerk[joint]))
     cause, advice = (
-        ("the compensated set-points change faster than the plan", "reserve: 10 % reduces this.")
+        (
+            "the compensated set-points change faster than the plan",
+            "The setting reserve: 10 % reduces this acceleration.",
+        )
         if smooth
         else (
-            "the velocity of the compensated set-points changes in steps where the planned "
-            "acceleration does",
-            "A limit of jerk (limits: joint_jerk) reduces this; --derivatives does not.",
+            "the velocity of the compensated set-points jumps where the planned acceleration jumps",
+            "A jerk limit (limits: joint_jerk) reduces this acceleration; --derivatives does not.",
         )
     )
     return [
-        f"{target.option}, run {name}: {cause}, so a controller that follows them needs up to "
-        f"{ratio[joint]:.0f} times the acceleration limit of {table.joint_names[joint]}. {advice}"
+        f"{target.option}, run {name}: {cause}, so a controller that follows the set-points "
+        f"requires up to {ratio[joint]:.0f} times the acceleration limit of "
+        f"{table.joint_names[joint]}. {advice}"
     ]
 
 
@@ -443,12 +457,14 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     (target,) = _with_options([Target(format=_format(file, options), ending=file.suffix)], options)
     cycle = read_option("--cycle", options.cycle, Interval)
     if cycle is not None and not options.reference:
-        raise InvalidInput("--cycle goes with --reference: set-points have their own cycle.")
+        raise InvalidInput("--cycle requires --reference, because set-points have a fixed cycle.")
     arm = None
     if options.job is not None:
         arm = read_cell_arm(options.job, trust_xacro=options.trust_xacro)
     elif options.tool_motion:
-        raise InvalidInput("--tool-motion needs the arm: give its job file or its cell with --job.")
+        raise InvalidInput(
+            "--tool-motion requires the arm. Specify its job file or cell with --job."
+        )
     run = read_run(result, options.run_name)
     table_options: dict[str, Any] = {
         "derivatives": options.derivatives,
@@ -465,7 +481,9 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     files = part_files(file, len(parts))
     for path in files:
         if not options.force and path.exists():
-            raise InvalidInput(f"{path} exists already: choose another name, or give --force.")
+            raise InvalidInput(
+                f"{path} already exists. Choose another name, or add --force to replace it."
+            )
     for path, part in zip(files, parts, strict=True):
         write_destination(
             path, partial(exports.write, target, part), folder=target.format.kind == "mcap"
@@ -475,8 +493,8 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     label = REFERENCE if options.reference else SET_POINTS
     if run.analog:
         Console().print(
-            f"Not exported: the analog outputs {', '.join(run.analog)}. A result does not have "
-            "their values: export them with armcontour run."
+            f"The analog outputs {', '.join(run.analog)} are not exported, because a stored result "
+            "does not contain their values. Export them with armcontour run."
         )
     size = _total(table, [_size(x) for x in files])
     place = f"{files[0]} to {files[-1].name}" if len(files) > 1 else f"{files[0]}"
@@ -485,17 +503,20 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
 
 
 def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:
-    """Format of a file by the options or its ending."""
+    """Format of a file according to the options or the file name extension."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files.exports.formats import TemplateFormat, format_named, format_of
 
     if options.template is not None:
         if options.format not in (None, "template"):
             raise InvalidInput(
-                f"A template is given, but the format is {options.format} and not template."
+                f"--template requires --format template or no --format, but the format is "
+                f"{options.format}."
             )
         return TemplateFormat(template=options.template)
     kind = format_of(file) if options.format is None else format_named(options.format)
     if kind is TemplateFormat:
-        raise InvalidInput("The format template needs a template: kuka, abb, or a file.")
+        raise InvalidInput(
+            "The format template requires a template. Specify kuka, abb or a file with --template."
+        )
     return kind()

@@ -1,4 +1,4 @@
-"""The command `identify`: identify servos or an arm with masses, print and write the result."""
+"""The command `identify`: identifies servos or an arm with masses; prints and writes the result."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from armcontour.motion import Log
     from armcontour.robot import Arm
 
-# Exit codes: every joint has a valid model and compensation is trusted (with masses: all parameters
-# are determined); otherwise; trusted on one program only. No error has the code 9.
+# Exit codes. DONE: every joint has a valid model and the compensation is trusted; with masses: all
+# parameters are determined. PROVISIONAL: trusted for one program only. DOUBTFUL: otherwise. No
+# error has the exit code 9.
 DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
 STOPPED_EARLY = "nothing was identified."
 
@@ -28,20 +29,20 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     from armcontour.core.checks import raise_if
 
     lonely = options.out is None and (options.open_report or options.force)
-    raise_if(lonely, "--open and --force go with --out, the folder for the report.")
+    raise_if(lonely, "--open and --force require --out, the folder for the report.")
     if options.on is not None:
         return _identify_robot(logs, options)
     others = {"run_name": "--run", "sets": "--set", "excitation": "--excitation"}
     refuse_without_controller(options, others)
     if options.arm is None:
         for name in ("servo", "gravity", *ARM_OPTIONS):
-            message = f"--{name.replace('_', '-')} goes with --arm: name the arm too."
+            message = f"--{name.replace('_', '-')} requires --arm. Specify the arm too."
             raise_if(getattr(options, name) is not None, message)
         return _identify_servos(logs, options, None)
     raise_if(
         options.out is not None and bool(options.package or options.xacro_arg),
-        "robot.yaml cannot name packages and arguments of a .xacro file: expand it to a .urdf "
-        "file and name that, or remove --out.",
+        "robot.yaml cannot contain packages and arguments of a .xacro file. Expand the .xacro file "
+        "to a .urdf file and use it with --arm, or remove --out.",
     )
     arm = named_arm(options.arm, options)
     if not arm.has_bodies and options.servo is None and options.gravity is None:
@@ -50,12 +51,19 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
         ("--validate", bool(options.validate)),
         ("--model", options.model != "auto"),
     ):
-        raise_if(is_set, f"{option} is for joints without an arm: remove it or --arm.")
+        raise_if(
+            is_set,
+            f"{option} applies only to the identification of servos, but the options request an "
+            f"identification of masses. Remove {option}, or remove --arm.",
+        )
     return _identify_bodies(logs, options, options.arm, arm)
 
 
 def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | None) -> int:
-    """Identify the servo of each joint from logs; with an arm, errors at the tool are computed."""
+    """Identify the servo of each joint from logs and return the exit code.
+
+    With an arm, the result has errors at the tool.
+    """
     from armcontour.cli.progress_bars import search_progress
     from armcontour.control.identification import ServoFit, identify
     from armcontour.core.render import plain
@@ -76,14 +84,14 @@ def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | 
 
 
 def _verdict(fit: Identification) -> int:
-    """The exit code of identified servos."""
+    """Exit code of a servo identification."""
     if any(y.note for y in fit.joints) or not fit.judgement.trusted:
         return DOUBTFUL
     return PROVISIONAL if fit.judgement.programs == 1 else DONE
 
 
 def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
-    """Identify the servos of a robot from motions that it plays."""
+    """Identify the servos of a robot from motions that it executes, and return the exit code."""
     from armcontour.cli.play_command import DRY, STOPPED
     from armcontour.cli.robot_commands import identify_robot
     from armcontour.core.checks import raise_if
@@ -91,10 +99,13 @@ def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
     from armcontour.files.result_folder import data_json
     from armcontour.files.robot_file import servo_yaml
 
-    raise_if(len(jobs) != 1, f"--on takes one job, not {len(jobs)} files.")
+    raise_if(len(jobs) != 1, f"--on requires exactly one job, but {len(jobs)} files are given.")
     for name in ("arm", "servo", "gravity", "validate", "columns", "topic", "start", "end"):
         option = {"start": "from", "end": "to"}.get(name, name)
-        raise_if(getattr(command, name) is not None, f"--{option} is for logs: remove it or --on.")
+        raise_if(
+            getattr(command, name) is not None,
+            f"--{option} applies only to logs. Remove --{option} or --on.",
+        )
     result = identify_robot(jobs[0], command, _shared_options(command))
     fit = result.fit
     if fit is None:
@@ -108,7 +119,7 @@ def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
     remark = ""
     if any(y.written for y in fit.joints):
         files = {"servo.yaml": servo_yaml(fit), **files}
-        remark = f". The key servo of servo.yaml replaces that of {jobs[0]}."
+        remark = f". To use the identified servo, copy the key servo of servo.yaml to {jobs[0]}."
     prediction = result.prediction
     assert prediction is not None
     arm = result.played["run"].job.arm
@@ -117,7 +128,7 @@ def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
 
 
 def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, arm: Arm) -> int:
-    """Identify an arm with masses from logs."""
+    """Identify an arm with masses from logs, and return the exit code."""
     from armcontour.cli.progress_bars import search_progress
     from armcontour.control.identification import BodyFit, identify_bodies
     from armcontour.core.errors import InvalidInput
@@ -140,14 +151,14 @@ def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, 
         try:
             files["servo.yaml"] = robot_servo_yaml(fit)
         except InvalidInput as error:
-            # Not an error, because the other results are valid.
+            # A missing servo.yaml is not an error, because the other results are valid.
             remark = f", but no servo.yaml: {error}"
         _conclude(fit, command, files, remark=remark)
     return DONE if fit.determined else DOUBTFUL
 
 
 def _shared_options(command: IdentifyOptions) -> dict[str, Any]:
-    """The specified options that both kinds of identification have."""
+    """Specified options that both kinds of identification support, by name."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.quantities import Interval
 
@@ -187,7 +198,11 @@ def _conclude(
     further: list[Data] | None = None,
     remark: str = "",
 ) -> None:
-    """Write the result folder, and print the result."""
+    """Write an identification to the result folder, if any, and print it.
+
+    `rows`: further rows of the JSON output; `further`: further printed results; `remark`: end of
+    the last printed line.
+    """
     from armcontour.core.result import Row
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json

@@ -1,4 +1,4 @@
-"""Inputs of commands: quantities of options, and the job of a file, or of a drawing and a cell."""
+"""Inputs of commands: quantities in options, and the job of a job file or of a drawing and cell."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from armcontour.files.patch import Patch
     from armcontour.jobs import Job
 
-# File endings of jobs.
+# Extensions of job files; "" for the name of the built-in job.
 JOBS = (".yaml", ".yml", "")
-# Name of the built-in job, which all commands accept instead of a job file.
+# Name of the built-in job, which can be used instead of a job file.
 PAPER = "paper"
 
 
 def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
-    """Values that options set, by the keys of the job, and the options by keys with dots."""
+    """Values that options set by job key, and the option that sets each key (joined by dots)."""
     from armcontour.core.errors import InvalidInput, error_context
 
     patch: dict[tuple[str | int, ...], Any] = {}
@@ -45,7 +45,7 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
             patch |= {(*outer, key): item for key, item in each}
             options[row["key"].removesuffix(".*")] = option
         for text in getattr(group, "sets", None) or ():
-            # Imported here, because it loads the checks of jobs.
+            # The import is here, because it loads the slow modules that check jobs.
             from armcontour.files import parse_set
 
             with error_context("--set"):
@@ -53,7 +53,7 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
             key = ".".join(map(str, keys))
             if key in options:
                 raise InvalidInput(
-                    f"{options[key]} and --set {key} set the same: remove one of them."
+                    f"{options[key]} and --set {key} set the same key. Remove one of them."
                 )
             patch[keys], options[key] = value, "--set"
     return patch, options
@@ -61,14 +61,15 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
 
 @contextmanager
 def name_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Context that puts the option of a key before the message of an error that names the key."""
+    """Context that adds the option to the message of an error about a key that the option set."""
     from armcontour.core.errors import InvalidInput
 
     try:
         yield
     except InvalidInput as error:
         for key, option in options.items():
-            # A name without dots may occur as an ordinary word in the sentence.
+            # A key without dots can also be an ordinary word in the message, so it must follow a
+            # colon.
             begin = r"\b" if "." in key else ": (unknown key )?"
             if re.search(rf"{begin}{re.escape(key)}\b", str(error)):
                 raise error.with_location(option).with_traceback(error.__traceback__) from None
@@ -76,21 +77,21 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
 
 
 def library_file(name: str) -> FilePath:
-    """A file of the package's library of jobs."""
+    """Path of a file in the job library of the package."""
     return FilePath(str(resources.files("armcontour.jobs") / "library" / name))
 
 
 def is_job(file: FilePath) -> bool:
-    """True if a file is a job by its name; otherwise it is a drawing."""
+    """True if a file is a job file according to its extension; otherwise it is a drawing."""
     from armcontour.core.errors import InvalidInput
 
     if file.is_dir():
-        raise InvalidInput(f"{file} is a folder: name a job file or a drawing.")
+        raise InvalidInput(f"{file} is a folder. Specify a job file or a drawing.")
     return file.suffix.lower() in JOBS
 
 
 def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *groups: Any) -> Job:
-    """Read the job in a job file, or combine a drawing with a cell."""
+    """Read a job file, or combine a drawing with a cell; `groups`: more options that set keys."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_job
     from armcontour.files.cell import cell_names, read_cell
@@ -100,7 +101,8 @@ def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *group
     if is_job(file):
         if job_options.cell is not None:
             raise InvalidInput(
-                f"{file.name} is a job, which has an arm: --cell goes with a drawing."
+                f"--cell is only allowed with a drawing, but {file.name} is a job, which has its "
+                "own arm. Remove --cell."
             )
         if str(file) == PAPER and not file.exists():
             file = library_file("paper.yaml")
@@ -108,11 +110,12 @@ def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *group
             return read_job(
                 file, patch=patch, reading=progress, trust_xacro=job_options.trust_xacro
             )
-    # Other files, such as robot descriptions, are rejected before the check for a cell.
+    # `find_reader` raises an error for files that are not drawings, such as robot descriptions.
+    # This error is more helpful than the error about a missing cell.
     find_reader(file)
     if job_options.cell is None:
         raise InvalidInput(
-            f"{file.name} is a drawing: name the cell for it with --cell, one of "
+            f"{file.name} is a drawing, which requires a cell. Specify it with --cell: one of "
             f"{', '.join(cell_names())}, or a job file."
         )
     with name_options(options):
@@ -126,12 +129,12 @@ def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *group
 
 
 def read_option(option: str, text: str | int | None, kind: Any) -> float | None:
-    """Quantity of an option in SI units; None without the option."""
+    """Read the quantity of an option in SI units; None if the option is not given."""
     return None if text is None else _read(option, str(text), kind)
 
 
 def read_window(start: str | None, end: str | None) -> tuple[float, float]:
-    """First and last time of a log to use [s]; infinite without the option."""
+    """First and last used time of a log [s]; infinite if the option is not given."""
     from armcontour.core.quantities import Moment
 
     first, last = read_option("--from", start, Moment), read_option("--to", end, Moment)
@@ -139,79 +142,85 @@ def read_window(start: str | None, end: str | None) -> tuple[float, float]:
 
 
 def to_quantity(text: str) -> str | int:
-    """Quantity as in a job file: text with a unit, or zero."""
+    """Convert text to a quantity as in a job file: text with a unit, or 0."""
     return 0 if plain_number(text) == 0 else text.strip()
 
 
 def to_quantities(text: str) -> list[str | int]:
-    """Quantities separated by commas."""
+    """Convert text to a list of quantities, which commas separate."""
     return [to_quantity(part) for part in text.split(",")]
 
 
 def to_point(text: str) -> list[str | int]:
-    """Point; z is zero by default."""
+    """Convert text to the coordinates of a point; z is 0 if it is missing."""
     coordinates = to_quantities(text)
     return [*coordinates, 0] if len(coordinates) == 2 else coordinates
 
 
 def to_skip(_: bool) -> str:
-    """Treatment of unknown elements by the reader."""
+    """Value "skip" of the key for unknown elements; the option is a flag."""
     return "skip"
 
 
 def to_words(texts: list[str]) -> dict[str, list[str]]:
-    """Words to skip, separated by commas, in one option or several."""
+    """Convert texts to the key `skip` with a list of words; commas separate words in a text."""
     return {"skip": [word.strip() for text in texts for word in text.split(",") if word.strip()]}
 
 
 def to_tools(texts: list[str]) -> dict[int, str | int]:
-    """Diameters of tools by number."""
+    """Convert texts such as "1: 3 mm" to tool diameters by tool number."""
     example = "1: 3 mm"
     diameters = _named([part for text in texts for part in text.split(",")], example)
     for name in diameters:
         if not (name.isascii() and name.isdigit() and len(name) <= 8):
-            raise ValueError(f"takes the number of a tool, as in {example!r}, not {show(name)}")
+            raise ValueError(
+                f"requires the number of a tool, as in {example!r}, but has {show(name)}"
+            )
     return {int(name): to_quantity(diameter) for name, diameter in diameters.items()}
 
 
 def to_axes(texts: list[str]) -> dict[str, dict[str, str | int]]:
-    """Ranges of axes."""
+    """Convert texts such as "x: -300 mm .. 300 mm, 25" to ranges by axis."""
     example, axes = "x: -300 mm .. 300 mm, 25", dict[str, dict[str, str | int]]()
     for name, text in _named(texts, example).items():
         span, _, count = text.rpartition(",")
         low, dots, high = span.partition("..")
         number = plain_number(count)
         if not dots or number is None or number != int(number):
-            raise ValueError(f"takes an axis, a range and a number, such as {example!r}")
+            raise ValueError(
+                f"requires an axis, a range and an integer number of values, such as {example!r}"
+            )
         axes[name] = {"from": to_quantity(low), "to": to_quantity(high), "places": int(number)}
     return axes
 
 
 def to_offsets(texts: list[str]) -> dict[str, str | int]:
-    """Uncertainty of the position of the part along axes."""
+    """Convert texts such as "x: 2 mm" to uncertainties of the position by axis."""
     return {name: to_quantity(text) for name, text in _named(texts, "x: 2 mm").items()}
 
 
 def to_anchor(text: str) -> str | list[str | int]:
-    """Name of a point, or its coordinates."""
+    """Convert text to the coordinates of a point, or return the name of a point."""
     return to_quantities(text) if "," in text else text
 
 
 def _named(texts: list[str], example: str) -> dict[str, str]:
-    """Texts such as 'x: 2 mm', by the names before their colons."""
+    """Split texts such as "x: 2 mm" at the colon; returns the values by name."""
     values: dict[str, str] = {}
     for text in texts:
         name, colon, value = (part.strip() for part in text.partition(":"))
         if not (name and colon and value):
-            raise ValueError(f"takes a name and a value, such as {example!r}, not {show(text)}")
+            raise ValueError(
+                f"requires a name and a value, such as {example!r}, but has {show(text)}"
+            )
         if name in values:
-            raise ValueError(f"names {show(name)} twice: give it once")
+            raise ValueError(f"specifies {show(name)} twice, but only one value is allowed")
         values[name] = value
     return values
 
 
 def _read(option: str, text: str, kind: Any) -> float:
-    """Read one quantity of an option; text other than 0 needs a unit."""
+    """Read a quantity of an option in SI units; values other than 0 require a unit."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files.units import read_quantity
 
@@ -219,9 +228,10 @@ def _read(option: str, text: str, kind: Any) -> float:
     plain = text.strip()
     number = plain_number(plain)
     if number:
-        # The intended unit is unknown, so the message has an example only.
+        # The message has only an example, because the intended unit is unknown.
         raise InvalidInput(
-            f"{option}: {plain!r} has no unit: write one, as in '{quantity.example}'."
+            f"{option} requires a unit, but {plain!r} has none. Specify it as in "
+            f"'{quantity.example}'."
         )
     try:
         return read_quantity(plain if number is None else number, quantity)
@@ -229,7 +239,7 @@ def _read(option: str, text: str, kind: Any) -> float:
         raise InvalidInput(f"{option}: {str(error).rstrip('.')}.") from None
 
 
-# The functions that read the short options, by the names that `About` gives them.
+# Functions that convert the values of options that set job keys, by their names in `About`.
 READERS: dict[str, Callable[[Any], Any]] = {
     x.__name__: x
     for x in (

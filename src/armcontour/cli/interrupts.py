@@ -1,8 +1,8 @@
-"""Signals that end a command within a second, also while compiled code runs.
+"""Handling of signals: they end a command within a second, even while compiled code runs.
 
-The work runs in a second thread, so that the main thread can handle signals. On a signal the main
-thread waits until results that are being moved are in place, removes incomplete files, and ends the
-program.
+The command runs in a second thread, so that the main thread can handle signals. After a signal, the
+main thread waits until finished results are moved to their folder, deletes incomplete files, and
+ends the program.
 """
 
 from __future__ import annotations
@@ -18,22 +18,24 @@ from typing import Any, NoReturn
 from armcontour.core import staging
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-# Longest wait for results that are being moved [s].
+# Maximum wait for results that are being moved, and for a cleanup function [s].
 PATIENCE = 0.5
-# Period of the wait on Windows, which handles no signal during a wait [s].
+# Duration of each wait on Windows [s], because Windows does not handle signals during a wait.
 PULSE = 0.2
-# Stack of the thread [bytes], as large as that of a main thread, for deeply nested documents.
+# Stack size of the second thread [bytes]. It is as large as that of a main thread, because deeply
+# nested documents need much stack.
 STACK = 64 * 1024 * 1024
 
 
-# Called before a signal ends the program; may return a sentence for the user.
+# Functions that are called before a signal ends the program; they may return a message for users.
 _cleanups: list[Callable[[], str | None]] = []
-# Called in place of the end of the program, as a moving robot must stop first.
+# Functions that a signal calls instead of ending the program, because a moving robot must stop
+# first.
 _requests: list[Callable[[], None]] = []
 
 
 class _Stopped(BaseException):
-    """Raised in the main thread by a signal."""
+    """Exception that a signal handler raises in the main thread."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -42,8 +44,10 @@ class _Stopped(BaseException):
 
 @contextmanager
 def before_interrupt(cleanup: Callable[[], str | None]) -> Iterator[None]:
-    """Context in which `cleanup` is called before a signal ends the program."""
-    # It may take `PATIENCE`, and may return a sentence for the user.
+    """Context in which `cleanup` is called before a signal ends the program.
+
+    `cleanup` may take the time PATIENCE, and may return a message for the user.
+    """
     _cleanups.append(cleanup)
     try:
         yield
@@ -53,7 +57,7 @@ def before_interrupt(cleanup: Callable[[], str | None]) -> Iterator[None]:
 
 @contextmanager
 def on_interrupt(request: Callable[[], None]) -> Iterator[None]:
-    """Context in which a signal calls `request`, and the work ends itself."""
+    """Context in which a signal only calls `request`; the command must then end by itself."""
     _requests.append(request)
     try:
         yield
@@ -62,8 +66,7 @@ def on_interrupt(request: Callable[[], None]) -> Iterator[None]:
 
 
 def run_interruptibly(work: Callable[[], int]) -> int:
-    """Run work, which returns the exit code, in a thread; end the program if a signal arrives."""
-    # Ignored signals stay ignored, as under `nohup`.
+    """Run `work` in a thread and return its exit code; a signal ends the program."""
     done = threading.Event()
     codes: list[int] = []
     errors: list[BaseException] = []
@@ -99,7 +102,10 @@ def run_interruptibly(work: Callable[[], int]) -> int:
 
 
 def _listen() -> dict[int, Any]:
-    """Install handlers that stop the wait; returns the earlier handlers."""
+    """Install signal handlers that raise `_Stopped`; returns the earlier handlers by signal.
+
+    Signals that are ignored, as under `nohup`, stay ignored.
+    """
 
     def stop(number: int, _: object) -> None:
         raise _Stopped(number)
@@ -113,7 +119,7 @@ def _listen() -> dict[int, Any]:
 
 
 def _end(number: int) -> NoReturn:
-    """Remove incomplete results, print a message and end the program."""
+    """Delete incomplete results, print a message and end the program."""
     for name in SIGNALS:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -122,16 +128,17 @@ def _end(number: int) -> NoReturn:
     message = f"Interrupted ({signal.Signals(number).name})"
     message += f": nothing was written to {', '.join(unwritten)}." if unwritten else "."
     message = " ".join([message, *sentences])
-    # Written directly to the file descriptor: the thread may hold the locks of the streams.
+    # The message is written directly to the file descriptor, because the second thread may hold the
+    # locks of the streams.
     with suppress(OSError, AttributeError, ValueError):
-        # Clears the line of a progress bar and shows the cursor again.
+        # This sequence clears the line of a progress bar and shows the cursor again.
         clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""
         os.write(2, f"{clear}{message}\n".encode(errors="backslashreplace"))
     os._exit(128 + number)
 
 
 def _clean_up() -> list[str]:
-    """Call the cleanup functions, each in a thread and for at most `PATIENCE`."""
+    """Call the cleanup functions, each for at most PATIENCE; returns their messages."""
     sentences: list[str] = []
 
     def call(cleanup: Callable[[], str | None]) -> None:

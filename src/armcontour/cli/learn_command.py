@@ -1,4 +1,4 @@
-"""The command `learn`: set-points for the next run from the log of the last one."""
+"""The command `learn`: learns the set-points of the next run from the log of the last run."""
 
 from __future__ import annotations
 
@@ -44,25 +44,31 @@ def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -
 
 
 def _refuse_missing(options: LearnOptions) -> None:
-    """Reject options without those that they require."""
+    """Raise InvalidInput if options that others require are missing."""
     from armcontour.cli.play_command import refuse_without_controller
     from armcontour.core.errors import InvalidInput
 
     refuse_without_controller(options)
     if options.out is None and (options.open_report or options.force):
-        raise InvalidInput("--open and --force go with --out, the folder for the report.")
+        raise InvalidInput("--open and --force require --out, the folder for the report.")
     if options.judge_only:
         if options.log is None:
-            raise InvalidInput("--judge-only requires the log of the robot: give it with --log.")
+            raise InvalidInput("--judge-only requires the log of the robot. Specify it with --log.")
         if options.open_report:
-            raise InvalidInput("--judge-only writes no report that --open can show: remove --open.")
+            raise InvalidInput(
+                "--open cannot be combined with --judge-only, which writes no report. Remove "
+                "--open."
+            )
         return
     if options.set_points is None or options.log is None:
         raise InvalidInput(
-            "learn requires the executed set-points and the log: give --set-points and --log."
+            "learn requires the executed set-points and the log. Specify them with --set-points "
+            "and --log."
         )
     if options.out is None:
-        raise InvalidInput("learn requires --out, the folder for the set-points of the next run.")
+        raise InvalidInput(
+            "learn requires --out, the folder to which the set-points of the next run are written."
+        )
 
 
 def _study(
@@ -72,7 +78,7 @@ def _study(
     window: tuple[float, float],
     progress: Progress,
 ) -> LearningStudy | JudgedStudy:
-    """Read the job, plan its run, and learn from the log of a robot, or evaluate the log."""
+    """Read the job, plan its run, and learn from the log, or with --judge-only evaluate it."""
     from armcontour.files.log_file import read_run_log, read_tool_positions
     from armcontour.files.set_point_file import read_set_points
     from armcontour.jobs.run_learning import LearningStudy, judge_log, learn_run, plan_run
@@ -107,7 +113,7 @@ def _study(
 
 
 def write_study(study: LearningStudy | JudgedStudy, folder: ResultFolder) -> None:
-    """Write the summary, and of learning also the set-points of the next run and the report."""
+    """Write the summary; after learning, also the set-points of the next run and the report."""
     import dataclasses
 
     from armcontour.cli.run_command import write_motions
@@ -143,5 +149,8 @@ def _print(study: LearningStudy | JudgedStudy, options: LearnOptions) -> None:
         return
     console.print(f"Set-points of the next run: {out / name / 'set_points.csv'}")
     if not study.lesson.finished:
-        console.print(f"Execute them, and give the log of that run with --set-points {out}.")
+        console.print(
+            "Next: execute these set-points, then use learn with the new log and --set-points "
+            f"{out}."
+        )
     console.print(f"Report: {(out / 'report.html').resolve().as_uri()}")

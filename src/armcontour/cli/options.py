@@ -1,4 +1,4 @@
-"""Groups of command-line options: dataclasses whose fields are options."""
+"""Groups of command line options: dataclasses whose fields become options."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from typer.models import OptionInfo
 
 from armcontour.core.text import describe_fields
 
-# The short options, from the keys of a job; `tests/cli/test_options.py` writes the file.
+# Options that set job keys, by name; `python -m tests.cli.test_options` writes the file.
 SHORT: dict[str, dict[str, Any]] = {
     x["option"].split("/")[0].strip("-").replace("-", "_"): x
     for x in json.loads(FilePath(__file__).with_name("job_options.json").read_text("utf-8"))
 }
 KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
 POSITION = "Cell and position of the drawing"
-# Topics in the help of a command, with the names of their options; others are under "Options".
+# Topics in the help, with the names of their options; other options are listed under "Options".
 TOPICS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("Drawing", "G-code"), ()),
     POSITION: ("cell",),
@@ -45,7 +45,7 @@ TOPICS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 for _name, _row in SHORT.items():
     TOPICS[_row["topic"]] += (_name,)
-# Words for types that typer names as Python does.
+# Words with which the help replaces the names of Python types.
 WORDS = {"str": "text", "int": "number", "float": "number", "path": "file"}
 _TYPE = re.compile(r"<(?:list\[)?(str|int|float|path)\]?(?: range)?>", re.IGNORECASE)
 
@@ -54,7 +54,7 @@ class Command(TyperCommand):
     """Command whose help lists the options by topic."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write sections for the arguments, the options without a topic, and each topic."""
+        """Write sections for the arguments, for options without a topic, and for each topic."""
         topics = {name: topic for topic, names in TOPICS.items() for name in names}
         sections: dict[str, list[tuple[str, str]]] = {
             x: [] for x in ("Arguments", "Options", *TOPICS)
@@ -74,7 +74,7 @@ class Command(TyperCommand):
         _write_sections(sections, formatter)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Arguments in capitals, without the braces that some versions of typer add."""
+        """Names of arguments in capitals, without the braces that some versions of typer add."""
         pieces = super().collect_usage_pieces(ctx)
         return [x.replace("...}...", "...").strip("{}").upper() for x in pieces]
 
@@ -83,7 +83,7 @@ class CommandGroup(TyperGroup):
     """Group of commands whose help lists them by topic (`rich_help_panel`)."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write a section per topic."""
+        """Write a section with the commands of each topic."""
         sections: dict[str, list[tuple[str, str]]] = {}
         for name, command in self.commands.items():
             rows = sections.setdefault(getattr(command, "rich_help_panel", None) or "Commands", [])
@@ -92,7 +92,7 @@ class CommandGroup(TyperGroup):
 
 
 def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) -> None:
-    """Write non-empty sections into a help text."""
+    """Write the non-empty sections to a help text."""
     for title, rows in sections.items():
         if rows:
             with formatter.section(title):
@@ -101,13 +101,13 @@ def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) 
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """Annotation of a mapping that takes the short options of some topics, by name."""
+    """Annotation of a mapping field that contains the options (of `SHORT`) of some topics."""
 
     topics: tuple[str, ...]
 
     @property
     def options(self) -> list[str]:
-        """Names of the options."""
+        """Names of the options of the topics."""
         return [name for name, x in SHORT.items() if x["topic"] in self.topics]
 
 
@@ -147,7 +147,7 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def options_of(group: type) -> dict[str, tuple[Any, Any]]:
-    """Annotations of typer and defaults of the options of a dataclass, by name."""
+    """Annotation for typer and default of each option of a dataclass, by name."""
     texts, defaults = describe_fields(group), inspect.signature(group).parameters
     options: dict[str, tuple[Any, Any]] = {}
     for name, (kind, named, keys) in _fields_of(group).items():
@@ -164,7 +164,7 @@ def options_of(group: type) -> dict[str, tuple[Any, Any]]:
 
 
 def _fields_of(group: type) -> dict[str, tuple[Any, OptionInfo | None, Keys | None]]:
-    """Type of each field of a dataclass, its option of typer, and its short options."""
+    """Type of each field of a dataclass, its typer option or None, and its `Keys` or None."""
     fields: dict[str, Any] = {}
     for name, hint in get_type_hints(group, include_extras=True).items():
         kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
@@ -194,7 +194,7 @@ TrustXacro = Annotated[
     bool,
     typer.Option(
         "--trust-xacro",
-        help="Load an arm from a .xacro file: such a file is a program that can run anything.",
+        help="Load an arm from a .xacro file, which is a program that can run any code.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
@@ -204,7 +204,8 @@ Workers = Annotated[
         "--workers",
         min=0,
         max=1000,
-        help="Processes on this machine; by default one per processor. 0 works in this one.",
+        help="Number of processes on this machine; by default one per processor. 0 uses only this "
+        "process.",
     ),
 ]
 Cluster = Annotated[
@@ -280,12 +281,12 @@ class PointOptions:
             format abb:tool=doTool.
         cycle: Time between points of an exported plan, such as '48 ms'.
         derivatives: Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.
-        tool_motion: Write point, orientation and speed of the tool, as commanded, into exports too.
+        tool_motion: Also export the commanded point, orientation and speed of the tool.
         decimals: With csv and ros-yaml: decimals of joint positions in rad, 4 to 12. Default: 7, or
             9 with cycles below 4 ms.
         comments: With csv: begin the file with the names of contours, in lines with #.
-        points_per_file: Divide exports into files of at most so many points, or for a controller:
-            motoros2 (200), ur (1000).
+        points_per_file: Maximum number of points per file; larger exports are divided. A number, or
+            a controller: motoros2 (200), ur (1000).
         call: With urscript: call the program at the end of its file, for a pendant's script file.
     """
 
@@ -304,8 +305,8 @@ class LogOptions:
     """Options for reading a log.
 
     Args:
-        columns: Names of the columns of CSV without a first line for them: 't [ms],q1 [deg],-,q2';
-            or new names of columns or joints: 'q# [deg]=axis_#'.
+        columns: Names of the columns of a CSV file without a header: 't [ms],q1 [deg],-,q2'; or new
+            names of columns or joints: 'q# [deg]=axis_#'.
         topic: Topic of a bag of ROS, if several are suitable.
     """
 
@@ -320,7 +321,7 @@ class WindowOptions(LogOptions):
     Args:
         start: First time of the log to use, such as '2 s'.
         end: Last time of the log to use, such as '30 s'.
-        unwrap: Undo jumps of whole turns in the log.
+        unwrap: Remove jumps by full turns from the log.
     """
 
     start: Annotated[Text, typer.Option("--from")] = None
@@ -334,10 +335,10 @@ class ExportOptions(PointOptions):
 
     Args:
         export: Format of set-points: csv, npz, ros-yaml, mcap, urscript; may be repeated.
-        template: Export by a template: kuka, abb, or a .j2 file.
-        effort: Write torques of the plan too, for an arm with masses.
-        tolerances: With ros-yaml: write set-points as a goal of FollowJointTrajectory, with
-            tolerances of so many times the predicted joint errors, such as 2.
+        template: Export with a template: kuka, abb, or a .j2 file.
+        effort: Also export the torques of the plan; requires an arm with masses.
+        tolerances: With ros-yaml: write set-points as a goal of FollowJointTrajectory whose
+            tolerances are this multiple of the predicted joint errors, such as 2.
     """
 
     export: Texts = None
@@ -353,9 +354,9 @@ class StoredExportOptions(PointOptions):
     Args:
         run_name: Run of the result.
         reference: Export the plan, without compensation for the servo.
-        format: Format of the file; by default that of its ending.
+        format: Format of the file; by default determined by its extension.
         template: A template: kuka, abb, or a .j2 file.
-        job: Job file or cell whose arm gives tool points: job.yaml, or ur5e.
+        job: Job file or cell with the arm, which tool positions require: job.yaml, or ur5e.
     """
 
     run_name: Annotated[Text, typer.Option("--run")] = None
@@ -397,9 +398,9 @@ class CheckOptions(DescriptionOptions, LogOptions):
         limits: Limits file (YAML); by default the limits of the job, or of the arm.
         path: Job file (YAML) with the required path of the tool.
         run_name: Run of that job, if its runs differ in corners.
-        scene: Cell: check how near the arm comes to it and to itself. A built-in cell such
-            as ur5e, a job file, of which scene is enough, or obstacles as URDF.
-        noise: Largest error of measured positions, and perhaps of velocities: '0.05 mrad, 2
+        scene: Cell: check the clearance of the arm from it and from itself. A built-in cell such as
+            ur5e, a job file, of which only the scene is required, or obstacles as URDF.
+        noise: Largest error of measured positions and, optionally, of velocities: '0.05 mrad, 2
             mrad/s'.
         controller: Also check the commands that a controller sends for these points: jtc,
             jtc_spline, jtc_none, linuxcnc or hold.
@@ -443,14 +444,14 @@ class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
     """Options of the command `identify`.
 
     Args:
-        on: Controller that plays a run of a job to identify from: linuxcnc, franka or ur. The
+        on: Controller that executes the motions of the identification: linuxcnc, franka or ur. The
             argument is then the job.
-        reserve: With --on, smallest reserve of this run.
-        excitation: With --on, excite all joints in any case, so that servos are judged on two
+        reserve: With --on, minimum reserve of this run.
+        excitation: With --on, always excite all joints, so that servos are judged with two
             programs.
         sets: With --on, any key of the job with its value; may be repeated.
-        arm: Nominal arm: with masses, payload, friction and drive inertias are identified
-            too; without, errors are also at the tool. Built in, or an arm file (.yaml,
+        arm: Nominal arm. If it has masses, payload, friction and drive inertias are identified too;
+            otherwise errors at the tool are reported too. Built-in arm, or an arm file (.yaml,
             .urdf; .xacro with --trust-xacro).
         servo: Nominal servo of that arm: a job file, or a servo.yaml.
         gravity: Gravity compensation of the controller of that arm: nominal, loaded or none; by
@@ -461,7 +462,7 @@ class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
         interpolation: Command between set-points: linear or step; by default determined from
             the log.
         longest_dead_time: Longest dead time in the search.
-        validate: Log on which the model is validated; it is not used otherwise; repeatable.
+        validate: Log that is used only to validate the model; may be repeated.
     """
 
     on: Text = None
@@ -488,8 +489,8 @@ class CertifyOptions:
     """Options of the command `certify`.
 
     Args:
-        workers: Processes on this machine that execute robots of a box as rigid bodies; by
-            default one a processor. 0 works in this one.
+        workers: Number of processes on this machine for rigid-body simulations of a box; by default
+            one per processor. 0 uses only this process.
         out: Folder for the certificate; by default none is written.
     """
 
@@ -508,8 +509,8 @@ class PlaceOptions:
     """Options of the command `place`.
 
     Args:
-        workers: Processes on this machine; by default one per processor for 100 places or
-            more. 0 works in this one.
+        workers: Number of processes on this machine; by default one per processor for 100 places or
+            more. 0 uses only this process.
     """
 
     keys: Annotated[Set, Keys(("Places",))]
@@ -525,10 +526,10 @@ class LearnOptions(ControllerOptions, WindowOptions):
     """Options of the command `learn`.
 
     Args:
-        on: Controller on which the runs are played: linuxcnc, franka or ur. A folder of earlier
-            runs goes on.
+        on: Controller on which the runs are played: linuxcnc, franka or ur. Earlier runs in the
+            folder of --out are continued.
         runs: With --on, number of runs.
-        reserve: With --on, smallest reserve of the plan: corrections need acceleration.
+        reserve: With --on, minimum reserve of the plan, because corrections need acceleration.
         band: With --on, largest deviation of a joint from the plan before a motion is stopped, such
             as '5 mrad'; by default 3 times the largest one of the best run.
         set_points: Executed set-points: set_points.csv of run or of the previous learn, or the
@@ -536,8 +537,8 @@ class LearnOptions(ControllerOptions, WindowOptions):
         log: Log of that run: CSV of positions over time, or a bag.
         tool_positions: CSV of measured positions of the tool over the same time: t, x, y,
             z.
-        judge_only: Report the contour error by the log, and learn nothing. Without --set-points
-            the executed set-points are those of the job.
+        judge_only: Report the contour error according to the log, without learning. Without
+            --set-points, the executed set-points are those of the job.
         out: Folder for set-points of the next run, and a report.
     """
 
@@ -586,7 +587,7 @@ class BatchOptions:
 
     Args:
         retry: Repeat failed jobs.
-        as_json: Print progress and the end as lines of JSON.
+        as_json: Print progress and result as lines of JSON.
     """
 
     workers: Workers = None

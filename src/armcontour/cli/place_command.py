@@ -1,4 +1,4 @@
-"""The command `place`: find the best placement of the part of a job."""
+"""The command `place`: finds the best placement of the part of a job."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, PlaceOptions
     from armcontour.studies.placement import Placement
 
-# File of the job in its best placement.
+# File name of the job in its best placement.
 JOB = "job.yaml"
 
 
@@ -28,7 +28,7 @@ def place_file(
     from armcontour.files import ResultFolder, placement_csv, placement_json
     from armcontour.studies.placement import place
 
-    # By default the number of placements decides about processes.
+    # By default, `place` uses several processes if there are many placements.
     by_number = options.workers is None and options.cluster is None
     with (
         nullcontext() if by_number else open_executor(options.workers, options.cluster) as executor,
@@ -40,8 +40,8 @@ def place_file(
             job = open_job(file, job_options, subprogress(progress, "reading"), options)
             if job.placement is None or not job.placement.over:
                 raise InvalidInput(
-                    "place needs --over for each axis along which to place, such as 'x: -300 mm .. "
-                    "300 mm, 25', or the key placement.over of the job."
+                    "place requires --over for each axis of the search, such as 'x: -300 mm .. 300 "
+                    "mm, 25', or the key placement.over of the job."
                 )
             placement = place(job, run=options.run_name, executor=executor, progress=progress)
         folder.write("report.html", render_placement(placement))
@@ -60,7 +60,7 @@ def place_file(
 
 
 def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:
-    """Text of the job in its best placement."""
+    """Text of the job file with the part in its best placement."""
     from armcontour.cli.inputs import is_job, read_patch
     from armcontour.files import placed_job_text
     from armcontour.files.cell import drawing_text
@@ -75,7 +75,7 @@ def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobO
 
 
 def _print(placement: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:
-    """Print the best placement, its gain, and the reasons of rejected placements."""
+    """Print the best placement, its comparison with the original one, notes and written files."""
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE
 

@@ -1,4 +1,4 @@
-"""The command `play`: move a robot along the plan of a job, and record it."""
+"""The command `play`: moves a robot along the plan of a job, and records the motion."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from armcontour.files import ResultFolder
     from armcontour.jobs import Job
 
-# Exit codes: played to its end, or a dry run; stopped on the path.
+# Exit codes. DONE: the motion was completed, or dry run. STOPPED: the motion was stopped.
 DONE, STOPPED = 0, 1
-DRY = "Dry run: nothing moved. With --execute the robot moves."
-# Options of a controller by their fields.
+DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
+# Options of controllers, by field of `ControllerOptions`.
 OF_CONTROLLER = {x: f"--{x}" for x in ("execute", "drives", "hal", "address")}
 
 
@@ -41,7 +41,10 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
     from armcontour.files.set_point_file import read_set_points
 
     if options.out is not None and not options.execute:
-        raise InvalidInput("--out is for the log of a motion: add --execute, or remove --out.")
+        raise InvalidInput(
+            "--out requires --execute, because only a motion has a log. Add --execute, or remove "
+            "--out."
+        )
     refuse_without_terminal(options)
     speed_factor = read_option("--speed-factor", options.speed_factor, Factor)
     band = read_option("--band", options.band, AngularDistance)
@@ -83,70 +86,83 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
 
 
 def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller:
-    """The controller of a name, with a simulated robot as the job describes it where possible."""
+    """Controller with the name of `--on`; joints of linuxcnc are simulated without `--hal`."""
     from armcontour.controllers import Franka, LinuxCNC, Ur
     from armcontour.core.errors import InvalidInput
     from armcontour.files.robot_file import read_servo
 
     if name not in ("linuxcnc", "franka", "ur"):
-        raise InvalidInput(f"There is no controller {name}: --on takes linuxcnc, franka or ur.")
+        raise InvalidInput(f"--on must be linuxcnc, franka or ur, but is {name}.")
     if options.hal is not None and name != "linuxcnc":
-        raise InvalidInput(f"--hal is for linuxcnc, and --on is {name}.")
+        raise InvalidInput(f"--hal is only allowed with --on linuxcnc, but --on is {name}.")
     if name != "linuxcnc":
         if options.address is None:
-            raise InvalidInput(f"--on {name} needs the address of the robot: add --address.")
+            raise InvalidInput(
+                f"--on {name} requires the address of the robot. Specify it with --address."
+            )
         if options.drives is not None:
-            raise InvalidInput("--drives is for the simulated joints of linuxcnc: remove it.")
+            raise InvalidInput(
+                "--drives is only allowed for the simulated joints of linuxcnc. Remove --drives."
+            )
         if name == "ur":
             return Ur(options.address)
         return Franka(options.address, model="panda" if job.arm.name == "Panda" else "fr3")
     if options.address is not None:
-        raise InvalidInput("--address is for franka and ur: linuxcnc runs on this machine.")
+        raise InvalidInput(
+            "--address is only allowed with --on franka or ur, because linuxcnc runs on this "
+            "machine. Remove --address."
+        )
     if options.hal is None:
         servo = job.plant_servo
         if options.drives is not None:
             servo = read_servo(options.drives, job.arm.dof)
         return LinuxCNC.simulated(servo, job.arm)
     if options.drives is not None:
-        raise InvalidInput("--drives is for simulated joints: remove it or --hal.")
+        raise InvalidInput(
+            "--drives is only allowed for simulated joints, but --hal specifies a machine. Remove "
+            "--drives or --hal."
+        )
     return LinuxCNC(options.hal)
 
 
 def refuse_without_controller(
     options: ControllerOptions, others: Mapping[str, str] = MappingProxyType({})
 ) -> None:
-    """Reject options of a controller without --on; `others` are options of a command by field."""
+    """Raise InvalidInput if an option that requires --on is given; `others`: options by field."""
     from armcontour.core.checks import raise_if
 
     for name, option in {**OF_CONTROLLER, **others}.items():
-        message = f"{option} goes with --on: name a controller too."
+        message = f"{option} requires --on. Specify a controller with --on too."
         raise_if(bool(getattr(options, name)), message)
 
 
 def refuse_without_terminal(options: ControllerOptions) -> None:
-    """Refuse to move a robot without a terminal on which the user confirms it."""
+    """Raise ControllerRefused if a robot is to move but no terminal exists for the confirmation."""
     from armcontour.core.errors import ControllerRefused
 
     if options.execute and not sys.stdin.isatty():
         raise ControllerRefused(
-            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
+            "--execute requires a terminal on which the motion is confirmed, but the input is not "
+            "a terminal. The robot has not moved."
         )
 
 
 def confirm(job: Job, controller: Controller) -> None:
-    """Let the user type the name of the arm."""
+    """Raise ControllerRefused unless the user confirms the motion by typing the arm's name."""
     from armcontour.core.errors import ControllerRefused
 
     name = job.arm.name
     answer = typer.prompt(
-        f"{name} will move on {controller.name}. Type {name} to go on", default=""
+        f"{name} will move on {controller.name}. Type {name} to continue", default=""
     )
     if answer.strip() != name:
-        raise ControllerRefused(f"{answer.strip()!r} is not {name}; nothing moves.")
+        raise ControllerRefused(
+            f"The confirmation must be {name}, but is {answer.strip()!r}. The robot has not moved."
+        )
 
 
 def _write(played: Played, folder: ResultFolder) -> None:
-    """Write the log and the summary."""
+    """Write the log and the summary of a played run."""
     from armcontour.files.log_file import log_text
     from armcontour.files.result_folder import data_json
 
@@ -156,7 +172,7 @@ def _write(played: Played, folder: ResultFolder) -> None:
 
 
 def _print(played: Played, options: PlayOptions) -> None:
-    """Print what moved or would move."""
+    """Print the result of a played run or of a dry run."""
     console = Console()
     console.show(played.to_data())
     if not options.execute:

@@ -1,6 +1,6 @@
 """Progress on the terminal: the current step, and for a job a bar with the remaining time.
 
-A pipe or a file gets a line every few seconds of long work instead.
+If the output is not a terminal, a line is written every EVERY seconds instead.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from armcontour.core.text import to_line
 if TYPE_CHECKING:
     from armcontour.batches import BatchProgress
 
-# Time between lines of progress in a pipe, and before the first line [s].
+# Minimum time between progress lines, and before the first line, without a terminal [s].
 EVERY = 10.0
-# Shortest time between updates of one step [s]: there may be thousands of contours, and an update
-# takes about as long as a contour.
+# Minimum time between updates of a step [s]. A program can have thousands of contours, and an
+# update takes as long as a contour.
 REFRESH = 0.05
 
 
 @contextmanager
 def search_progress(title: str) -> Iterator[Progress]:
-    """Show a line with the current step on a terminal; yields the function that updates it."""
+    """Context that shows a line with the current step; yields the function that updates it."""
     with _bar() as bar:
         task = bar.add_task(title)
         lines = Lines(bar.disable)
@@ -43,8 +43,7 @@ def search_progress(title: str) -> Iterator[Progress]:
 
 @contextmanager
 def share_progress() -> Iterator[Progress]:
-    """Show a bar with the completed fraction on a terminal; yields its update function."""
-    # A pipe or a file gets the first step at once.
+    """Context that shows a bar with the completed fraction; yields its update function."""
     from rich.progress import BarColumn, TaskProgressColumn
 
     with _bar(BarColumn(), TaskProgressColumn()) as bar:
@@ -61,9 +60,10 @@ def share_progress() -> Iterator[Progress]:
 
 @contextmanager
 def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
-    """Show the progress of a batch as a bar with rate and remaining time; yields two functions."""
-    # The first takes the progress of the batch, the second a step before its start. A pipe gets
-    # lines.
+    """Context that shows the progress of a batch as a bar with rate and remaining time.
+
+    Yields two functions: one shows the progress of the batch, the other a step before its start.
+    """
     from rich.progress import BarColumn, MofNCompleteColumn
 
     with _bar(BarColumn(), MofNCompleteColumn()) as bar:
@@ -75,14 +75,14 @@ def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress
             bar.update(task, description=words, completed=progress.done, total=progress.total)
             lines.write(f"{progress.done} of {progress.total}", words)
 
-        def tell(step: Step) -> None:
+        def show_step(step: Step) -> None:
             bar.update(task, description=to_line(str(step)))
 
-        yield show, tell
+        yield show, show_step
 
 
 def describe_batch_progress(progress: BatchProgress) -> str:
-    """Rate, remaining time and errors of a batch, in one line."""
+    """Text with rate, remaining time and errors of a batch, in one line."""
     remaining = "" if progress.left is None else f", left {timedelta(seconds=round(progress.left))}"
     refused = [f"{n} {name}" for name, n in progress.statuses.items() if name != "done"]
     kinds = [f"{n} {name}" for name, n in progress.errors.items()]
@@ -92,18 +92,18 @@ def describe_batch_progress(progress: BatchProgress) -> str:
 
 @contextmanager
 def compiling_notice() -> Iterator[None]:
-    """Context that writes one line when the first function has to be compiled."""
+    """Context that writes one line before the first function is compiled."""
     is_written = False
 
     def say(name: str) -> None:
         nonlocal is_written
         if not is_written:
             is_written = True
-            # Some of the functions that a run needs may be compiled already.
+            # `name` can be the number of functions of a run, of which some may be compiled already.
             subject = f"up to {name}" if name[:1].isdigit() else "functions"
             sys.stderr.write(
-                f"Compiling {subject}, once: no earlier command has needed all of them; "
-                "`armcontour compile` compiles everything in advance.\n"
+                f"Compiling {subject}, because no earlier command has used them. This happens only "
+                "once. `armcontour compile` compiles all functions in advance.\n"
             )
             sys.stderr.flush()
 
@@ -112,7 +112,7 @@ def compiling_notice() -> Iterator[None]:
 
 
 class Lines:
-    """Lines of progress on the standard error of a program whose output is not a terminal."""
+    """Writer of progress lines to the standard error, for output that is not a terminal."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class Lines:
         self._last = clock() - (EVERY if at_once else 0.0)
 
     def write(self, words: str, detail: str | None = None) -> None:
-        """Write a line, at most one every EVERY seconds."""
+        """Write a line if the last line was written at least EVERY seconds ago."""
         now = self._clock()
         if not self._wanted or now - self._last < EVERY:
             return
@@ -135,27 +135,28 @@ class Lines:
 
 
 class JobProgress:
-    """Estimate of the remaining time of a job from the measured times of its steps."""
+    """Estimate of the remaining time of a job from the measured times of its steps.
 
-    # The estimate for a step is the mean time of the same step in earlier runs, else of all steps.
+    The estimate for a step is the mean time of the same step in earlier runs, else of all steps.
+    """
 
     def __init__(
         self, show: Callable[[str, float, float], None], clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._show, self._clock = show, clock
         self._start = self._since = clock()
-        # Names and time of the last update.
+        # Step names and time of the last update.
         self._shown: tuple[tuple[str, ...], float] = (), self._start
         self._now: tuple[str, ...] = ()
         self._took: dict[str, list[float]] = {}
         self._ahead: list[str] = []
 
     def expect(self, steps: Sequence[str]) -> None:
-        """Set the names of all future steps."""
+        """Set the names of all steps that follow."""
         self._ahead = list(steps)
 
     def __call__(self, step: Step) -> None:
-        """Update the estimate with a new step or its completed fraction."""
+        """Update the estimate when a step begins or its completed fraction changes."""
         now, names = self._clock(), step.names[:2]
         if names != self._now:
             if self._now:
@@ -179,12 +180,12 @@ class JobProgress:
 
 @contextmanager
 def job_progress() -> Iterator[JobProgress]:
-    """Show a bar with the remaining time on a terminal; yields the function that updates it."""
+    """Context that shows a bar with the remaining time; yields the object that updates it."""
     from rich.progress import BarColumn, ProgressColumn, Task
     from rich.text import Text
 
     class RemainingTime(ProgressColumn):
-        """Time until the expected end; the column of rich resets when the end changes."""
+        """Column with the remaining time; the column of rich resets if the expected end changes."""
 
         def render(self, task: Task) -> Text:
             end = task.fields["end"]
@@ -214,7 +215,7 @@ def job_progress() -> Iterator[JobProgress]:
 
 @contextmanager
 def _bar(*extra: Any) -> Iterator[Any]:
-    """Line of rich on a terminal, which is removed at the end."""
+    """Context with a progress line of `rich` that is removed at the end; `extra`: more columns."""
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 

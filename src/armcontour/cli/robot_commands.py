@@ -1,4 +1,4 @@
-"""The commands `identify` and `learn` on a robot controller: motions, logs and results."""
+"""The commands `identify` and `learn` with `--on`: motions on a robot, logs and results."""
 
 from __future__ import annotations
 
@@ -29,15 +29,16 @@ if TYPE_CHECKING:
     from armcontour.jobs import Job
     from armcontour.motion import Log
 
-# Kind of a result folder of runs on a robot, which goes on.
+# Kind of a result folder with runs on a robot; later runs can continue such a folder.
 KIND = "learn --on"
+# File name of the log of a run, by number from 1.
 LOG = "logs/run_{}.csv"
 
 
 def identify_robot(
     file: FilePath, options: IdentifyOptions, fit_options: dict[str, Any]
 ) -> RobotIdentification:
-    """Play the motions of an identification, or compare them only."""
+    """Play the motions of an identification and identify servos; a dry run without --execute."""
     from armcontour.control.identification import ServoFit
     from armcontour.controllers import identify_on
     from armcontour.core.checks import raise_if
@@ -72,7 +73,7 @@ def identify_robot(
 
 
 def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) -> int:
-    """Play, record and learn several runs; write the folder after each, and return the code."""
+    """Play runs and learn after each; write the folder after each run, and return the exit code."""
     from armcontour.controllers import RobotLearner
     from armcontour.controllers.player import Player
     from armcontour.core.checks import raise_if
@@ -118,18 +119,18 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
 
 
 class _NothingLearned(Exception):
-    """Leaves a result folder as it was."""
+    """Raised inside a result folder's context to leave the folder unchanged."""
 
 
 def _run_next(learner: RobotLearner, options: LearnOptions) -> None:
-    """Play and learn one run, and write the folder."""
+    """Play one run, learn from it, and write the folder."""
     from armcontour.files import ResultFolder
 
     if not options.execute or options.out is None:
         learner.run_next()
         return
     try:
-        # The folder is checked before the robot moves.
+        # `ResultFolder` checks that the folder is writable before the robot moves.
         with ResultFolder(options.out, force=options.force, replaces=KIND) as folder:
             learner.run_next()
             if learner.result.lesson is None:
@@ -140,7 +141,7 @@ def _run_next(learner: RobotLearner, options: LearnOptions) -> None:
 
 
 def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
-    """Logs of earlier runs in a folder, in order."""
+    """Logs of earlier runs in a folder, in order; empty if the folder has another kind."""
     from armcontour.files.log_file import read_log
     from armcontour.files.result_folder import kind_of, verify_file
 
@@ -152,12 +153,12 @@ def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
 
 
 def _named(log: Log, source: str, job: Job) -> Log:
-    """A log with the joints of a job."""
+    """Log with a source name and the joint names of a job."""
     return dataclasses.replace(log, source=source, joint_names=job.arm.joint_names)
 
 
 def _write(result: RobotLearning, folder: ResultFolder) -> None:
-    """Write logs, set-points of the best run, summary and report."""
+    """Write logs, learned set-points, summary and report."""
     from armcontour.cli.learn_command import write_study
     from armcontour.files.log_file import log_text
 
@@ -168,11 +169,11 @@ def _write(result: RobotLearning, folder: ResultFolder) -> None:
 
 
 def _print(result: RobotLearning, file: FilePath, options: LearnOptions) -> None:
-    """Print the runs, and how their set-points are played."""
+    """Print the results of the runs, and the command that plays the best set-points."""
     console = Console()
     if result.study is None:
         console.show(result.to_data())
-        console.print(DRY if not options.execute else "Stopped: nothing was learned.")
+        console.print(DRY if not options.execute else "Stopped before anything was learned.")
         return
     console.show(result.study.result)
     if not options.execute:

@@ -1,4 +1,4 @@
-"""The command `run`: run a job, print and write the results."""
+"""The command `run`: runs a job, and prints and writes the results."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 WRITING = Step(("writing the results",))
 
 
-# The runs of the paper's job that the demo compares.
+# Names of the runs of the paper's job that the demo compares.
 COMPARED = ("conventional", "proposed", "shaped")
 
 
 def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     """Run three runs of the paper's job and cut a plate with a UR5e; write one report of both."""
-    # The results of the paper's job are in the folder itself, those of the plate in its subfolder.
-    # An earlier result of the demo is replaced if its files did not change.
+    # The results of the paper's job are written to the folder itself, the results of the plate to a
+    # subfolder. An earlier result of the demo is replaced if its files are unchanged.
     from armcontour.core.compilation import compile_for_run
     from armcontour.files import ResultFolder, read_job
     from armcontour.files.result_folder import data_json
@@ -69,7 +69,7 @@ def _show_report(out: FilePath, open_report: bool) -> None:
 
 
 def built_in_job() -> Job:
-    """The paper's job, which is part of the package."""
+    """Load the paper's job, which is part of the package."""
     from armcontour.files import parse_job
 
     return parse_job(library_file("paper.yaml").read_text("utf-8"), source="the built-in job")
@@ -92,23 +92,26 @@ def run_job(
     simulate: bool = True,
     changes: bool | None = None,
 ) -> None:
-    """Read a job, run it, and write its results."""
-    # Heavy imports follow the checks, so that a wrong folder or job is rejected at once.
+    """Read a job, run it, and print and write its results."""
+    # Slow imports follow the checks, so that an invalid folder or job is rejected at once.
     from armcontour.core.compilation import compile_for_run
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
 
     if open_report and not simulate:
-        raise InvalidInput("--open opens the report of a simulation: remove --no-simulation.")
+        raise InvalidInput(
+            "--open requires a simulation, because only a simulation has a report. Remove "
+            "--no-simulation or --open."
+        )
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
         job = read(subprogress(progress, "reading"))
         if exports:
-            # An export that cannot be written is rejected before the run.
+            # Exports are tested before the run, so that invalid options are rejected at once.
             rehearse(job, exports, folder.scratch)
         with compile_for_run(job.arm.dimension, progress):
             from armcontour.jobs import run, steps_of
-            from armcontour.jobs.advice import STEP, advised, is_small
+            from armcontour.jobs.advice import STEP, is_small, with_advice
 
             steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
             advises = simulate and (is_small(job) if changes is None else changes)
@@ -116,10 +119,10 @@ def run_job(
             progress.expect([*steps, WRITING.names[0]])
             study = run(job, simulate=simulate, progress=progress)
             if advises:
-                study = advised(study, progress)
+                study = with_advice(study, progress)
             progress(WRITING)
             if simulate or not exports:
-                # Without simulation, exports replace the usual files.
+                # Without simulation, the exports are written instead of the usual files.
                 write_motions(folder, job, study.runs)
             notes: list[str] = []
             if exports:
@@ -135,7 +138,7 @@ def run_job(
     if simulate:
         _show_report(out, open_report)
     else:
-        Console().print(f"Not simulated. Set-points: {out.resolve()}")
+        Console().print(f"The run was not simulated. Set-points: {out.resolve()}")
 
 
 def write_motions(
@@ -146,7 +149,7 @@ def write_motions(
 
     names = job.arm.joint_names
     for name, result in plans.items():
-        # Sampled once for both files, because the evaluation of thousands of laws is slow.
+        # The plan is sampled once for both files, because evaluating thousands of laws is slow.
         planned = result.trajectory.sample(result.run.cycle)
         set_points = partial(write_set_points, set_points=result.set_points, joint_names=names)
         folder.place(f"{prefix}{name}/set_points.csv", set_points)

@@ -1,4 +1,4 @@
-"""The command `show`: size and layers of a drawing, without an arm."""
+"""The command `show`: prints size and layers of a drawing, without an arm."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
         return
     console = Console()
     low, high = np.array(data["extent"]) * 1e3
-    # A side of zero in z is omitted.
+    # The size in z is omitted if it is rounded to zero.
     sides = [x for k, x in enumerate(high - low) if k < 2 or x >= 5e-3]
     size, corner = " x ".join(f"{x:.2f}" for x in sides), ", ".join(f"{x:z.2f}" for x in low)
     console.print(f"{file.name}: {size} mm from {corner} mm")
@@ -44,7 +44,7 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
 
 
 def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -> Program:
-    """Read a drawing with the options of the command line."""
+    """Read a drawing with the options of the command."""
     from armcontour.cli.inputs import name_options, read_patch
     from armcontour.files.drawings.read import read_path
     from armcontour.files.drawings.read_options import ReadOptions
@@ -58,7 +58,7 @@ def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -
 
 
 def _describe(program: Program) -> dict[str, Any]:
-    """Size, layers and notes of a drawing for JSON, in SI units."""
+    """Size, layers and notes of a drawing as a mapping for JSON, in SI units."""
     extents = np.array([x.path.segments.extent for x in program.contours])
     layers: dict[str, dict[str, Any]] = {}
     for contour in program.contours:

@@ -1,4 +1,4 @@
-"""The command `studio`: a local page that shows and changes a job."""
+"""The command `studio`: serves a local web page that shows and edits a job."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def open_studio(file: FilePath | None, options: StudioOptions) -> None:
-    """Serve the Studio until it is interrupted, or its last page is closed."""
+    """Serve the Studio until a signal, or with --exit-when-closed until its pages are closed."""
     from armcontour.cli.interrupts import before_interrupt
     from armcontour.studio.server import require_server, serve
 
@@ -37,7 +37,7 @@ def open_studio(file: FilePath | None, options: StudioOptions) -> None:
 
 
 def _check(file: FilePath | None, options: StudioOptions) -> None:
-    """Reject invalid inputs before slow imports."""
+    """Raise InvalidInput for invalid files and options, before slow imports."""
     from armcontour.cli.inputs import is_job
     from armcontour.core.errors import InvalidInput
     from armcontour.core.file_access import LARGE, read_bytes
@@ -45,17 +45,20 @@ def _check(file: FilePath | None, options: StudioOptions) -> None:
 
     if file is None:
         if options.cell is not None:
-            raise InvalidInput("--cell goes with a drawing: name one.")
+            raise InvalidInput("--cell requires a drawing. Specify a drawing, or remove --cell.")
         return
     job = is_job(file)
     if job and options.cell is not None:
-        raise InvalidInput(f"{file.name} is a job, which has an arm: --cell goes with a drawing.")
+        raise InvalidInput(
+            f"--cell is only allowed with a drawing, but {file.name} is a job, which has its own "
+            "arm. Remove --cell."
+        )
     if not job:
         find_reader(file)
     if not job and options.cell is None:
         raise InvalidInput(
-            f"{file.name} is a drawing: name the cell for it with --cell, such as "
-            "ur5e, or a job file."
+            f"{file.name} is a drawing, which requires a cell. Specify it with --cell: a built-in "
+            "cell such as ur5e, or a job file."
         )
     read_bytes(file, "job file" if job else "drawing", maximum=LARGE)
 
@@ -63,32 +66,32 @@ def _check(file: FilePath | None, options: StudioOptions) -> None:
 def _session(
     file: FilePath | None, options: StudioOptions, say: Callable[[bytes], None]
 ) -> Session:
-    """Open the document; this loads the numerical libraries."""
+    """Open the document in a session; this loads the numerical libraries."""
     from armcontour.studio.connection import open_session
 
     return open_session(file, cell=options.cell, trust_xacro=options.trust_xacro, send=say)
 
 
 def _announce(address: str, open_page: bool) -> None:
-    """Print the address, and open it in a browser."""
+    """Print the address of the page, and open the page in a browser."""
     print_line(f"Studio: {address}")
-    print_line("The address contains a key: do not share it. Ctrl+C ends the Studio.")
+    print_line("Do not share the address, because it contains a key. Ctrl+C ends the Studio.")
     if open_page:
         import threading
         import webbrowser
 
-        # Some browsers return only when they are closed.
+        # The call is in a thread, because some browsers return only when they are closed.
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
 
 def _leave(session_hosts: list[SessionHost]) -> None:
-    """End the other processes."""
+    """Close the sessions, which ends their task processes."""
     for session_host in session_hosts:
         if session_host.session is not None:
             session_host.session.close()
 
 
 def _unsaved(session_hosts: list[SessionHost]) -> str | None:
-    """Sentence on unsaved changes."""
+    """Message about unsaved changes of the document; None without any."""
     session = session_hosts[0].session if session_hosts else None
     return None if session is None else session.document.unsaved()

@@ -1,1 +1,1 @@
-"""Set-points for real drives: compensation, learning from runs, identification from logs."""
+"""Set-points for real drives: compensation, learning from runs and identification from logs."""

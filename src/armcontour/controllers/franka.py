@@ -203,7 +203,7 @@ class Franka(Controller):
                 'pylibfranka is not installed: pip install "armcontour[franka]" (Linux on x86-64, '
                 "Python 3.11 and 3.12)"
             )
-        words = [sys.executable, "-m", "armcontour.controllers.devices.franka"]
+        words = [sys.executable, "-m", "armcontour.controllers.feeders.franka_feeder"]
         return Command([*words, str(folder / "samples.txt"), self.address])
 
 

@@ -141,7 +141,7 @@ class LinuxCNC(Controller):
             os.chown(folder, NOBODY, NOBODY)
         # HAL uses one fixed address per machine, which other programs also use.
         apart = _own_ipc() if self.hal_file is None else []
-        words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.devices.linuxcnc"]
+        words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.feeders.linuxcnc_feeder"]
         words += [str(folder / "samples.txt"), str(file), str(self.ahead), str(arm.dof)]
         return Command(words, environment, clean_up=(RTAPI, "exit"))
 

@@ -70,6 +70,6 @@ class Ur(Controller):
         return [Row("ur.speed", float(speed[j] / most[j]), "1", "speed of the robot's limit")]
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
-        words = [sys.executable, "-m", "armcontour.controllers.devices.ur"]
+        words = [sys.executable, "-m", "armcontour.controllers.feeders.ur_feeder"]
         settings = map(repr, (self.cycle, self.lookahead, self.gain))
         return Command([*words, str(folder / "samples.txt"), self.address, *settings])

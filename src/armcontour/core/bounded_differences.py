@@ -9,26 +9,27 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 
-# Largest number of steps; 12 to 30 are usual.
+# Maximum number of iterations; 12 to 30 are usual.
 MAX_STEPS = 80
 # Tolerances of a solution: violation relative to the bounds, and duality gap relative to the
 # objective; a gap of ROUNDED is accepted if rounding errors end the search.
 EXACT, OPTIMAL, ROUNDED = 1e-10, 1e-9, 1e-5
-# First product of slack and multiplier, for an excess of half the distance between the bounds.
+# Initial product of slack and multiplier if the excess is half the distance between the bounds.
 FIRST_PRODUCT = 1.0
-# A missing bound is replaced by this multiple of the largest value and of the other bound.
+# A missing bound is replaced by this multiple of the larger of the largest value and the other
+# bound.
 FAR = 10.0
-# Fraction of the distance to the nearest bound that a step takes.
+# Fraction of the longest feasible step that is used, so that slacks and multipliers stay positive.
 INSIDE = 0.995
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
     """Nearest values in the mean square whose differences are within bounds; None if impossible."""
-    # `bounds` are those of the values, (n,), then of their differences of orders 1, 2, ...; the
-    # first and the last value do not change, and values are constant before and after them.
-    # Primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2, 575-601, 1992) on banded
-    # equations, so the time is proportional to the number of values.
+    # `values` (n,). `bounds`: of the values, then of their differences of orders 1, 2, .... The
+    # first and the last value do not change; before and after them the values are assumed constant.
+    # The method is a primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2, 575-601, 1992)
+    # on banded equations, so the time is proportional to the number of values.
     from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
     orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
@@ -37,7 +38,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
     rooms, scales = [], []
     for k in orders:
         values_of_order = differences(values, k) if k else values[1:-1]
-        # A missing bound is replaced by one that the nearest values do not reach.
+        # A missing bound is replaced by a bound that the nearest values do not reach.
         distant = FAR * max(
             float(np.abs(values_of_order).max()), *(abs(x) for x in bounds[k] if isfinite(x))
         )
@@ -51,12 +52,12 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
     change, side = np.zeros(len(values) - 2), np.array([[1.0], [-1.0]])
 
     def forward(x: FloatArray) -> FloatArray:
-        """Scaled differences of changes, which are zero before and after."""
+        """Scaled differences of the changes x of the inner values; other changes are zero."""
         parts = zip(orders, scales, strict=True)
         return np.concatenate([scale * np.diff(np.pad(x, k), k) for k, scale in parts])
 
     def adjoint(x: FloatArray) -> FloatArray:
-        """Transpose of `forward`, for the upper minus the lower bounds."""
+        """Transpose of `forward`, applied to the upper minus the lower row of x."""
         parts = zip(orders, scales, np.split(x[0] - x[1], cuts), strict=True)
         return np.asarray(sum(scale * (-1) ** k * np.diff(y, k) for k, scale, y in parts))
 
@@ -68,7 +69,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
         multipliers: FloatArray,
         target: FloatArray,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Newton step that changes the products of slacks and multipliers by `target`."""
+        """Newton step that changes slacks times multipliers by `target`: x, slacks, multipliers."""
         right = -gradient - adjoint((target + multipliers * outside) / slacks)
         step = cho_solve_banded((matrix, True), right, check_finite=False)
         wider = -outside - side * forward(step)
@@ -116,7 +117,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
 
 
 def differences(values: FloatArray, order: int) -> FloatArray:
-    """Differences of values that are constant before the first and after the last one."""
+    """Differences of an order, of values assumed constant before the first and after the last."""
     around = [(order - 1, order - 1), *[(0, 0)] * (values.ndim - 1)]
     return np.diff(np.pad(values, around, mode="edge"), order, axis=0)
 
@@ -124,7 +125,7 @@ def differences(values: FloatArray, order: int) -> FloatArray:
 def _bands(
     count: int, orders: Sequence[int], scales: Sequence[float], weights: Sequence[FloatArray]
 ) -> FloatArray:
-    """Bands of the identity plus weighted squares of scaled differences, from the diagonal down."""
+    """Lower bands, diagonal first, of the identity plus weighted squares of differences."""
     bands = np.zeros((max(orders) + 1, count))
     bands[0] = 1.0
     for k, scale, weight in zip(orders, scales, weights, strict=True):

@@ -20,7 +20,7 @@ from armcontour.core.text import make_printable, show, suggest
 P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C")
-# Longest name [characters]: names are written in lines of robot programs, tables and terminals.
+# Longest name [characters]; names appear in lines of robot programs, tables and terminals.
 LONGEST_NAME = 80
 FloatArray = npt.NDArray[np.float64]
 # Largest number in SI units, above any length, time, speed or torque of a robot. Its powers up to
@@ -31,22 +31,22 @@ LARGEST = 1e12
 SMALLEST = 1e-30
 # Largest number of joints, more than any arm has.
 MAX_JOINTS = 1000
-# Largest number of values that are sampled, such as set-points times joints: with all that is
-# computed from them, some GB.
+# Largest number of sampled values, such as set-points times joints. The arrays that are computed
+# from so many values need some GB.
 MAX_VALUES = 5e7
 # Largest whole number; seeds have no smaller limit.
 MAX_WHOLE = 2**63 - 1
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
-# Attributes of a copied object by their names, and the names of those that are locked.
+# Attributes of a copied object by name, and names of the attributes with read-only arrays.
 State = tuple[dict[str, Any], tuple[str, ...]]
 
 # Highest supported derivative of a curve.
 HIGHEST = 20
 
-# Kinds of numpy arrays that can be numbers; each object of an object array must be a number.
+# Values of `dtype.kind` of arrays that can be numbers; objects of an object array must be numbers.
 NUMERIC = "iufO"
-# Names of the other kinds, for messages.
+# Names of the other kinds of arrays, for messages.
 NOT_NUMERIC = {
     "b": "truth values",
     "U": "text",
@@ -59,8 +59,8 @@ NOT_NUMERIC = {
 
 
 def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
-    """Read-only copy of `values` as a float array; `values` itself if it is one."""
-    if isinstance(values, np.ndarray) and _is_locked(values):
+    """Read-only copy of `values` as a float array; `values` itself if it is read-only already."""
+    if isinstance(values, np.ndarray) and _is_frozen(values):
         return values
     array = np.array(floats(name, values, unit))
     array.setflags(write=False)
@@ -77,13 +77,13 @@ def kernel_array(values: npt.ArrayLike) -> FloatArray:
     return np.require(values, np.float64, ["C", "W"])
 
 
-def _is_locked(array: npt.NDArray[Any]) -> bool:
-    """True if an array is read-only, of floats, and no view of another array."""
+def _is_frozen(array: npt.NDArray[Any]) -> bool:
+    """True if an array of floats is read-only and owns its data."""
     flags = array.flags
     return array.dtype == np.float64 and flags.owndata and not flags.writeable
 
 
-def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def freeze_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Read-only copy of an array, of the same type."""
     copy = array.copy()
     copy.setflags(write=False)
@@ -91,7 +91,7 @@ def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 class Value:
-    """Base of frozen dataclasses with arrays; arrays of copies are locked as well.
+    """Base of frozen dataclasses with read-only arrays; arrays of copies are read-only, too.
 
     `copy.deepcopy` and `pickle` alone would make writeable copies of read-only arrays.
     """
@@ -100,28 +100,28 @@ class Value:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        # Otherwise a dataclass with slots defines these methods.
+        # Without this, a dataclass with slots would define its own methods.
         for name in ("__getstate__", "__setstate__"):
             if getattr(cls, name) is getattr(Value, name):
                 setattr(cls, name, getattr(Value, name))
 
     def __getstate__(self) -> tuple[list[Any], list[int], dict[str, Any] | None]:
-        """Values of all fields, indices of the locked ones, and other attributes."""
+        """Values of all fields, indices of those with read-only arrays, and other attributes."""
         kind: Any = type(self)
         names = _field_names(kind)
         values = [getattr(self, name) for name in names]
-        locked = [k for k, x in enumerate(values) if _is_locked_value(x)]
+        frozen = [k for k, x in enumerate(values) if _is_frozen_value(x)]
         others = getattr(self, "__dict__", None)
         if others is not None:
             others = {name: x for name, x in others.items() if name not in names}
-        return values, locked, others or None
+        return values, frozen, others or None
 
     def __setstate__(self, state: tuple[list[Any], list[int], dict[str, Any] | None]) -> None:
         """Restore the fields; arrays that were read-only in the original are read-only again."""
         _refuse_old(self, state, 3)
-        values, locked, others = state
-        for k in locked:
-            _lock_value(values[k])
+        values, frozen, others = state
+        for k in frozen:
+            _freeze_value(values[k])
         if others is not None:
             vars(self).update(others)
         kind: Any = type(self)
@@ -136,11 +136,11 @@ def _field_names(kind: type) -> tuple[str, ...]:
 
 
 def pack_state(values: Mapping[str, Any]) -> State:
-    """Attributes for a copy, and the names of the locked ones."""
-    return dict(values), tuple(name for name, x in values.items() if _is_locked_value(x))
+    """Attributes for a copy, and names of the attributes with read-only arrays."""
+    return dict(values), tuple(name for name, x in values.items() if _is_frozen_value(x))
 
 
-def _is_locked_value(value: Any) -> bool:
+def _is_frozen_value(value: Any) -> bool:
     """True if a value is a read-only array, or a tuple of such arrays."""
     if type(value) is np.ndarray:
         return not value.flags.writeable
@@ -150,16 +150,16 @@ def _is_locked_value(value: Any) -> bool:
 
 
 def _refuse_old(instance: object, state: Any, count: int) -> None:
-    """Reject a pickled state of another version, which is no tuple of `count` parts."""
+    """Raise an error if a pickled state is from another version: not a tuple of `count` parts."""
     if not (isinstance(state, tuple) and len(state) == count):
         raise InvalidInput(
-            f"This pickled {type(instance).__name__} was made by another version of armcontour: "
-            "make it anew."
+            f"This pickled {type(instance).__name__} was made by another version of armcontour. "
+            "Create it again with this version."
         )
 
 
-def _lock_value(value: Any) -> None:
-    """Lock an array, or a tuple of arrays."""
+def _freeze_value(value: Any) -> None:
+    """Make an array, or all arrays of a tuple, read-only."""
     for array in value if isinstance(value, tuple) else (value,):
         array.setflags(write=False)
 
@@ -172,8 +172,8 @@ class Immutable:
     `frozen=True`.
     """
 
-    # End of the error message: how to get a changed instance.
-    _instead: ClassVar[str] = "make another one"
+    # Last sentence of the error message: how to get a changed instance.
+    _instead: ClassVar[str] = "Create another instance"
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -182,25 +182,26 @@ class Immutable:
         construct = cls.__init__
 
         @wraps(construct)
-        def construct_and_lock(self: Immutable, *args: Any, **keywords: Any) -> None:
+        def construct_and_freeze(self: Immutable, *args: Any, **keywords: Any) -> None:
             construct(self, *args, **keywords)
-            # Within a subclass, its own constructor continues after this one.
-            if type(self).__init__ is construct_and_lock:
+            # If this is not the constructor of the object's class, a subclass constructor
+            # continues.
+            if type(self).__init__ is construct_and_freeze:
                 arrays = {k: x for k, x in vars(self).items() if isinstance(x, np.ndarray)}
-                vars(self).update({k: lock_copy(x) for k, x in arrays.items()}, _locked=True)
+                vars(self).update({k: freeze_copy(x) for k, x in arrays.items()}, _frozen=True)
 
-        cls.__init__ = construct_and_lock  # type: ignore[assignment, method-assign]
+        cls.__init__ = construct_and_freeze  # type: ignore[assignment, method-assign]
 
     def __getstate__(self) -> State:
-        """Values of all attributes, and the names of the locked ones."""
+        """Values of all attributes, and names of the attributes with read-only arrays."""
         return pack_state(vars(self))
 
     def __setstate__(self, state: State) -> None:
         """Restore the fields; arrays that were read-only in the original are read-only again."""
         _refuse_old(self, state, 2)
-        values, locked = state
-        for name in locked:
-            _lock_value(values[name])
+        values, frozen = state
+        for name in frozen:
+            _freeze_value(values[name])
         vars(self).update(values)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -212,16 +213,16 @@ class Immutable:
         super().__delattr__(name)
 
     def _refuse_change(self, name: str) -> None:
-        if "_locked" in vars(self):
+        if "_frozen" in vars(self):
             raise FrozenInstanceError(
                 f"The {name} of a {type(self).__name__} cannot be set after construction, because "
-                f"plans may depend on it: {self._instead}."
+                f"plans may depend on it. {self._instead}."
             )
 
 
-def lock_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
-    """Read-only result of `check_numbers`; `values` itself if it is such an array."""
-    if isinstance(values, np.ndarray) and _is_locked(values) and values.size:
+def freeze_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
+    """Read-only result of `check_numbers`; `values` itself if it is a valid read-only array."""
+    if isinstance(values, np.ndarray) and _is_frozen(values) and values.size:
         # NaN fails both comparisons.
         if values.max() <= LARGEST and values.min() >= -LARGEST:
             return values
@@ -253,14 +254,14 @@ def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArra
 
 
 def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """Return `values` as a float array, finite or not; unchanged if it is one."""
+    """Return `values` as a float array, finite or not; unchanged if it is a float array."""
     if type(values) is np.ndarray and values.dtype == np.float64:
         return values
     if values is None:
         raise InvalidInput(f"{name} must be numbers{in_unit(unit)}, not None.")
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         raise InvalidInput(
-            f"{name} must be numbers{in_unit(unit)}, but some are masked: remove them."
+            f"{name} must be numbers{in_unit(unit)}, but some are masked. Remove the masked values."
         )
     try:
         array = np.asarray(values)
@@ -298,7 +299,7 @@ def shaped(
 
 
 def indices(name: str, values: npt.ArrayLike) -> IntArray:
-    """Return `values` as an array of integers; unchanged if it is one."""
+    """Return `values` as an array of integers; unchanged if it is an array of integers."""
     if isinstance(values, np.ndarray) and values.dtype == np.intp:
         return values
     array = check_numbers(name, values)
@@ -331,10 +332,10 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
 
 
 def check_count(work: str, values: float, fix: str) -> None:
-    """Check that work stays within MAX_VALUES, before its values are computed."""
+    """Check that a task has at most MAX_VALUES values, before the values are computed."""
     if not values <= MAX_VALUES:
         raise InvalidInput(
-            f"{work} would have {values:.3g} values, more than the limit of {MAX_VALUES:.3g}: "
+            f"{work} would have {values:.3g} values, but at most {MAX_VALUES:.3g} are allowed: "
             f"{fix}.",
             limit="values",
             needed=values,
@@ -391,14 +392,14 @@ def check_int(name: str, value: Any, low: int | None = None, high: int | None = 
 def per_vertex(
     name: str, values: npt.ArrayLike | None, vertices: int, unit: str = ""
 ) -> FloatArray:
-    """Numbers at least 0, one per vertex between segments, (vertices,); None is infinity."""
+    """Return numbers at least 0, one per vertex between segments, (vertices,); inf for None."""
     if values is None:
         return np.full(vertices, np.inf)
     array = check_numbers(name, values, unit)
     if array.ndim and array.shape != (vertices,):
         raise InvalidInput(
             f"{name} has {array.size} values, but the path has {vertices} vertices between "
-            f"segments: give one value for all or {vertices}."
+            f"segments. Specify one value for all vertices or {vertices} values."
         )
     if array.size and (array < 0).any():
         raise InvalidInput(f"{name} must not be negative, but is {array.min():g} {unit}.")
@@ -412,22 +413,22 @@ def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> Flo
         return np.full(dof, float(array))
     if array.shape != (dof,):
         raise InvalidInput(
-            f"{name} has {array.size} values, but the arm has {dof} joints: "
-            f"give one value for all joints or {dof}."
+            f"{name} has {array.size} values, but the arm has {dof} joints. "
+            f"Specify one value for all joints or {dof} values."
         )
     return array
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
     """Return `value` if it is one of the `choices` texts."""
-    # Comparing an array would give an array.
+    # The type is checked first, because the comparison of an array would return an array.
     if not isinstance(value, str) or value not in choices:
         raise InvalidInput(f"{name} must be one of {', '.join(choices)}, not {show(value)}.")
     return value
 
 
 def derivative(order: Any, highest: int = HIGHEST) -> int:
-    """Return the order of a derivative, 0 for the value itself."""
+    """Check and return the order of a derivative, 0 for the value itself."""
     if type(order) is int and 0 <= order <= highest:
         return order
     if isinstance(order, np.integer):
@@ -444,7 +445,8 @@ def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> 
         raise InvalidInput(f"The {description} must be text, not {show(value)}.")
     if len(value) > longest:
         raise InvalidInput(
-            f"The {description} has {len(value)} characters, more than {longest}: {show(value)}."
+            f"The {description} has {len(value)} characters, more than {longest}, the maximum: "
+            f"{show(value)}."
         )
     if not value.isprintable():
         bad = next(x for x in value if not x.isprintable())
@@ -456,7 +458,7 @@ def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> 
 
 
 def raise_if(wrong: bool | np.bool_, message: str) -> None:
-    """Raise InvalidInput if a condition is true; for messages that cost nothing to format."""
+    """Raise InvalidInput if a condition is true; for messages that are cheap to format."""
     if wrong:
         raise InvalidInput(message)
 
@@ -508,7 +510,7 @@ def check_type(user: str, value: Any, *kinds: type, role: str = "") -> None:
 
 
 def explain_calls(constructed: type[C]) -> type[C]:
-    """Decorate a public dataclass: its constructors raise InvalidInput for wrong arguments."""
+    """Decorate a public dataclass so that wrong constructor arguments raise InvalidInput."""
     cls: Any = constructed
     cls.__init__ = explained(cls.__init__)
     for name, member in list(vars(cls).items()):
@@ -534,7 +536,7 @@ def explained(function: Callable[P, R]) -> Callable[P, R]:
 def raise_call_error(
     function: Callable[..., Any], args: tuple[Any, ...], keywords: Mapping[str, Any]
 ) -> None:
-    """Raise InvalidInput for unknown, repeated or missing arguments of a call."""
+    """Raise InvalidInput if arguments of a call are unknown, repeated or missing."""
     every = signature(function).parameters
     slots = {name: x for name, x in every.items() if name not in ("self", "cls")}
     positional = args[len(every) - len(slots) :]
@@ -580,7 +582,7 @@ def kinds_of(annotation: Any) -> tuple[type, ...]:
 def check_sequence(
     name: str, values: Any, kind: Any, noun: str, count: int | None = None
 ) -> tuple[Any, ...]:
-    """Return the values of a list as a tuple."""
+    """Check the values of a list, and return them as a tuple."""
     if isinstance(values, np.ndarray):
         values = np.atleast_1d(values)
     # Fast path for tuples.
@@ -593,13 +595,13 @@ def check_sequence(
 
 
 def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, ...]:
-    """Return the names of a list as a tuple."""
+    """Check the names of a list, and return them as a tuple."""
     noun = "names" if count is None else f"{count} names"
     names = check_sequence(name, values, str, noun, count)
     return tuple(check_name(f"name in {name}", x) for x in names)
 
 
-def read_place(user: str, path: Any) -> FilePath:
+def read_file_path(user: str, path: Any) -> FilePath:
     """Return the path of a file, given as text or a path."""
     try:
         return FilePath(path)

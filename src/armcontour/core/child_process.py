@@ -1,7 +1,8 @@
-"""Child Python processes that work for this one: start, end and communication.
+"""Child Python processes: start, end and communication.
 
-A child is a separate program, so that scripts need no guard against being imported. It ends when
-this process ends for any reason, because its input is closed then.
+A child runs a separate program that does not import the main script, so scripts need no
+`if __name__ == "__main__"`. A child ends when its parent process ends for any reason, because the
+input of the child is then closed.
 """
 
 from __future__ import annotations
@@ -28,17 +29,18 @@ SERVE = "from armcontour.core.child_process import serve; serve()"
 # Thresholds of the garbage collector. A program of thousands of contours has millions of objects
 # without cycles; with the default thresholds, collection takes as long as reading the drawing.
 GARBAGE = (20_000, 20, 50)
-# Libraries use one thread per process; only `map_in_threads` uses several.
+# Environment variables that limit libraries to one thread per process; only `map_in_threads` uses
+# several threads.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-def locked(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
+def frozen_mapping(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
     """Read-only copy of a mapping."""
     return MappingProxyType(dict(mapping))
 
 
-# Fields of values are such mappings, which pickle does not support.
-copyreg.pickle(MappingProxyType, lambda x: (locked, (dict(x),)))
+# Pickle does not support read-only mappings, which are fields of values.
+copyreg.pickle(MappingProxyType, lambda x: (frozen_mapping, (dict(x),)))
 
 
 class ProcessEnded(ExecutionError):
@@ -46,12 +48,14 @@ class ProcessEnded(ExecutionError):
 
 
 class _Serving:
-    """State of a child process, which starts no further ones."""
+    """State of this process and its threads with respect to work for other processes."""
+
+    # here: True in a child process, which starts no further processes.
 
     here = False
-    # Threads that work for an executor.
+    # Per thread: `busy` is True while the thread works for an executor.
     threads = threading.local()
-    # Stream of results.
+    # Stream for results to the parent process.
     answers: IO[bytes] | None = None
 
 
@@ -63,7 +67,7 @@ def processors() -> int:
 
 
 def can_start() -> bool:
-    """True if child processes can be started; a frozen application has no Python to start."""
+    """True if child processes can be started; a frozen application has no Python interpreter."""
     return bool(sys.executable) and not getattr(sys, "frozen", False)
 
 
@@ -74,7 +78,7 @@ def is_child() -> bool:
 
 @contextmanager
 def child_context() -> Iterator[None]:
-    """Context in which this thread works for another process and starts no further ones."""
+    """Context in which this thread works for another process and starts no processes."""
     before = getattr(_Serving.threads, "busy", False)
     _Serving.threads.busy = True
     try:
@@ -140,7 +144,7 @@ def serve() -> None:
     """Main loop of a child process: run incoming work until the input ends."""
     _Serving.here = True
     reduce_garbage_collection()
-    # The terminal interrupts all processes; the first one decides what that means.
+    # The terminal interrupts all processes, but only the main process handles interrupts.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = _Serving.answers = os.fdopen(os.dup(1), "wb")
     # Text that libraries print must not mix with the results.
@@ -156,7 +160,7 @@ def serve() -> None:
             _write(answers, answer)
 
 
-def tell(value: Any) -> None:
+def report_to_parent(value: Any) -> None:
     """Report a picklable value to the parent of a `submit_reporting` call before the result."""
     if _Serving.answers is not None:
         _write(_Serving.answers, pickle.dumps((None, value)))
@@ -165,7 +169,7 @@ def tell(value: Any) -> None:
 def call(
     child: subprocess.Popen[bytes], work: Callable[[], Any], heard: Callable[[Any], None]
 ) -> Any:
-    """Run work in a child process, where its arrays are read-only; `heard` takes its reports."""
+    """Run work in a child process with read-only arrays; `heard` is called with its reports."""
     assert child.stdin is not None and child.stdout is not None
     packed = pickle.dumps(pack(work))
     try:
@@ -173,14 +177,14 @@ def call(
         while (answer := pickle.load(child.stdout))[0] is None:
             heard(answer[1])
     except BaseException as error:
-        # The next call would read the remainder of this result.
+        # The process is killed, because the next call would read the remainder of this result.
         child.kill()
         child.wait()
         if not isinstance(error, EOFError | OSError | pickle.UnpicklingError):
             raise
         raise ProcessEnded(
             "Another process of this work ended before it returned a result, for example "
-            "because memory ran out: use fewer processes, or free some memory."
+            "because memory ran out. Use fewer processes, or free some memory."
         ) from None
     if not answer[0]:
         raise RuntimeError(f"Another process of this work failed: {answer[1]}")
@@ -195,7 +199,7 @@ def _write(pipe: IO[bytes], data: bytes) -> None:
 
 def pack(value: Any) -> Packed:
     """Pickle a value; its arrays are read-only after `unpack`, like checked arrays."""
-    # Kernels are compiled for read-only arrays.
+    # Arrays are read-only because the kernels are compiled for read-only arrays.
     buffers: list[pickle.PickleBuffer] = []
     data = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
     return data, tuple(bytes(x.raw()) for x in buffers)

@@ -1,4 +1,4 @@
-"""Ahead-of-time compilation in several processes: of all functions, or those of a usual run.
+"""Ahead-of-time compilation of functions in several processes: of all, or for a usual run.
 
 `kernels.txt` lists, one call per line, the runs that call a function and the types of its
 arguments. A function is compiled after its callees, because it loads them.
@@ -25,23 +25,23 @@ from armcontour.core.pool import TaskQueue, open_executor
 from armcontour.core.progress import COMPILING, Progress, Step, report_compiling, subprogress
 from armcontour.core.quintics import solve_banded
 
-# Runs on plane arms, runs on arms in space, both, and everything.
+# Kinds of runs: on planar arms, on arms in space, on both; and all functions.
 Which: TypeAlias = Literal["plane", "space", "usual", "all"]
-# The kinds whose functions a kind includes.
+# Kinds of runs whose functions each kind includes.
 INCLUDED: dict[Which, tuple[Which, ...]] = {
     "plane": ("plane",),
     "space": ("space",),
     "usual": ("plane", "space", "usual"),
     "all": ("plane", "space", "usual", "all"),
 }
-# Names of a module and a function.
+# Names of the module and of the function.
 Key: TypeAlias = tuple[str, str]
-# A function, and the types of its arguments for each kind of call.
+# A function, and the argument types of its calls as text.
 Calls: TypeAlias = tuple[Key, list[str]]
 LIST = FilePath(__file__).with_name("kernels.txt")
-# After these errors of the other processes, a run compiles the functions that it needs.
+# If the other processes fail with these errors, the run itself compiles the functions it needs.
 FAILURES = (ArmContourError, RuntimeError, OSError)
-# Memory of a process that compiles [bytes].
+# Memory of one compiling process [bytes].
 MEMORY = 0.4e9
 
 
@@ -57,9 +57,9 @@ def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> Co
     """Compile functions that are not compiled yet, in as many processes as the memory allows."""
     listed, compiled = read_list(kind), 0
     if not _is_compiled(kind):
-        order = Order(listed, progress)
-        order.run_all()
-        compiled = order.compiled
+        schedule = CompilationSchedule(listed, progress)
+        schedule.run_all()
+        compiled = schedule.compiled
         _stamp(kind)
     return CompiledKernels(len(listed), compiled, _folder())
 
@@ -67,33 +67,33 @@ def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> Co
 @contextmanager
 def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
     """Context in which other processes compile the functions of a usual run."""
-    # The run waits if it needs a function that is not compiled; that function is compiled next. If
-    # the other processes fail, the run compiles the function itself.
+    # If the run needs a function that is not compiled, it waits, and this function is compiled
+    # next. If the other processes fail, the run compiles the function itself.
     kind: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
     if _is_compiled(kind) or not can_start():
         yield
         return
 
     def tell(step: Step) -> None:
-        if order.waits or not step.done:
+        if schedule.waits or not step.done:
             progress(step)
         if not step.done:
             report_compiling(step.names[-1])
 
     def work() -> None:
         with suppress(*FAILURES):
-            order.run_all()
-        if order.is_done:
+            schedule.run_all()
+        if schedule.is_done:
             _stamp(kind)
 
-    order = Order(read_list(kind), tell)
+    schedule = CompilationSchedule(read_list(kind), tell)
     helper = Thread(target=work, name="compiling")
     helper.start()
     try:
-        with waiting(order.wait):
+        with waiting(schedule.wait):
             yield
     except BaseException:
-        order.give_up()
+        schedule.give_up()
         raise
     finally:
         helper.join()
@@ -128,7 +128,7 @@ def compile_calls(calls: Calls) -> int:
 
 
 def from_text(text: str) -> tuple[Any, ...]:
-    """Types of arguments from text such as `float64[:, ::1], const(float64[::1]), int64`."""
+    """Types of arguments, from text such as `float64[:, ::1], const(float64[::1]), int64`."""
     # The text is a Python expression with the names of `numba.types` and three more: `const` for a
     # read-only array, `named` for a named tuple, and `Vector` of `simd`.
     # numba.types is only partly annotated.
@@ -142,20 +142,20 @@ def from_text(text: str) -> tuple[Any, ...]:
         return types.NamedTuple(parts, kind)
 
     words = {"const": lambda x: x.copy(readonly=True), "named": named, "Vector": VECTOR}
-    # The text comes from this package.
+    # The text comes from this package, so that it is safe to evaluate.
     kinds: tuple[Any, ...] = eval(f"({text},)" if text else "()", vars(types) | words)
     return kinds
 
 
-class Order:
-    """Functions in the order of compilation: the longest function whose callees are compiled."""
+class CompilationSchedule:
+    """Schedule of a compilation: the longest function whose callees are compiled is next."""
 
     def __init__(self, listed: dict[Key, list[str]], progress: Progress | None) -> None:
         self._tell = subprogress(
             progress, COMPILING, f"{len(listed)} functions in {_processes()} processes"
         )
         self._changed = Condition()
-        # Functions to be compiled, and those that a process is compiling.
+        # Functions that are not compiled yet, and functions that were given to a process.
         self._remaining = {key: x for key, x in listed.items() if _dispatcher(key) is not None}
         self._started = set[Key]()
         self._needs = {key: _callees(key) for key in self._remaining}
@@ -188,7 +188,7 @@ class Order:
             self.give_up()
 
     def wait(self, function: Any) -> None:
-        """Wait until a function is compiled, and give it priority; return at once for others."""
+        """Wait until a function is compiled, with priority; return at once if it is not listed."""
         key = function.__module__, function.__name__
         with self._changed:
             self._requested |= {key, *self._needs.get(key, ())}
@@ -203,7 +203,7 @@ class Order:
             self._changed.notify_all()
 
     def _take(self) -> Calls | None:
-        """Next function; None if all others wait for their callees."""
+        """Next function to compile; None if all remaining functions wait for their callees."""
         with self._changed:
             undone = self._remaining.keys()
             ready = [x for x in undone - self._started if not self._needs[x] & undone]
@@ -265,14 +265,14 @@ def _state() -> str:
 
 
 def _is_compiled(kind: Which) -> bool:
-    """True if the functions have been compiled in this state."""
+    """True if the functions have been compiled in the present state, see `_state`."""
     with suppress(OSError):
         return (_folder() / f"compiled-{kind}.txt").read_text(encoding="utf-8") == _state()
     return False
 
 
 def _stamp(kind: Which) -> None:
-    """Record that the functions have been compiled in this state."""
+    """Record that the functions have been compiled in the present state."""
     with suppress(OSError):
         for name in INCLUDED[kind]:
             (_folder() / f"compiled-{name}.txt").write_text(_state(), encoding="utf-8")

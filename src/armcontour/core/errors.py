@@ -13,13 +13,12 @@ ArmContourError
 ```
 
 The exit codes of the command line are 2 to 6 in this order, 8 for a collision, and 10 and 11 for
-controllers. 0 and 1 are
-results (`check`: all limits satisfied, a limit violated; `identify`: all joints have a model, or
-not); 7 is the result of `check` if the samples do not decide.
+controllers. 0 and 1 are results (`check`: all limits satisfied, a limit violated; `identify`: all
+joints have a model, or not). 7 is the result of `check` if its verdict is "cannot tell".
 
-A message is one sentence that states the problem, its location and a fix. Attributes hold the same
-facts in SI units, for programs. Messages count joints, segments, waypoints, corners and items of a
-list in a file from 1. The attributes `index` and `joint` count from 0, as in Python.
+A message states the problem, its location and a fix. Attributes have the same facts in SI units,
+for programs. Messages count joints, segments, waypoints, corners and items of a list in a file from
+1. The attributes `index` and `joint` count from 0, as in Python.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ class ArmContourError(Exception):
     (1, 0.12)
 
     Args:
-        message: One sentence for the user.
+        message: Problem, location and fix, for the user.
         point: Coordinates of the position [m].
         index: Index of the wrong item in its input, from 0.
         s: Arc length of the position [m].
@@ -173,7 +172,7 @@ class ControllerLost(ArmContourError):
     """A robot controller or the connection to it failed during a motion.
 
     Attributes:
-        record: What was recorded until then, a `PlayedMotion`; None if nothing.
+        record: Recorded motion until the failure, a `PlayedMotion`; None if there is none.
     """
 
     exit_code = 11

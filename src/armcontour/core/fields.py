@@ -47,7 +47,7 @@ ANY_SHAPE = (Axes(...),)
 
 
 class Checked(Value):
-    """Base of dataclasses whose fields are checked, converted and locked by their annotations."""
+    """Base of dataclasses whose fields are checked, converted and made read-only by annotation."""
 
     __slots__ = ()
 
@@ -68,7 +68,7 @@ class Options(Checked):
     def __post_init__(self) -> None:
         if not hasattr(self, "method"):
             raise InvalidInput(
-                f"{type(self).__name__} have no method: use the options of one of the methods."
+                f"{type(self).__name__} have no method. Use the options of one of the methods."
             )
         Checked.__post_init__(self)
 
@@ -83,7 +83,7 @@ class Options(Checked):
 
 
 def check(value: Any) -> None:
-    """Check the fields of a dataclass by their annotations; convert numbers and lock arrays."""
+    """Check the fields of a dataclass by their annotations; convert numbers, freeze arrays."""
     kind: Any = type(value)
     readers, shapes = _readers(kind)
     try:
@@ -94,7 +94,7 @@ def check(value: Any) -> None:
         if shapes:
             _refuse_misfits(value, shapes)
     except InvalidInput as error:
-        # `name` and `source` may be properties that need the wrong field.
+        # `name` and `source` may be properties that depend on the invalid field.
         named = {x.name for x in fields(kind)} & {"source", "name"} - {name}
         location = getattr(value, max(named)) if named else None
         if not isinstance(location, str) or not location:
@@ -111,7 +111,7 @@ def quantities(kind: type) -> dict[str, Quantity]:
 
 
 def parts_of(hint: Any) -> Iterator[Any]:
-    """An annotation and its parts: classes and metadata."""
+    """Yield an annotation and its parts, recursively: classes and metadata."""
     yield get_origin(hint) or hint
     for part in get_args(hint):
         yield from parts_of(part)
@@ -140,7 +140,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 class _Field(NamedTuple):
-    """A field or argument: its user, such as "A payload", its role, and both in one phrase."""
+    """Words for a field or argument in messages: its owner, its name, and both in one phrase."""
 
     user: str
     role: str
@@ -149,7 +149,7 @@ class _Field(NamedTuple):
 
 @cache
 def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, Axes]]]:
-    """Readers of the fields of a dataclass with valid defaults, and shapes with shared axes."""
+    """Readers of the fields of a dataclass with their defaults, and shapes with shared axes."""
     hints = get_type_hints(kind, include_extras=True)
     user = _noun(kind)
     readers, shapes = [], []
@@ -169,7 +169,7 @@ def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, 
 
 
 def _fits(default: Any, read: Reader) -> bool:
-    """True if a default needs no check; some defaults are replaced later."""
+    """True if a default is valid without conversion; invalid defaults are replaced later."""
     try:
         return default is not MISSING and read(default) is default
     except InvalidInput:
@@ -197,7 +197,7 @@ def _noun(kind: type) -> str:
 
 
 def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
-    """First mark of a class in the metadata of an annotation."""
+    """First object of a class in the metadata of an annotation; None if there is none."""
     return next((x for x in marks if isinstance(x, kind)), None)
 
 
@@ -304,7 +304,7 @@ def _is_text(hint: Any) -> bool:
 
 
 def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
-    """Reader of a list as a tuple."""
+    """Reader that converts a list to a tuple."""
     many = parts[1:] == (...,)
     each = [_reader(x, field) for x in (parts[:1] if many else parts)]
     kinds, count = checks.kinds_of(parts[0]) if many else (), None if many else len(parts)
@@ -343,10 +343,10 @@ def _read_mapping(kind: Any, field: _Field) -> Reader:
 def _read_numbers(
     base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...], field: _Field
 ) -> Reader:
-    """Reader of a number, or of an array of given shapes, within a range; arrays are locked."""
+    """Reader of a number, or of a read-only array of one of the shapes, within a range."""
     (low, high), unit = (quantity.range, quantity.words) if quantity else ((-np.inf, np.inf), "")
     limit = field.role if quantity is not None and quantity.endless else None
-    # The type of other arrays than those of floats.
+    # Element type of the array.
     kind = get_args(get_args(base)[1])[0] if get_origin(base) is np.ndarray else np.float64
     needed = "be one number" if shapes is SINGLE else f"have shape {shapes[0]}"
     per_joint = shapes in (PER_JOINT, BOUNDED)
@@ -359,14 +359,14 @@ def _read_numbers(
         (len(x.axes), [(i, n) for i, n in enumerate(x.axes) if isinstance(n, int)]) for x in shapes
     ]
 
-    def lock(value: Any) -> Any:
-        return _lock(value, kind, field.who, unit)
+    def freeze(value: Any) -> Any:
+        return _freeze_array(value, kind, field.who, unit)
 
     def read(value: Any) -> Any:
         # NaN fails the comparison.
         if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value
-        array = lock(value)
+        array = freeze(value)
         fits = shapes[0].axes == (...,) or any(
             array.ndim == n and all(array.shape[i] == x for i, x in fixed) for n, fixed in lengths
         )
@@ -380,16 +380,16 @@ def _read_numbers(
             _refuse_outside(array * (-1.0, 1.0) if paired else array, quantity, field, limit)
         return float(array) if shapes is SINGLE else array
 
-    return lock if quantity is None and shapes is ANY_SHAPE else read
+    return freeze if quantity is None and shapes is ANY_SHAPE else read
 
 
-def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
-    """Locked array of a type; the value itself if it is one."""
+def _freeze_array(value: Any, kind: Any, who: str, unit: str) -> Any:
+    """Read-only array of a type; the value itself if it is a read-only array already."""
     if kind is np.float64:
         return checks.frozen_array(value, who, unit)
     array = checks.indices(who, value) if kind is np.intp else value
     checks.raise_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
-    return array if array.flags.owndata and not array.flags.writeable else checks.lock_copy(array)
+    return array if array.flags.owndata and not array.flags.writeable else checks.freeze_copy(array)
 
 
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:

@@ -17,7 +17,7 @@ MEGABYTE = 1_000_000
 SMALL = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
-# First bytes of placeholders, and of files that need conversion.
+# First bytes of placeholders and of files that need conversion, with the end of the message.
 FOREIGN = {
     b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself: fetch "
     "it with `git lfs pull`",
@@ -34,12 +34,12 @@ class _Allowed:
     files: frozenset[FilePath]
 
     def check(self, file: FilePath, kind: str) -> None:
-        """Raise an error for a file elsewhere, before its existence is checked."""
+        """Raise an error for a file that may not be read, before its existence is checked."""
         real = file.resolve()
         if real not in self.files and not any(real.is_relative_to(x) for x in self.folders):
             raise InvalidInput(
                 f"The {kind} {file} is not in {self.folders[0]} or below, where files may be read "
-                "here: copy it there, or name it in the job file before the start."
+                "here. Copy it there, or name it in the job file before the start."
             )
 
 
@@ -68,7 +68,7 @@ def reading_below(
 
 def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> bytes:
     """Read the content of a regular file."""
-    # Pipes and devices are refused before reading, which might never end.
+    # Pipes and devices are refused before reading, because reading them might never end.
     path = FilePath(file)
     try:
         if _allowed:
@@ -89,7 +89,7 @@ def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> byte
     if size > maximum:
         raise InvalidInput(
             f"The {noun} {path} has {size / MEGABYTE:.0f} MB, more than the "
-            f"{maximum / MEGABYTE:.0f} MB that are read: split it."
+            f"{maximum / MEGABYTE:.0f} MB that can be read. Split the file."
         )
     for start, kind in FOREIGN.items():
         if content.startswith(start):

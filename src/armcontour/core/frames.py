@@ -44,14 +44,14 @@ class Frame(Value):
             that `rotations` accepts.
 
     Raises:
-        InvalidInput: The position does not have 3 coordinates, or the rotation is not one.
+        InvalidInput: The position does not have 3 coordinates, or the rotation is invalid.
     """
 
     position: FloatArray = field(default_factory=lambda: ORIGIN, kw_only=False)
     rotation: FloatArray = field(default_factory=lambda: IDENTITY, kw_only=False)
 
     def __post_init__(self) -> None:
-        # Fast path for the most frequent frame, whose arrays are valid and locked.
+        # Fast path for the most frequent frame, whose arrays are valid and read-only.
         if self.position is ORIGIN and self.rotation is IDENTITY:
             return
         position, rotation = read_poses("position of a frame", self.position)
@@ -63,9 +63,9 @@ class Frame(Value):
         if rotation is None:
             rotation = rotations("rotation of a frame", self.rotation)
         elif self.rotation is not IDENTITY:
-            raise InvalidInput("A frame takes a transform, or a position and a rotation, not both.")
+            raise InvalidInput("Specify a frame by a transform, or by a position and a rotation.")
         if rotation.shape != (3, 3):
-            raise InvalidInput("A frame takes one rotation.")
+            raise InvalidInput("A frame must have exactly one rotation.")
         object.__setattr__(self, "rotation", checks.frozen_array(rotation))
 
     @classmethod
@@ -96,7 +96,7 @@ class Frame(Value):
             largest = float(rpy.flat[int(np.abs(rpy).argmax())])
             warnings.warn(
                 f"Roll, pitch and yaw are in radians, and {largest:g} rad is more than a whole "
-                f"turn: for degrees give np.radians({rpy.tolist()}).",
+                f"turn. If they are in degrees, use np.radians({rpy.tolist()}).",
                 stacklevel=3,
             )
         return cls(
@@ -182,7 +182,7 @@ def rotations(name: str, values: Any) -> FloatArray:
         values = values.as_matrix()
     array = checks.check_numbers(name, values)
     if _is_transform(array):
-        raise InvalidInput(f"{name} is a 4 by 4 transform: give Frame or its 3 by 3 rotation.")
+        raise InvalidInput(f"{name} is a 4 by 4 transform. Use Frame, or its 3 by 3 rotation.")
     if array.ndim in (1, 2) and array.shape[-1] == 4:
         size = np.linalg.norm(array, axis=-1, keepdims=True)
         deviation = np.abs(size - 1)
@@ -199,7 +199,7 @@ def rotations(name: str, values: Any) -> FloatArray:
         )
     if not _are_rotations(array):
         raise InvalidInput(
-            f"{name} has a matrix that is not a rotation: its axes must be orthogonal, "
+            f"{name} has a matrix that is not a rotation. The axes of a rotation are orthogonal, "
             "of length 1 and right-handed."
         )
     u, _, v = np.linalg.svd(array)
@@ -210,7 +210,7 @@ def from_rpy(angles: npt.ArrayLike) -> FloatArray:
     """Rotation matrices from roll, pitch and yaw about fixed x, y and z [rad], (..., 3)."""
     rpy = checks.check_numbers("roll, pitch and yaw", angles, "rad")
     if rpy.shape[-1:] != (3,):
-        raise InvalidInput("Roll, pitch and yaw are three angles.")
+        raise InvalidInput("Roll, pitch and yaw must be three angles.")
     x, y, z = (rpy[..., k, None] * IDENTITY[k] for k in range(3))
     return np.asarray(exp(z) @ exp(y) @ exp(x))
 
@@ -219,7 +219,7 @@ def to_rpy(rotation: FloatArray) -> FloatArray:
     """Roll, pitch and yaw about fixed x, y and z of a rotation matrix [rad], (3, 3) to (3,)."""
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
     if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
-        # Roll and yaw have the same axis: the whole rotation goes to roll.
+        # Roll and yaw have the same axis, so the whole rotation is assigned to roll.
         return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
     roll = np.arctan2(rotation[2, 1], rotation[2, 2])
     return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
@@ -285,14 +285,15 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     any_axis /= np.linalg.norm(any_axis, axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         unit = np.where(size > 1e-12, axis / size, any_axis)
-    # Make the axis exactly normal to the first vector: near half a turn an error would count twice.
+    # Make the axis exactly normal to the first vector, because near half a turn an error of the
+    # axis would count twice.
     unit = unit - np.sum(unit * a, axis=-1, keepdims=True) * a
     unit = unit / np.linalg.norm(unit, axis=-1, keepdims=True)
     return np.asarray(unit * angle)
 
 
 def perpendicular(vectors: FloatArray) -> FloatArray:
-    """Vectors at right angles to given vectors, (..., 3); at most 19% shorter."""
+    """Vectors normal to given vectors, (..., 3), of at least 81 % of their length."""
     return np.cross(vectors, np.eye(3)[np.argmin(np.abs(vectors), axis=-1)])
 
 

@@ -1,6 +1,6 @@
-"""Decorator of all compiled functions: cached on disk, and without the interpreter's lock.
+"""Decorator of compiled functions, which are cached on disk and release the interpreter's lock.
 
-Other threads run while a compiled function runs. The command line needs that, because its main
+Other threads run while a compiled function runs. The command line needs this, because its main
 thread handles signals while another thread works.
 """
 
@@ -50,7 +50,7 @@ def compiled(
     # `inner` functions are called by compiled functions only; omitting the interface for Python
     # halves the time to compile a small one. If an inner function does not allocate arrays, its
     # callers count references to arrays, which is faster.
-    # Nothing calls compiled functions by C pointers.
+    # No code calls compiled functions by C pointers.
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
     # Set for all functions, because numba inherits missing options from the caller.
     options["_nrt"] = allocates or not inner
@@ -104,7 +104,7 @@ class _Files(FunctionCache):
 
 @functools.cache
 def _sources(file: Path) -> frozenset[Path]:
-    """A file with compiled functions and those that it imports; empty for other files."""
+    """A file with compiled functions and such files that it imports; empty for other files."""
     text = file.read_text(encoding="utf-8")
     if COMPILED.search(text) is None:
         return frozenset()
@@ -114,7 +114,7 @@ def _sources(file: Path) -> frozenset[Path]:
 
 
 def _take_no_literals(kernel: Any) -> None:
-    """Make compiled callers use the same version for `f(0)` as for `f(i)`."""
+    """Make compiled callers use the same compiled version for `f(0)` as for `f(i)`."""
     # Numba has a type for each literal number, and would compile the function again for it.
     find = kernel.get_call_template
 
@@ -126,7 +126,7 @@ def _take_no_literals(kernel: Any) -> None:
 
 
 def _refuse_calls(kernel: Any, name: str) -> None:
-    """Make calls from Python an error; they would crash the process."""
+    """Make calls from Python raise an error, because they would crash the process."""
 
     def refuse(*args: Any, **kwargs: Any) -> NoReturn:
         raise TypeError(f"{name} is compiled to be called by compiled functions only (inner=True).")
@@ -149,7 +149,7 @@ class _Listener(event.Listener):
         self._logged = False
 
     def on_start(self, event: Any) -> None:
-        """Report a function of this package."""
+        """Report the compilation of a function of this package."""
         function = event.data["dispatcher"].py_func
         if not function.__module__.startswith(f"{PACKAGE}."):
             return

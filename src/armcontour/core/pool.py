@@ -41,9 +41,9 @@ T = TypeVar("T")
 R = TypeVar("R")
 # Largest number of threads for compiled work; combining their results is serial.
 MAX_THREADS = 8
-# Fewest items for other processes: starting one takes as long as several items.
+# Fewest items for other processes, because starting a process takes as long as several items.
 FEWEST = 12
-# Approximate time to start a process [s]. Work is shared if each process saves twice as much.
+# Approximate time to start a process [s]. Work is shared if each process saves twice this time.
 START = 1.0
 # Largest number of processes that plan moves; each needs about as much memory as this one.
 MAX_PROCESSES = 8
@@ -53,7 +53,7 @@ PARTS = 32
 PATIENCE = "20s"
 # Longest wait for results [s]; between waits an interrupt is handled on all systems.
 PULSE = 1.0
-# Errors for work whose process ended; those of Dask by name, because it may not be installed.
+# Errors if the process of some work ended; errors of Dask by name, because Dask is optional.
 LOST = (ProcessEnded, BrokenExecutor, CancelledError, MemoryError)
 LOST_NAMES = ("KilledWorker", "FutureCancelledError", "CommClosedError", "FutureLostError")
 
@@ -90,15 +90,15 @@ class InProcess(Executor):
 class ProcessPool(ThreadPoolExecutor):
     """Executor of child processes; one thread of this process serves each of them."""
 
-    # Scripts that use it need no `if __name__ == "__main__"`. If a process ends during a call, the
-    # call raises `ProcessEnded`, and a new process replaces it. Other errors of the work are raised
-    # as RuntimeError with their text. If processes cannot be started, threads of this process do
-    # the work.
+    # Scripts that use the pool need no `if __name__ == "__main__"`. If a process ends during a
+    # call, the call raises `ProcessEnded`, and a new process replaces it. Other errors of the work
+    # are raised as RuntimeError with their text. If processes cannot be started, the work runs in
+    # threads of this process.
 
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()
         super().__init__(self.processes, "pool")
-        # Number of calls of `kill`, all processes, and the idle ones.
+        # Number of calls of `kill`; all processes; processes without work.
         self._lock, self._kills = Lock(), 0
         self._children = set[subprocess.Popen[bytes]]()
         self._idle = list[subprocess.Popen[bytes]]()
@@ -109,7 +109,7 @@ class ProcessPool(ThreadPoolExecutor):
 
     def submit_reporting(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
         """Call work in a process; `heard` receives its reports before the result."""
-        return super().submit(self._have_done, self._kills, heard, work)
+        return super().submit(self._run_in_process, self._kills, heard, work)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes after the submitted work, or after the current work."""
@@ -118,7 +118,7 @@ class ProcessPool(ThreadPoolExecutor):
             self.kill()
 
     def kill(self) -> None:
-        """Cancel all submitted work by killing the processes; later work starts new ones."""
+        """Cancel all submitted work by killing the processes; later work starts new processes."""
         with self._lock:
             self._kills += 1
             for child in self._children:
@@ -133,7 +133,7 @@ class ProcessPool(ThreadPoolExecutor):
         if can_start():
             self.shutdown()
 
-    def _have_done(self, kills: int, heard: Callable[[Any], None], work: partial[R]) -> R:
+    def _run_in_process(self, kills: int, heard: Callable[[Any], None], work: partial[R]) -> R:
         """Run work in an idle or new process; `kills` is the count of `kill` at submission."""
         if not can_start():
             return work()
@@ -161,19 +161,19 @@ class ProcessPool(ThreadPoolExecutor):
 def open_executor(
     workers: int | None = None, cluster: str | None = None, executor: Executor | None = None
 ) -> Iterator[Executor]:
-    """Context with the caller's executor, or one of `workers` processes or of a Dask `cluster`."""
-    # 0 workers work in this process.
+    """Context with an executor: the caller's, of `workers` processes, or of a Dask `cluster`."""
+    # With 0 workers, the work runs in this process.
     if workers is not None and workers < 0:
         raise InvalidInput(f"workers must be 0 or more, but is {workers}.")
     if sum(x is not None for x in (workers, cluster, executor)) > 1:
         raise InvalidInput(
-            "A cluster or an executor has its own workers: give one of workers, cluster and "
-            "executor."
+            "A cluster or an executor has its own workers. Specify only one of workers, cluster "
+            "and executor."
         )
     if executor is not None:
         yield executor
     elif cluster is not None:
-        with _dask(cluster) as opened:
+        with _open_dask(cluster) as opened:
             yield opened
     elif workers == 0:
         yield InProcess()
@@ -182,29 +182,31 @@ def open_executor(
         try:
             yield pool
         finally:
-            # Remaining work is not needed: its results were taken, or an error ended the context.
+            # Remaining work is not needed, because its results were used or an error ended the
+            # context.
             pool.end()
 
 
 @contextmanager
-def _dask(address: str) -> Iterator[Executor]:
+def _open_dask(address: str) -> Iterator[Executor]:
     """Context with the executor of a Dask cluster."""
     if find_spec("distributed") is None:
         raise InvalidInput(
-            "A cluster needs the library distributed: pip install 'armcontour[cluster]'."
+            "A cluster requires the library distributed. Install it with pip install "
+            "'armcontour[cluster]'."
         )
     distributed: Any = import_module("distributed")
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ExecutionError(
-            f"No Dask scheduler answers at {address} ({error}): start one with `dask scheduler`, "
+            f"No Dask scheduler answers at {address} ({error}). Start one with `dask scheduler`, "
             "and workers with `dask worker ADDRESS --nthreads 1`."
         ) from None
     try:
         if not client.ncores():
             raise ExecutionError(
-                f"The Dask cluster at {address} has no workers: start some with `dask worker "
+                f"The Dask cluster at {address} has no workers. Start workers with `dask worker "
                 f"{address} --nthreads 1`."
             )
         # With pure=True Dask would merge equal calls into one.
@@ -228,18 +230,18 @@ def count_workers(executor: Executor) -> int:
 
 
 class TaskQueue(Generic[T, R]):
-    """Queue of items for an executor; results are taken in order of completion."""
+    """Queue of items for an executor; results are returned in order of completion."""
 
-    # As a context manager, it cancels at its end the items that no worker has started.
+    # At its end, the context cancels the items that no worker has started.
 
     def __init__(
         self, work: Callable[[T], R], executor: Executor, lost: Callable[[], R] | None = None
     ) -> None:
         self.workers = count_workers(executor)
-        # Subclasses may defer the work.
+        # Subclasses of InProcess may defer the work, so they are not local.
         self._is_local = type(executor) is InProcess
         self._work, self._executor, self._lost = work, executor, lost
-        self._call = None if self._is_local else partial(_on, pack(work))
+        self._call = None if self._is_local else partial(_apply_packed, pack(work))
         self._done: list[tuple[T, R]] = []
         self._pending: dict[Future[Packed], T] = {}
 
@@ -251,7 +253,7 @@ class TaskQueue(Generic[T, R]):
             future.cancel()
 
     def __len__(self) -> int:
-        """Number of items that were given and not taken."""
+        """Number of submitted items whose results were not returned yet."""
         return len(self._done) + len(self._pending)
 
     @property
@@ -273,7 +275,7 @@ class TaskQueue(Generic[T, R]):
             ) from None
 
     def take(self) -> list[tuple[T, R]]:
-        """Wait for finished items; return them with their results; empty if none is submitted."""
+        """Wait for finished items; return them with their results; empty if none are submitted."""
         while self._pending and not self._done:
             wait_for(self._pending, timeout=PULSE, return_when=FIRST_COMPLETED)
             # `wait_for` ignores futures that the executor cancelled; `done` includes them.
@@ -293,7 +295,7 @@ class TaskQueue(Generic[T, R]):
             yield from self.take()
 
     def _result(self, future: Future[Packed]) -> R:
-        """Result of an item, or the error to raise or replace."""
+        """Result of an item; raises the error of the work, or of a lost worker unless replaced."""
         try:
             result = unpack(future.result())
         except (Exception, CancelledError) as error:
@@ -306,30 +308,30 @@ class TaskQueue(Generic[T, R]):
             if isinstance(error, LOST) or name in LOST_NAMES:
                 raise ExecutionError(
                     f"A worker of the executor ended before it returned a result ({name}), for "
-                    "example because memory ran out: use fewer workers, or more memory for each."
+                    "example because memory ran out. Use fewer workers, or more memory for each."
                 ) from None
             if isinstance(self._executor, ProcessPool):
                 raise
             raise ExecutionError(
-                f"The workers of the executor cannot do the work ({name}: {error}): they need the "
-                "same version of armcontour as this process."
+                f"The workers of the executor cannot do the work ({name}: {error}). They must have "
+                "the same version of armcontour as this process."
             ) from None
         if isinstance(result, ArmContourError):
             raise result
         return cast(R, result)
 
 
-def _on(work: Packed, item: Packed) -> Packed:
+def _apply_packed(work: Packed, item: Packed) -> Packed:
     """Apply packed work to a packed item; errors of this package are returned with their class."""
     try:
         with child_context():
-            return pack(_unpacked(work)(unpack(item)))
+            return pack(_unpack_work(work)(unpack(item)))
     except ArmContourError as error:
         return pack(error)
 
 
 @lru_cache(maxsize=2)
-def _unpacked(work: Packed) -> Callable[[Any], Any]:
+def _unpack_work(work: Packed) -> Callable[[Any], Any]:
     """Unpacked work, cached in each process."""
     return cast(Callable[[Any], Any], unpack(work))
 
@@ -350,7 +352,7 @@ def map_in_processes(
     if executor is None and in_process:
         executor = InProcess()
     with nullcontext(executor) if executor else open_executor(count) as opened:
-        work_on_chunk = partial(_several, work)
+        work_on_chunk = partial(_apply_to_chunk, work)
         with TaskQueue[tuple[int, Sequence[T]], list[R]](work_on_chunk, opened) as queue:
             slices = split_evenly(len(items), max(PARTS, 4 * queue.workers))
             results_by_chunk: dict[int, list[R]] = {}
@@ -362,17 +364,17 @@ def map_in_processes(
     return [x for k in sorted(results_by_chunk) for x in results_by_chunk[k]]
 
 
-def _several(work: Callable[[T], R], numbered: tuple[int, Sequence[T]]) -> list[R]:
+def _apply_to_chunk(work: Callable[[T], R], numbered: tuple[int, Sequence[T]]) -> list[R]:
     """Apply work to the items of a numbered chunk."""
     return [work(x) for x in numbered[1]]
 
 
 def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, None, None]:
-    """Yield the results of all items in order; other processes work if that saves time."""
+    """Yield the results of all items in order; in other processes if this saves time."""
     # If another process fails, this process repeats the item, so that its error is raised in order.
     begin, count = time.thread_time(), 0
     for k, item in enumerate(items):
-        count = _worth(time.thread_time() - begin, k / len(items)) if k else 0
+        count = _count_processes(time.thread_time() - begin, k / len(items)) if k else 0
         if count > 1:
             break
         yield work(item)
@@ -381,7 +383,7 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
     remaining = items[k:]
     parts = [remaining[x] for x in split_evenly(len(remaining), 8 * count)]
     with open_executor(count) as pool:
-        futures = [pool.submit(_several, work, (0, x)) for x in parts]
+        futures = [pool.submit(_apply_to_chunk, work, (0, x)) for x in parts]
         for part, future in zip(parts, futures, strict=True):
             try:
                 results = future.result()
@@ -391,7 +393,7 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
                 yield from results
 
 
-def _worth(spent: float, fraction: float) -> int:
+def _count_processes(spent: float, fraction: float) -> int:
     """Number of processes that save more time than their start costs; 0 for none."""
     if spent < START / 4 or is_child() or not can_start():
         return 0

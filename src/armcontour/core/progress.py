@@ -28,7 +28,7 @@ Progress = Callable[[Step], None]
 
 
 def subprogress(progress: Progress | None, *names: str) -> Progress:
-    """Wrap a progress function so that names are prepended to those of each step."""
+    """Wrap a progress function so that names are prepended to the names of each step."""
     if progress is None:
         return lambda step: None
     return lambda step: progress(Step((*names, *step.names), step.done))
@@ -43,7 +43,7 @@ _listeners: list[Callable[[str], None]] = []
 
 @contextmanager
 def registered(items: list[Item], item: Item) -> Iterator[None]:
-    """Context in which a list has one item more."""
+    """Context in which a list has one additional item."""
     items.append(item)
     try:
         yield

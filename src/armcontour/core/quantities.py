@@ -38,9 +38,9 @@ class Quantity:
     # Allowed range of the value; a "share" is from 0 to below 1. The magnitude of a "turn" without
     # a unit is at most WHOLE_TURN.
     sign: Literal["any", "positive", "not negative", "negative", "share", "turn"] = "any"
-    # Whether the value may be infinite, as `.inf` or as the texts "inf" and "none".
+    # True if the value may be infinite, as `.inf` or as the texts "inf" and "none".
     endless: bool = False
-    # Whether each value of an array may be replaced by a lower and an upper bound.
+    # True if each value of an array may be replaced by a lower and an upper bound.
     bounds: bool = False
     # Smallest and largest allowed value; None for any value of this sign.
     within: tuple[float, float] | None = None
@@ -56,7 +56,7 @@ class Quantity:
         return "" if self.unit == "1" else self.unit.replace("^2", "²").replace("^3", "³")
 
     def needed(self, value: float) -> str:
-        """Requirement for a finite value outside the range, to follow the word "must"."""
+        """Requirement that a finite value violates, as words that follow "must"."""
         low, high = self.range
         unit = self.words and f" {self.words}"
         if self.within is None and self.sign == "share":
@@ -115,11 +115,11 @@ class About:
 
     # `files/job_form.py` makes the short options of the command line and the sliders of the Studio.
 
-    option: str = ""  # The option of the command line, such as "--units"; "" for none
-    topic: str = ""  # Its section in the help of commands; by default that of the keys around it
+    option: str = ""  # Option of the command line, such as "--units"; "" for none
+    topic: str = ""  # Section of the help; by default that of the neighbouring keys
     help: str = ""
-    read: str = ""  # The function of `cli/inputs.py` that reads it, unless it is a single value
-    # The key that it sets in the mapping of the field; "*" if its text names the keys.
+    read: str = ""  # Function of `cli/inputs.py` that reads the option, unless it is a single value
+    # Key that the option sets in the mapping of the field; "*" if its text has the keys.
     key: str = ""
     # Range of the slider in the Studio, in SI units; linear if it begins at 0, otherwise
     # logarithmic. By default there is no slider.

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray, kernel_array
 from armcontour.core.kernels import compiled
 
+# Value, first and second derivative of n curves, (n, dof) each.
+Derivatives: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 # Rounding error of positions from inverse kinematics, relative to 1 or to their size.
 ROUNDING = 2e-15
 
@@ -32,23 +34,17 @@ def quintic(
     Returns:
         Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
     """
-    arrays: Any = map(kernel_array, (width, *begin, *end))
-    kernel: Any = _fill
-    return np.asarray(kernel(*arrays, width_error))
+    first, last = (tuple(map(kernel_array, x)) for x in (begin, end))
+    kernel: Any = _fill_coefficients
+    return np.asarray(kernel(kernel_array(width), first, last, width_error))
 
 
 @compiled()
-def _fill(
-    width: FloatArray,
-    q0: FloatArray,
-    d0: FloatArray,
-    c0: FloatArray,
-    q1: FloatArray,
-    d1: FloatArray,
-    c1: FloatArray,
-    width_error: float,
+def _fill_coefficients(
+    width: FloatArray, begin: Derivatives, end: Derivatives, width_error: float
 ) -> FloatArray:
     """Compute the coefficients for `quintic`."""
+    (q0, d0, c0), (q1, d1, c1) = begin, end
     n, dof = q0.shape
     coefficients = np.empty((n, 6, dof))
     for i in range(n):
@@ -84,7 +80,7 @@ def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: 
 
 def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
     """Coefficients in y of polynomials p(x) with x = begin + factor y, (n, degree + 1, values)."""
-    # `coefficients` are those of powers of x from 1 on; a negative factor reverses the polynomials.
+    # `coefficients` belong to the powers 1, x, x², ...; a negative factor reverses the polynomials.
     expanded = np.empty_like(coefficients)
     size = coefficients.shape[1]
     for k in range(size):

@@ -25,7 +25,7 @@ SHOWN = {
 WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2": "kg m²"}
 # Times below this are shown in ms [s].
 SHORT = 0.1
-# Smaller numbers have six decimals in place of four digits.
+# Numbers below this are shown with six decimals instead of four significant digits.
 FINE = 1e-3
 # Widest figure after which notes are aligned, and widest line of a table [characters].
 WIDEST_FIGURE = 16

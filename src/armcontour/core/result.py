@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-# Levels of a row: a verdict, on the first screen, in tables and in print, or only in files.
+# Levels of a row: shown as verdict, on the first screen, in tables and in print, or only in files.
 VERDICT, FIRST, TABLE, FILE = range(4)
 # Unit of verdicts, which are shown as "kept" or "NOT KEPT".
 JUDGED = "verdict"
@@ -16,7 +16,7 @@ JUDGED = "verdict"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure of a result, with its only name, label and unit."""
+    """One figure of a result, with its name, label and unit."""
 
     # Key in JSON and column in batches; "contour_error.rms" is the key `rms` in the mapping
     # `contour_error`.
@@ -56,7 +56,7 @@ def nest(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 class Table:
     """Items of one kind, such as corners or moves."""
 
-    name: str  # Its key in JSON, and its caption
+    name: str  # Key in JSON, and caption
     # Name, unit and label of each column, as rows without values; names as in `Row`.
     columns: tuple[Row, ...]
     # The values, in the order of the columns; a value that is a `Row` has its own unit and note.
@@ -97,7 +97,7 @@ class Data:
     warnings: tuple[str, ...] = ()  # Sentences on limitations, the most severe first
 
     def __getitem__(self, name: str) -> Row:
-        """Row by name; names in parts begin with the key of the part and a point."""
+        """Row by name; names of rows in a part begin with the key of the part and a point."""
         for key, row in self.walk():
             if key == name:
                 return row

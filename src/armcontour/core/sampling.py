@@ -9,8 +9,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 
-# Shortest step of time [s]: controllers and planners sample at 1 MHz at most, and times are printed
-# with at most nine decimals. Shorter steps are damaged data; division by their square overflows.
+# Shortest step of time [s]. Controllers and planners sample at 1 MHz at most, and times are printed
+# with at most nine decimals, so shorter steps are damaged data; division by their square overflows.
 SHORTEST_STEP = 1e-9
 # Smallest distinguishable difference of two times, in units in the last place.
 STEP_ULPS = 4
@@ -25,27 +25,27 @@ JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 GAP = 3.0
 # Fraction of gaps above which the times come in bursts.
 MAX_GAPS = 0.05
-# Standard deviation of normally distributed values, relative to the median of their magnitudes.
+# Ratio of the standard deviation of normally distributed values to the median of their magnitudes.
 DEVIATION_PER_MEDIAN = 1.4826
 
 
-def check_distance(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
+def check_time_range(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
     """Check that times are small enough to be seconds."""
     distant = np.flatnonzero(np.abs(t) > LATEST)
     if len(distant):
         i = int(distant[0])
         unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[i]) * y < LATEST), "ns")
         raise InvalidInput(
-            f"{describe('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s: "
-            f"correct the number, or give the times their unit, such as {rename(f't [{unit}]')}.",
+            f"{describe('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s. "
+            f"Correct the number, or specify the unit of time, such as {rename(f't [{unit}]')}.",
             index=i,
             t=float(t[i]),
         )
 
 
 def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Place) -> None:
-    """Check times and joint values of a sampled motion for possible values."""
-    check_distance(t, describe)
+    """Check that times and joint values of a sampled motion are possible."""
+    check_time_range(t, describe)
     # The bound depends on the later time; a step back is below any bound.
     steps = np.diff(t)
     short = np.flatnonzero(~(steps >= _shortest_step(t[1:])))
@@ -54,16 +54,16 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Pla
         step, minimum, reason = float(steps[i - 1]), f"{SHORTEST_STEP * 1e9:g} ns", ""
         if step > 0:
             reason = (
-                f": the step must be at least {minimum} and more than the rounding of the times"
+                f". The step must be at least {minimum} and more than the rounding of the times"
             )
         elif step == 0:
             reason = (
-                ": the times are repeated or rounded, and do not agree with even steps; print them "
+                ". The times are repeated or rounded, and do not fit regular steps. Print them "
                 "with more digits"
             )
         before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
         raise InvalidInput(
-            f"{describe('t', i, 0)} is {after}, but times must increase, and the one before is "
+            f"{describe('t', i, 0)} is {after}, but times must increase, and the previous time is "
             f"{before}{reason}.",
             index=i,
             t=float(t[i]),
@@ -75,9 +75,9 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Pla
             i, j = map(int, large[0])
             unit = JOINT_UNITS[kind]
             raise InvalidInput(
-                f"{describe(name, i, j)} is {values[i, j]:.3g} {unit}, but no joint has more than "
-                f"{LARGEST[kind]:g} {unit}: correct the number, or give it its unit, such as "
-                "q1 [deg].",
+                f"{describe(name, i, j)} is {values[i, j]:.3g} {unit}, but joint values must not "
+                f"be more than {LARGEST[kind]:g} {unit}. Correct the number, or specify its unit, "
+                "such as q1 [deg].",
                 index=i,
                 t=float(t[i]),
                 joint=j,
@@ -92,19 +92,19 @@ def _shortest_step(t: FloatArray) -> FloatArray:
 
 
 def describe_bursts(t: FloatArray, source: str) -> str:
-    """Sentence on times in bursts, such as arrival times of messages; empty for regular times."""
+    """Warning about times in bursts, such as arrival times of messages; empty if regular."""
     steps = np.diff(t)
     if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MAX_GAPS:
         return ""
     return (
         f"The times of {source} come in bursts, usually {np.median(steps):.3g} s apart, but with "
-        f"gaps of up to {steps.max():.3g} s: they are probably those at which messages arrived, "
-        "and speeds computed with them are wrong. Use the controller's own times."
+        f"gaps of up to {steps.max():.3g} s. They are probably the times at which messages "
+        "arrived, so speeds computed from them are wrong. Use the controller's own times."
     )
 
 
 def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
-    """Columns of samples at `times`, (m, columns), linear, constant outside the range."""
+    """Columns of samples, linearly interpolated at `times`, constant outside, (m, columns)."""
     if len(times):
         # Only the needed samples are copied, so that short parts of long motions are fast.
         first, last = np.searchsorted(t, (times.min(), times.max()))
@@ -119,16 +119,16 @@ def integrate(values: FloatArray, t: FloatArray) -> float:
 
 
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
-    """Index of the whole that each part belongs to, and index of the part in it."""
+    """Index of the item of each part, and index of the part in it, for `count` parts per item."""
     whole = np.repeat(np.arange(len(count)), count)
     return whole, np.arange(len(whole)) - np.repeat(np.cumsum(count) - count, count)
 
 
 def white_noise(values: FloatArray, smoothed: bool = False, order: int = 3) -> FloatArray:
     """Standard deviation of the white noise in regular samples of smooth motion, (...)."""
-    # Computed from differences of a high order, to which smooth motion contributes little. The
-    # median ignores outliers and short disturbances, such as friction at a reversal. If most
-    # differences are 0, as with a coarse encoder, their root mean square is used.
+    # The deviation is computed from differences of a high order, to which smooth motion contributes
+    # little. The median ignores outliers and short disturbances, such as friction at a reversal. If
+    # most differences are 0, as with a coarse encoder, their root mean square is used.
     if len(values) <= order:
         return np.zeros(values.shape[1:])
     differences = np.abs(np.diff(values, order, axis=0))

@@ -45,7 +45,7 @@ def _spread(builder: Any, value: Any, kind: Any) -> Any:
 
 
 def _lanewise(make: Callable[..., Any], count: int) -> Any:
-    """Intrinsic of vectors and numbers, lane by lane."""
+    """Make an intrinsic that applies `make` to vectors and numbers lane by lane."""
 
     def typed(typing: Any, *args: Any) -> Any:
         def build(context: Any, builder: Any, types_: Any, values: Any) -> Any:
@@ -107,7 +107,7 @@ store: Any = intrinsic(_store)
 
 
 def _across(sign: str) -> Any:
-    """Intrinsic for the lowest or highest number of a vector."""
+    """Make an intrinsic for the lowest or highest number of a vector."""
 
     def across(typing: Any, a: Any) -> Any:
         def build(context: Any, builder: Any, call: Any, values: Any) -> Any:

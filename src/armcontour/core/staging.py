@@ -18,11 +18,11 @@ from pathlib import Path as FilePath
 from armcontour.core.errors import InvalidInput
 
 PREFIX = ".armcontour-"
-# Number of characters of a file's name in the name of its staging folder: enough to recognise it,
-# and with prefix and checksum below 255 bytes.
+# Number of characters of a file's name in the name of its staging folder. They identify the file,
+# and with prefix and checksum the name stays below 255 bytes.
 LONGEST_NAME = 40
 
-# Fixes of errors in writing.
+# Fixes for errors of writing, by error number.
 FIXES = {
     **dict.fromkeys(
         (errno.EACCES, errno.EPERM, errno.EROFS),
@@ -32,7 +32,7 @@ FIXES = {
     **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "choose a location in an existing folder"),
 }
 
-# Folder in a staging folder for the earlier result, which is removed once the new one is in place.
+# Folder in a staging folder for the previous result, which is removed after the replacement.
 OLD = ".old"
 
 # Held while results are moved into place; a thread that ends the program waits for it.
@@ -46,7 +46,7 @@ class Staging:
 
     def __init__(self, folder: FilePath, destination: FilePath, *, growing: bool = False) -> None:
         self.folder = folder
-        # The program must not be ended by a signal between these steps.
+        # A signal must not end the program between these steps.
         with moving():
             self._handle = _take(folder, destination)
             _open[folder] = None if growing else destination
@@ -175,6 +175,6 @@ def _take(folder: FilePath, destination: FilePath) -> int | None:
         os.close(handle)
     raise InvalidInput(
         f"Another run is writing to {destination}, or was killed while it replaced an earlier "
-        f"result: wait for its end, or choose another destination. If there is no other run, move "
-        f"the files in {old} elsewhere, if there are any, and remove {folder}."
+        f"result. Wait for its end, or choose another destination. If there is no other run, move "
+        f"any files in {old} elsewhere, and remove {folder}."
     )

@@ -16,19 +16,19 @@ from typing import Any
 
 # Largest number of characters of a value that a message repeats.
 MAX_SHOWN = 40
-# Longest message; a longer one would repeat the content of a file.
+# Longest message [characters]; a longer one would repeat the content of a file.
 LONGEST_SENTENCE = 2000
 
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 4 * MAX_SHOWN
-# Longest text of a number; no program prints more digits.
+# Longest text of a number [characters]; no program prints more digits.
 LONGEST = 100
 
 
 def make_printable(text: str) -> str:
     r"""Escape every character that is not printable, as in `\x1b`."""
-    # Such characters are control characters, ends of line, characters that change the direction of
-    # writing, and lone surrogates. Some control the terminal, others make names misleading.
+    # These are control characters, ends of line, characters that change the direction of writing,
+    # and lone surrogates. Some control the terminal, others make names misleading.
     if text.isprintable():
         return text
     return "".join(x if x.isprintable() else _escape(x) for x in text)
@@ -179,7 +179,7 @@ def draw(value: Any, kind: str = "path") -> Any:
             the assigned velocity; "error", the contour error.
 
     Raises:
-        InvalidInput: There is no such kind, the result has nothing of it, or plotly is not
+        InvalidInput: The kind is unknown, the result has no data of it, or plotly is not
             installed.
     """
     # Imported by name, because the report imports the results.
@@ -242,7 +242,7 @@ def joint_label(joint: int, names: Sequence[str]) -> str:
 
 
 def joint_rows(q: Any, names: Sequence[str] = ()) -> list[tuple[str, str]]:
-    """Rows with the range of positions of each joint."""
+    """Rows with the name and the range of positions of each joint, for `format_table`."""
     ends = zip(q.min(axis=0), q.max(axis=0), strict=True)
     return [
         (names[j] if names else f"joint {j + 1}", f"{low:z.4f} to {high:z.4f} rad")

@@ -13,9 +13,9 @@ import yaml
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import LONGEST, parse_number, show
 
-# Longest text: PyYAML's parser reads 0.3 million characters per second. Tables hold long paths.
+# Longest text [characters]; PyYAML's parser reads 0.3 million per second. Tables have long paths.
 MAX_CHARACTERS = 16_000_000
-# Largest number of values that aliases add: an alias repeats all values of its anchor.
+# Largest number of values that aliases add; an alias repeats all values of its anchor.
 MAX_ALIASED = 100_000
 # Number of characters of text that count as one value.
 CHARACTERS_PER_VALUE = 80
@@ -30,7 +30,7 @@ MERGE, MERGE_TAG = "<<", "tag:yaml.org,2002:merge"
 # Possessive quantifiers prevent backtracking, so that the time is linear in the length.
 WHOLE = re.compile(r"[-+]?[0-9]++\Z")
 DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9]++)?+\Z")
-# Text that libyaml and PyYAML's own parser read differently: tabs and other line ends, marks of the
+# Text that libyaml and PyYAML's own parser read differently: tabs, other line ends, marks of the
 # byte order, directives, tags, "?" in texts, heads of text blocks.
 PARSED_DIFFERENTLY = re.compile("[\t\r\x85\u2028\u2029\ufeff?!]|^%|[|>][-+0-9]*#", re.MULTILINE)
 # Messages of the parser and their replacements in plain words; `begun` is the first line of the
@@ -62,7 +62,7 @@ class Loader(yaml.SafeLoader):
         node = self.get_single_node()
         if node is None:
             return None
-        _refuse_flood(node)
+        _check_aliases(node)
         return self.construct_document(node)
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
@@ -75,12 +75,12 @@ class Loader(yaml.SafeLoader):
                     # Keys such as off are text.
                     key.tag = STR
                 if (key.tag, key.value) in keys:
-                    raise _wrong(key, f"the key {show(key.value)} is repeated")
+                    raise _node_error(key, f"the key {show(key.value)} is repeated")
                 keys.add((key.tag, key.value))
         return node
 
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
-        """Insert merged keys before explicit ones, which override them; PyYAML 6.0.4 does not."""
+        """Insert merged keys before explicit keys, which override them, unlike PyYAML 6.0.4."""
         merged, explicit = [], []
         for key, value in node.value:
             if key.tag != MERGE_TAG:
@@ -89,7 +89,7 @@ class Loader(yaml.SafeLoader):
             # The first mapping of a list overrides the others.
             for part in reversed(value.value) if isinstance(value, yaml.SequenceNode) else [value]:
                 if not isinstance(part, yaml.MappingNode):
-                    raise _wrong(part, f"{MERGE} takes a mapping or a list of mappings")
+                    raise _node_error(part, f"{MERGE} takes a mapping or a list of mappings")
                 self.flatten_mapping(part)
                 merged += part.value
         node.value = merged + explicit
@@ -114,8 +114,8 @@ def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
     """Integer in decimal digits; 1_000, 1:30 and 010 are rejected."""
     text = str(loader.construct_scalar(node))
     if not WHOLE.match(text):
-        raise _wrong(node, f"{show(text)} is not a whole number")
-    # Rejects thousands of digits.
+        raise _node_error(node, f"{show(text)} is not a whole number")
+    # `_parse` rejects numbers with thousands of digits.
     _parse(text, node)
     return int(text)
 
@@ -129,16 +129,16 @@ def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
 
 
 def _parse(text: str, node: yaml.Node) -> float:
-    """Parse a number; the error has its line."""
+    """Parse a number; raises an error that states the line."""
     if len(text) > LONGEST:
-        raise _wrong(node, f"{show(text)} has {len(text)} characters, too many for a number")
+        raise _node_error(node, f"{show(text)} has {len(text)} characters, too many for a number")
     try:
         return parse_number(text)
     except ValueError:
-        raise _wrong(node, f"{show(text)} is not a finite number") from None
+        raise _node_error(node, f"{show(text)} is not a finite number") from None
 
 
-def _wrong(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorError:
+def _node_error(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorError:
     """Error at the position of a node."""
     return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
@@ -160,12 +160,12 @@ class AngleLoader(Loader):
 
 
 def construct_degrees(loader: Loader, node: yaml.Node) -> float:
-    """An angle in degrees."""
+    """Convert an angle in degrees to radians."""
     return math.radians(_parse(str(node.value), node))
 
 
 def construct_radians(loader: Loader, node: yaml.Node) -> float:
-    """An angle in radians."""
+    """Read an angle in radians."""
     return _parse(str(node.value), node)
 
 
@@ -187,14 +187,14 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
 
 
 def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Load a YAML document and the root of its nodes, which have the line numbers."""
+    """Load a YAML document, and the root of its nodes, which have line numbers; None if empty."""
     # In the nodes, merged keys stay where they are written.
     with _reading(text, source):
         loader = Loader(text)
         node = loader.get_single_node()
         if node is None:
             return None, None
-        _refuse_flood(node)
+        _check_aliases(node)
         # Merging moves nodes, so a text with a merge key is composed again.
         root = yaml.compose(text, Loader=Loader) if MERGE in text else node
         return loader.construct_document(node), root
@@ -206,7 +206,7 @@ def _reading(content: str | bytes, source: str) -> Iterator[None]:
     if len(content) > MAX_CHARACTERS:
         raise InvalidInput(
             f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
-            f"limit of {MAX_CHARACTERS / 1e6:.0f} million for YAML: write a long path to a "
+            f"limit of {MAX_CHARACTERS / 1e6:.0f} million for YAML. Write a long path to a "
             "separate CSV file."
         )
     try:
@@ -218,7 +218,7 @@ def _reading(content: str | bytes, source: str) -> Iterator[None]:
     except RecursionError:
         raise InvalidInput(f"{source} is not valid YAML: it is nested too deeply.") from None
     except yaml.YAMLError as error:
-        raise InvalidInput(f"{source} is not valid YAML: {_where(error)}.") from None
+        raise InvalidInput(f"{source} is not valid YAML: {_describe_error(error)}.") from None
     except (ValueError, TypeError, OverflowError) as error:
         if isinstance(error, InvalidInput):
             raise
@@ -230,7 +230,7 @@ def _decoded(content: str | bytes) -> str:
     return content if isinstance(content, str) else content.decode("utf-8")
 
 
-def _refuse_flood(root: yaml.Node) -> None:
+def _check_aliases(root: yaml.Node) -> None:
     """Check the number of values that aliases add, and that no anchor contains its own alias."""
     sizes: dict[int, int] = {}
     inside: set[int] = set()
@@ -239,7 +239,7 @@ def _refuse_flood(root: yaml.Node) -> None:
     def size(node: yaml.Node) -> int:
         nonlocal written
         if id(node) in inside:
-            raise _wrong(node, "an alias is inside its own anchor")
+            raise _node_error(node, "an alias is inside its own anchor")
         if id(node) not in sizes:
             count = 1
             if isinstance(node, yaml.ScalarNode):
@@ -252,7 +252,7 @@ def _refuse_flood(root: yaml.Node) -> None:
 
     aliased = size(root) - written
     if aliased > MAX_ALIASED:
-        raise _wrong(
+        raise _node_error(
             root,
             f"its aliases add more than {MAX_ALIASED} values: use fewer aliases",
         )
@@ -264,7 +264,7 @@ def _parts(node: yaml.Node) -> list[yaml.Node]:
     return list(node.value) if isinstance(node, yaml.SequenceNode) else []
 
 
-def _where(error: yaml.YAMLError) -> str:
+def _describe_error(error: yaml.YAMLError) -> str:
     """Problem, line and column of an error."""
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
         mark, begun = error.problem_mark, error.context_mark or error.problem_mark

@@ -1,4 +1,4 @@
-"""Readers and writers of user files: the only package with units other than SI."""
+"""Readers and writers of user files, which convert all units to SI units."""
 
 from armcontour.core.lazy import lazy_names
 

@@ -15,10 +15,10 @@ from armcontour.core.text import make_printable, shorten
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import SpecifiedKeys, read_keys
 from armcontour.files.job_arm import arm_of
-from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import job_of, job_text, model_of, read_data
 from armcontour.files.job_model import CellModel, PathModel
 from armcontour.files.job_path import part_of, read_drawing
+from armcontour.files.job_text_edits import REMOVE, move_files
 from armcontour.files.patch import Patch, apply_patch, write_patch
 from armcontour.files.scene_file import scene_of
 from armcontour.jobs import Job
@@ -26,8 +26,8 @@ from armcontour.jobs.job import LONGEST_TITLE
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 
-# Keys of a job's path that a drawing replaces.
-OWN_PATH = ("points", "start", "segments", "spline")
+# Keys of `path` with the geometry of a job, which a drawing replaces.
+GEOMETRY_KEYS = ("points", "start", "segments", "spline")
 YAML = (".yaml", ".yml")
 
 
@@ -38,11 +38,11 @@ def cell_names() -> tuple[str, ...]:
 
 
 def cell_text(name: str) -> str:
-    """The text of a built-in cell: a job file without a path, with comments."""
+    """Text of a built-in cell, a job file without a path, with its comments."""
     names = cell_names()
     if name not in names:
         raise InvalidInput(
-            f"There is no cell {name!r}: name a job file (.yaml), or one of {', '.join(names)}."
+            f"There is no cell {name!r}. Name a job file (.yaml), or one of {', '.join(names)}."
         )
     file = resources.files("armcontour.files") / "cells" / f"{name}.yaml"
     return file.read_text(encoding="utf-8")
@@ -57,13 +57,12 @@ def read_cell(
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
-    """Combine a cell or a job file with a drawing; `path` and `patch` override keys."""
-    # The drawing replaces the points or segments of a job file; its frame and its reader options
-    # stay.
+    """Make the job of a cell or job file with a drawing; `path` and `patch` override keys."""
+    # The drawing replaces the geometry of a job file, but not its frame and its reader options.
     values: Patch = {("path", key): value for key, value in (path or {}).items()}
     data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
     model = model_of(CellModel, data, source)
-    # Errors in the drawing name the drawing only, because the cell does not cause them.
+    # Messages of errors in the drawing name only the drawing, not the cell.
     program = read_drawing(model.path, str(model.path.file), folder, reading)
     with error_context(source):
         return job_of(model, folder, reading, trust_xacro, program)
@@ -71,15 +70,15 @@ def read_cell(
 
 def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
     """Read the arm of a cell, or of a job file, with its tool, work frame and payload."""
-    text, source, folder = _text(str(cell))
+    text, source, folder = _read_cell_text(str(cell))
     with error_context(source):
         model = model_of(CellModel, read_data(text, source), source)
         return arm_of(model.arm, folder, trust_xacro=trust_xacro)
 
 
 def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
-    """The arm, or None, and the scene of a cell or of a job file without other keys."""
-    text, source, folder = _text(str(cell))
+    """Arm, or None, and scene of a cell or job file, which needs no other keys."""
+    text, source, folder = _read_cell_text(str(cell))
     specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
     model, path, scene = (
         specified.get("arm"),
@@ -94,44 +93,44 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
 def cell_data(
     cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
 ) -> tuple[dict[str, Any], str, FilePath]:
-    """Cell and drawing as the data of a job file, the cell's name, and the folder of its files."""
-    text, source, folder = _text(str(cell))
+    """Job data of a cell and a drawing, the cell's name for messages, and its folder."""
+    text, source, folder = _read_cell_text(str(cell))
     data, location = read_data(text, source), FilePath(drawing)
-    drawn = _drawn(data, location, str(location.absolute()))
+    drawn = _drawing_patch(data, location, str(location.absolute()))
     with error_context(source):
         return apply_patch(data, {**drawn, **(patch or {})}), source, folder
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
-    """A cell and a drawing as the text of a job file, with the comments of the cell."""
-    text, source, folder = _text(str(cell))
+    """Job file text of a cell and a drawing for the folder `to`, with the comments of the cell."""
+    text, source, folder = _read_cell_text(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
-    drawn = _drawn(read_data(text, source), location, file)
+    drawn = _drawing_patch(read_data(text, source), location, file)
     return write_patch(move_files(text, folder, to), drawn, source)
 
 
-def _drawn(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
-    """The keys of a cell that a drawing replaces: its path, and name and title of the job."""
+def _drawing_patch(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
+    """Patch that inserts a drawing into a cell: its path, name and title; `file` is its name."""
     cell_title = cell.get("title")
     title = drawing.name if cell_title is None else f"{drawing.name} on {cell_title}"
     return {
-        **{("path", key): REMOVE for key in OWN_PATH},
+        **{("path", key): REMOVE for key in GEOMETRY_KEYS},
         ("path", "file"): file,
-        # The name of a file may be longer than that of a job, and hold unprintable characters.
-        ("name",): _fit(drawing.stem, LONGEST_NAME),
-        ("title",): _fit(title, LONGEST_TITLE),
+        # A file name may be too long for a job name, and may have unprintable characters.
+        ("name",): _fit_name(drawing.stem, LONGEST_NAME),
+        ("title",): _fit_name(title, LONGEST_TITLE),
     }
 
 
-def _text(cell: str) -> tuple[str, str, FilePath]:
-    """The text of a cell, its name for messages, and the folder of its relative files."""
+def _read_cell_text(cell: str) -> tuple[str, str, FilePath]:
+    """Text of a cell, its name for messages, and the folder of its relative file names."""
     file = FilePath(cell)
     if file.suffix.lower() in YAML:
         return job_text(file), file.name, file.parent
     return cell_text(cell), f"the cell {cell}", FilePath()
 
 
-def _fit(text: str, length: int) -> str:
+def _fit_name(text: str, length: int) -> str:
     """Make a text printable, and shorten it to a number of characters."""
     return shorten(make_printable(text), length)

@@ -1,4 +1,4 @@
-"""Read tables of numbers from CSV: titles and units of columns, cells with lines and digits."""
+"""Tables of numbers in CSV: column titles and units, cells with line numbers, printed digits."""
 
 from __future__ import annotations
 
@@ -20,61 +20,64 @@ Key = TypeVar("Key", bound=Hashable)
 NUMBER = re.compile(
     r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?", re.ASCII
 )
-_ONES = str.maketrans("23456789", "11111111")
+# Translation of digits other than 0 to 1, so that numbers with the same digit pattern are equal.
+_DIGIT_PATTERN = str.maketrans("23456789", "11111111")
 # A comma between digits, as in 0,125.
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
-# A number in brackets, as in q[0], is an index and no unit.
+# A title with a unit in brackets. A number in brackets, as in q[0], is an index, not a unit.
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>(?!\d*[\])])[^\])]*)[\])]")
-# For pint an angle is a plain number, so that "1/s" would be accepted as "rad/s".
+# A unit must contain one of these to be a unit of angle. pint alone would accept "1/s" as "rad/s",
+# because it treats angles as plain numbers.
 _ANGLE = re.compile("rad|deg|turn|rev|rpm")
-# Units in the second line of a table.
+# Units that are recognized in a second line of titles.
 _UNIT = re.compile(
     r"(?:[mµun]?(?:s|m|rad)|sec|cm|deg|°|degrees?|radians?|turns?|rev|rpm|[mk]?(?:A|V|W|Nm|N|Hz|g)|%|"
     r"°C)(?:[ */·]?(?:s|min|m|mm)(?:\^?2|²)?)?"
 )
-# Title of a column that is not needed.
+# Title of a column that is ignored.
 SKIPPED = "-"
-# Wildcards of `rename`.
-WILD = {"#": r"(\d+)", "*": "(.*)"}
-# Lines that are searched for the names of columns, and names that one message lists.
-MAX_TRIED = 1000
+# Wildcards of `rename`, and their regular expressions.
+WILDCARDS = {"#": r"(\d+)", "*": "(.*)"}
+# Maximum number of lines that are searched for the first sample.
+MAX_SEARCHED_LINES = 1000
+# Maximum number of names that a message lists.
 MAX_NAMED = 8
-# Rows per conversion: larger blocks take more memory and save no time.
-CHUNK = 1 << 14
+# Number of rows per conversion; larger blocks need more memory and are not faster.
+BLOCK_ROWS = 1 << 14
 
 
 class Title(NamedTuple, Generic[Key]):
-    """The content of a column by its title."""
+    """Content of a column, as recognized from its title."""
 
-    key: Key  # The quantity in the column
-    si: str | None  # Its SI unit; None without one
-    unit: str | None = None  # The unit in the name, such as deg in q1_deg; None without one
-    rank: int = 0  # If several columns hold one quantity, the one of the lowest rank is used
+    key: Key  # Quantity in the column
+    si: str | None  # SI unit of the quantity; None if it has no unit
+    unit: str | None = None  # Unit in the name, such as deg in q1_deg; None if the name has none
+    rank: int = 0  # If several columns have the same quantity, the column of lowest rank is used
 
 
 @dataclass(frozen=True, slots=True)
 class CsvColumn:
-    """A column, as described by its title."""
+    """A recognized column of a CSV table."""
 
     index: int  # Index of the column, from 0
-    title: str  # The title as in the file
-    unit: str | None  # The unit as in the title; None without one
-    factor: float  # Factor from the unit to SI units; 1 without a unit
-    rank: int  # As in `Title`
+    title: str  # Title as in the file
+    unit: str | None  # Unit as in the title; None if the title has no unit
+    factor: float  # Conversion factor from the unit to SI units; 1 if the title has no unit
+    rank: int  # Rank among columns of the same quantity; the lowest rank is used
 
 
 @dataclass(slots=True)
 class Digits:
-    """Printed digits of the numbers in a column."""
+    """Statistics of the printed digits of the numbers in a column."""
 
-    places: int = -99
+    places: int = -99  # Largest number of decimal places; negative for powers of ten
     digits: int = 0  # Largest number of significant digits
     highest: float = -math.inf  # Power of ten of the first digit of the largest number
 
     def add(self, texts: Sequence[str]) -> None:
-        """Update the counts with the digits of numbers."""
-        # Numbers without exponents that differ in digits other than 0 count the same.
-        alike = {x if "e" in x or "E" in x else x.translate(_ONES) for x in texts}
+        """Update the statistics with the texts of numbers."""
+        # Numbers without exponents are counted once per pattern of zero and nonzero digits.
+        alike = {x if "e" in x or "E" in x else x.translate(_DIGIT_PATTERN) for x in texts}
         for match in filter(None, map(NUMBER.fullmatch, alike)):
             whole, part, power = match.group("whole", "part", "power")
             part, exponent = part or "", int(power or 0)
@@ -86,9 +89,9 @@ class Digits:
 
 
 def last_digit(columns: Sequence[Digits]) -> float:
-    """Value of the last printed digit of the largest number, for numbers of one print format."""
-    # Zeros that a format cuts off at the end do no harm: the number of digits is the largest over
-    # all numbers, both after the decimal point and in total.
+    """Value of the last printed digit of the largest number, for columns of one print format."""
+    # A format that removes trailing zeros does not change the result, because the numbers of
+    # decimals and of significant digits are the largest over all numbers.
     decimals = max(x.places for x in columns)
     digits, highest = max(x.digits for x in columns), max(x.highest for x in columns)
     return float(
@@ -98,78 +101,77 @@ def last_digit(columns: Sequence[Digits]) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CsvTable(Generic[Key]):
-    """A table in CSV: the known columns, and one line per row."""
+    """A CSV table: the recognized columns, and the lines of the rows."""
 
     source: str  # Name of the file, for messages
     heading: str  # File and line of the titles, for messages
-    example: str  # Titles of such a table, for messages
-    option: str  # The option that names columns, for messages; empty without one
-    # The known columns by their quantities, in the order of the file.
+    example: str  # Example of titles, for messages
+    option: str  # Option that names columns, for messages; empty if there is none
+    # Recognized columns by quantity, in the order of the file
     columns: Mapping[Key, CsvColumn]
     unknown: tuple[str, ...]  # Titles of the other columns
-    separator: str
-    width: int
-    lines: list[str]  # The lines of the rows; blank lines and comments are omitted
-    numbers: list[int]  # Numbers of these lines in the file, from 1
+    separator: str  # Separator between cells
+    width: int  # Number of columns
+    lines: list[str]  # Lines of the rows, without blank lines and comments
+    numbers: list[int]  # Line number in the file of each row, from 1
     comments: list[str]  # Lines that start with #
 
-    def need(self, *keys: Key) -> None:
-        """Refuse a table without some columns."""
+    def require_columns(self, *keys: Key) -> None:
+        """Check that the table has columns for the given quantities."""
         missing = next((x for x in keys if x not in self.columns), None)
         if missing is None:
             return
-        also = f", also with {self.rename(str(missing), 'NAME')}" if self.option else ""
+        also = f" (or rename them with {self.rename(str(missing), 'NAME')})" if self.option else ""
         unknown = list_some([show(x) for x in self.unknown], MAX_NAMED)
-        other = f" The columns {unknown} are not known." if unknown else ""
+        other = f" The columns {unknown} are not recognized." if unknown else ""
         raise InvalidInput(
-            f"{self.heading}: the column {missing} is missing: name the columns, such as "
+            f"{self.heading}: the column {missing} is missing. Name the columns, such as "
             f"{self.example}{also}.{other}"
         )
 
     def rename(self, new: str, old: str) -> str:
-        """The option that gives a column another title, for messages."""
+        """Text of the option that renames a column, for messages."""
         return f"{self.option} '{new}={old}'" if self.option else new
 
     def place(self, row: int, *keys: Key) -> str:
-        """File, line and columns of a row, for messages."""
+        """File, line and titles of columns of a row, for messages."""
         titles = " ".join(self.columns[x].title for x in keys)
         location = f"{self.source}, line {self.numbers[row]}"
         return f"{location}, column {show(titles)}" if keys else location
 
     def cells(self, row: int) -> list[str]:
-        """All cells of a row."""
+        """All cells of a row, without surrounding blanks."""
         try:
             cells = _split(self.lines[row], self.separator)
         except csv.Error as error:
-            # An open quote, or a cell of more than 131,072 characters.
-            raise InvalidInput(f"{self.place(row)}: {error}: correct the quotes.") from None
+            # The line has an unclosed quote, or a cell of more than 131,072 characters.
+            raise InvalidInput(f"{self.place(row)}: {error}. Correct the quotes.") from None
         if len(cells) != self.width:
             raise InvalidInput(
-                f"{self.place(row)}: {len(cells)} values, but {self.width} columns: give each "
-                "column a value.",
+                f"{self.place(row)}: the row has {len(cells)} values, but must have {self.width}, "
+                "one per column.",
                 index=row,
             )
         return cells
 
     def cell(self, row: int, key: Key) -> str:
-        """The cell of a row and a column."""
+        """Text of the cell in a row and the column of a quantity."""
         return self.cells(row)[self.columns[key].index]
 
-    def texts(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
-        """Yield the index of the first row, and the cells of some columns, in blocks of rows."""
+    def cell_blocks(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
+        """Yield blocks of rows: the index of the first row, and the cells of each given column."""
         indices, count = [self.columns[x].index for x in keys], len(self.lines)
-        for first in range(0, count, CHUNK):
-            rows = [self.cells(i) for i in range(first, min(first + CHUNK, count))]
+        for first in range(0, count, BLOCK_ROWS):
+            rows = [self.cells(i) for i in range(first, min(first + BLOCK_ROWS, count))]
             yield first, [[row[i] for row in rows] for i in indices]
 
     def read(self, keys: Sequence[Key]) -> tuple[FloatArray, list[Digits]]:
-        """The numbers of some columns in SI units, (rows, columns), and their printed digits."""
-        # Empty cells are NaN.
+        """Numbers of columns in SI units, (rows, columns), NaN if empty, and printed digits."""
         if not self.lines:
             raise InvalidInput(f"{self.source} has column names, but no rows with numbers.")
         values = np.empty((len(self.lines), len(keys)))
         digits = [Digits() for _ in keys]
-        for first, texts in self.texts(keys):
+        for first, texts in self.cell_blocks(keys):
             for k, column in enumerate(texts):
                 if "," in "".join(column):
                     column = [_DECIMAL_COMMA.sub(r"\g<1>.\g<2>", x) for x in column]
@@ -178,7 +180,7 @@ class CsvTable(Generic[Key]):
         return values * [self.columns[x].factor for x in keys], digits
 
     def _convert(self, texts: list[str], first: int, key: Key) -> list[float]:
-        """The numbers of the cells from the row `first` on."""
+        """Numbers of the cells of a column, starting at row `first`; NaN for empty cells."""
         joined = "".join(texts)
         if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST:
             try:
@@ -195,10 +197,10 @@ class CsvTable(Generic[Key]):
         return numbers
 
     def raise_cell_error(self, row: int, key: Key) -> NoReturn:
-        """Refuse a cell that is no number."""
+        """Raise the error for a cell that is not a finite number."""
         raise InvalidInput(
-            f"{self.place(row, key)}: {show(self.cell(row, key))} is not a finite number: correct "
-            "it, or remove the line.",
+            f"{self.place(row, key)}: {show(self.cell(row, key))} is not a finite number. Correct "
+            "the value, or remove the line.",
             index=row,
         )
 
@@ -212,36 +214,40 @@ def read_table(
     columns: str | None = None,
     option: str = "",
 ) -> CsvTable[Key]:
-    """The table in CSV text with commas, semicolons, tabs or blanks between cells."""
-    # Lines that start with # are comments, and so are those above the titles. A unit follows a
-    # title in brackets, `q1 [deg]`, or is a part of the name, such as `q1_deg`. A second line that
-    # has only units belongs to the titles. Numbers may have a decimal comma, with other separators
-    # or in quotes.
-    # Not `splitlines`, which also splits at characters that are allowed in a cell.
+    """Read a table from CSV text with commas, semicolons, tabs or blanks between cells."""
+    # Lines that start with #, and lines above the titles, are comments. The unit of a column is in
+    # brackets after the title, `q1 [deg]`, a part of the name, such as `q1_deg`, or in a second
+    # line that has only units. Numbers may have a decimal comma if the separator is not a comma or
+    # if they are quoted.
+    # `splitlines` would also split at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbered = [(k, x) for k, x in enumerate(lines, start=1) if x.lstrip()[:1] not in ("", "#")]
     if not numbered:
-        raise InvalidInput(f"{source} is empty: it must have a line of column names and rows.")
+        raise InvalidInput(
+            f"{source} is empty, but must have a line with column names, and rows with numbers."
+        )
     names = None if columns is None or "=" in columns else columns.split(",")
-    numbered = numbered[_first_line(numbered, None if names is None else len(names)) :]
+    numbered = numbered[_find_titles(numbered, None if names is None else len(names)) :]
     header, first = numbered[0]
     separator = next((x for x in ";\t" if x in first), ",")
     if separator == "," and _is_blank_separated([line for _, line in numbered[:2]]):
-        # As the recorder of a UR's RTDE writes it.
+        # The recorder of UR's RTDE client writes blanks between cells.
         numbered = [(number, "\t".join(line.split())) for number, line in numbered]
         first, separator = numbered[0][1], "\t"
-    titles, named = _cells(first, separator), 1
+    titles, named = _split_any(first, separator), 1
     heading = f"{source}, line {header}"
     if names is not None:
         if len(names) != len(titles):
             raise InvalidInput(
-                f"{heading}: {len(titles)} columns, but names of {len(names)} are given: name all "
-                f"of them in their order, and {SKIPPED} for each that is not needed."
+                f"{heading}: the table has {len(titles)} columns, but {option} has {len(names)} "
+                f"names. Name all columns in their order; the name {SKIPPED} ignores a column."
             )
-        # Given names replace those of the file.
+        # The specified names replace the titles in the file.
         named = not any(map(NUMBER.fullmatch, titles))
         titles, heading = [x.strip() for x in names], f"{source}, {option}"
-    elif len(numbered) > 1 and (units := _units(_cells(numbered[1][1], separator), len(titles))):
+    elif len(numbered) > 1 and (
+        units := _read_units(_split_any(numbered[1][1], separator), len(titles))
+    ):
         titles = [f"{x} [{y}]" if y else x for x, y in zip(titles, units, strict=True)]
         named = 2
     if columns is not None and names is None:
@@ -262,25 +268,25 @@ def read_table(
     )
 
 
-def _first_line(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
-    """Number of lines above the titles, or with titles of `count` columns above the samples."""
+def _find_titles(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
+    """Index of the line of titles; for `count` known titles, of the first sample with titles."""
     lines = [line for _, line in numbered]
     if count is not None:
         every = (re.split(r"\s*[,;\t]\s*|\s+", line.strip()) for line in lines)
         of_count = (len(x) == count and any(map(NUMBER.fullmatch, x)) for x in every)
         return next((k for k, sample in enumerate(of_count) if sample), 0)
-    # The titles are as many as the cells of the first sample.
-    for k, line in enumerate(lines[:MAX_TRIED]):
+    # The titles are the first line with as many cells as the first sample.
+    for k, line in enumerate(lines[:MAX_SEARCHED_LINES]):
         separator = next((x for x in ";\t," if x in line), None)
-        cells = _cells(line, separator)
+        cells = _split_any(line, separator)
         if len(cells) > 1 and all(NUMBER.fullmatch(x.replace(",", ".")) for x in cells[:2]):
-            counts = [len(_cells(x, separator)) for x in lines[:k]]
+            counts = [len(_split_any(x, separator)) for x in lines[:k]]
             return counts.index(len(cells)) if len(cells) in counts else 0
     return 0
 
 
-def _units(cells: Sequence[str], count: int) -> list[str]:
-    """The units in a line below the titles; empty if it is no such line."""
+def _read_units(cells: Sequence[str], count: int) -> list[str]:
+    """Units of `count` columns in a line below the titles; empty if the line has other content."""
     units = [x.strip("[]() ") for x in cells]
     units = ["" if x in ("-", "1") else x for x in units]
     are_units = all(not x or _UNIT.fullmatch(x) for x in units)
@@ -288,23 +294,23 @@ def _units(cells: Sequence[str], count: int) -> list[str]:
 
 
 def _is_blank_separated(lines: Sequence[str]) -> bool:
-    """True if the cells of the first lines are separated by blanks, and by nothing else."""
+    """True if blanks separate the cells of the first lines, and no commas."""
     words = [len(x.split()) for x in lines]
     return min(words) == max(words) > 1 and not any("," in _DECIMAL_COMMA.sub("", x) for x in lines)
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    """The cells of a line; between blanks without a separator."""
+    """Cells of a line without surrounding blanks; blanks separate cells if `separator` is None."""
     if separator is None or '"' not in line:
-        # Most lines of large files have no blanks.
+        # Most lines of large files have no blanks, so that stripping is not necessary.
         cells = line.split(separator)
         return cells if line.split() == [line] else [x.strip() for x in cells]
-    # The lines are parsed one by one, so that an open quote does not include the next lines.
+    # Lines are parsed separately, so that an unclosed quote does not include the next lines.
     return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
-    """The cells of a line above the rows, also if its quotes are wrong."""
+def _split_any(line: str, separator: str | None) -> list[str]:
+    """Cells of a line above the rows; a line with wrong quotes is split at each separator."""
     try:
         return _split(line, separator)
     except csv.Error:
@@ -312,28 +318,28 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
-    """Replace names of columns or joints by pairs `q# [deg]=joint_#`, separated by commas."""
-    # A # matches a number and a * any text; NEW repeats the matched text.
+    """Rename columns or joints by pairs NEW=OLD such as `q# [deg]=joint_#`, in a comma list."""
+    # In OLD, # matches a number and * any text; the same wildcard in NEW inserts the matched text.
     renamed = list(names)
     for pair in pairs.split(","):
         new, _, old = map(str.strip, pair.partition("="))
-        wild = [x for x in old if x in WILD]
-        used = [x for x in new if x in WILD]
+        wild = [x for x in old if x in WILDCARDS]
+        used = [x for x in new if x in WILDCARDS]
         if not (new and old) or (used and used != wild):
             raise InvalidInput(
-                f"New names are given as NEW=NAME, such as 't [ms]=time' or 'q# [deg]=joint_#', "
-                f"not {show(pair)}."
+                f"New names must have the form NEW=NAME, such as 't [ms]=time' or "
+                f"'q# [deg]=joint_#', but one is {show(pair)}."
             )
-        pattern = re.compile("".join(WILD.get(x) or re.escape(x) for x in old))
+        pattern = re.compile("".join(WILDCARDS.get(x) or re.escape(x) for x in old))
         matches = {i: x for i, name in enumerate(names) if (x := pattern.fullmatch(name))}
         if not matches:
             raise InvalidInput(
-                f"{source} has no column or joint {show(old)} to rename: it has "
+                f"{source} has no column or joint {show(old)} to rename. It has "
                 f"{list_some([show(x) for x in names], MAX_NAMED)}."
             )
         for i, match in matches.items():
             parts = iter(match.groups())
-            renamed[i] = "".join(next(parts) if x in WILD else x for x in new)
+            renamed[i] = "".join(next(parts) if x in WILDCARDS else x for x in new)
     return tuple(renamed)
 
 
@@ -344,11 +350,11 @@ def _read_titles(
     example: str,
     option: str,
 ) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
-    """The known columns by their quantities, in their order, and the other titles."""
+    """Recognized columns by quantity, in the order of the file, and titles of other columns."""
     if all(map(NUMBER.fullmatch, titles)):
-        fix = f"; without such a line, name them with {option}" if option else ""
+        fix = f" If the file has no such line, name the columns ({option})." if option else ""
         raise InvalidInput(
-            f"{location}: the first line must name the columns, such as {example}{fix}."
+            f"{location}: the first line must name the columns, such as {example}.{fix}"
         )
     recognised: dict[Key, CsvColumn] = {}
     unknown: list[str] = []
@@ -360,18 +366,18 @@ def _read_titles(
             unknown += [title] * (title != SKIPPED)
             continue
         if unit is not None and content.unit is not None:
-            raise InvalidInput(f"{location}: the column {show(title)} has two units: remove one.")
+            raise InvalidInput(f"{location}: the column {show(title)} has two units. Remove one.")
         unit = content.unit if unit is None else unit
-        factor = 1.0 if unit is None else _factor(unit, content.si, title, location)
+        factor = 1.0 if unit is None else _unit_factor(unit, content.si, title, location)
         column, other = (
             CsvColumn(index, title, unit, factor, content.rank),
             recognised.get(content.key),
         )
         if other is not None and other.rank == column.rank:
-            same = f"the columns {show(other.title)} and {show(title)} hold the same"
+            same = f"the columns {show(other.title)} and {show(title)} have the same quantity"
             twice = f"there are two columns {show(title)}" if other.title == title else same
-            fix = f", such as with {option} '{SKIPPED}={title}'" if option else ""
-            raise InvalidInput(f"{location}: {twice}: remove one{fix}.")
+            fix = f" (for example with {option} '{SKIPPED}={title}')" if option else ""
+            raise InvalidInput(f"{location}: {twice}. Remove one{fix}.")
         if other is None or column.rank < other.rank:
             recognised[content.key] = column
         if other is not None:
@@ -379,16 +385,16 @@ def _read_titles(
     return recognised, tuple(unknown)
 
 
-def _factor(unit: str, si: str | None, title: str, location: str) -> float:
-    """Factor from a unit in a title to an SI unit."""
+def _unit_factor(unit: str, si: str | None, title: str, location: str) -> float:
+    """Conversion factor from the unit of a column to an SI unit."""
     plain = unit.strip().replace("²", "^2").replace("°", "deg")
     try:
         factor = 0.0 if si is None else parse_quantity(f"1 {plain}", si)
     except ValueError:
         factor = 0.0
     if factor <= 0 or (si is not None and "rad" in si and not _ANGLE.search(plain)):
-        expected = f"one that converts to {si}" if si else "wanted: the column has none"
+        expected = f"must be convertible to {si}" if si else "must be removed"
         raise InvalidInput(
-            f"{location}: the unit {show(unit)} of the column {show(title)} is not {expected}."
+            f"{location}: the unit {show(unit)} of the column {show(title)} {expected}."
         )
     return factor

@@ -1,7 +1,7 @@
-"""Keys of files from dataclasses: fields, annotations, defaults and docstrings.
+"""Validators and schemas of file keys, derived from dataclasses.
 
-Building the validators of all keys of a job takes as long as a small plan, and a job uses few keys.
-So the validator of a nested mapping is built when a file has such a mapping.
+Building the validators of all keys of a job takes as long as a small plan, but a job uses few keys.
+Therefore the validator of a nested mapping is built only if a file has such a mapping.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ from armcontour.core.quantities import (
     Quantity,
 )
 from armcontour.core.text import describe_fields
-from armcontour.files.forms import FORMS, Form
-from armcontour.files.problems import first_problem
+from armcontour.files.key_errors import first_problem
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.units import read_quantity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-PLAIN: dict[Any, Any] = {
+STRICT_TYPES: dict[Any, Any] = {
     **{bool: StrictBool, int: StrictInt, float: Number},
     **{Mapping: dict, Sequence: list},
 }
@@ -63,97 +63,94 @@ BOUNDS: dict[str, dict[str, float]] = {
     "share": {"minimum": 0, "exclusiveMaximum": 1},
     "turn": {"minimum": -WHOLE_TURN, "maximum": WHOLE_TURN},
 }
-# Shapes of arrays in docstrings, which are removed from the descriptions of keys.
+# Matches array shapes in docstrings, which are removed from the descriptions of keys.
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
-
-
-# True while validators of nested mappings are built on demand.
-_later = ContextVar("_later", default=False)
+# True while a validator is built whose nested validators are built on demand.
+_defer_nested = ContextVar("_later", default=False)
 
 
 class KeyMark(ABC):
-    """Annotation of a value that is read from a mapping of keys."""
+    """Annotation of a value that is made from a mapping of keys."""
 
     __slots__ = ()
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        if _later.get():
+        if _defer_nested.get():
             return core_schema.no_info_plain_validator_function(self._read)
         return self.schema(handler)
 
     def _read(self, data: Any) -> Any:
-        """Check a mapping and make its value; its problems become those of the whole file."""
-        return _adapter(self).validate_python(data)
+        """Check a mapping and make its value; problems are reported as problems of the file."""
+        return _deferred_adapter(self).validate_python(data)
 
     @abstractmethod
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The pydantic schema of the mapping."""
+        """Pydantic schema that checks the mapping and makes its value."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Outer:
+class _WholeFile:
     """Annotation of a whole file, whose nested validators are built on demand."""
 
     mark: KeyMark
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        token = _later.set(True)
+        token = _defer_nested.set(True)
         try:
             return self.mark.schema(handler)
         finally:
-            _later.reset(token)
+            _defer_nested.reset(token)
 
 
 @dataclass(frozen=True, slots=True)
 class MappingKeys(KeyMark):
-    """Annotation of a dataclass that is read from a mapping of keys."""
+    """Annotation of a dataclass that is made from a mapping of its keys."""
 
     target: type
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The pydantic schema that checks the keys and makes the dataclass."""
+        """Pydantic schema that checks the keys and makes the dataclass."""
         inner = handler.generate_schema(_model(self.target))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
     def _build(self, model: BaseModel) -> Any:
         """Make the dataclass from the validated keys."""
-        values, made = _values(self.target, model), _made(self.target)
+        values, made = _values(self.target, model), _factory_fields(self.target)
         return self.target(**{k: v for k, v in values.items() if not (v is None and k in made)})
 
 
 @dataclass(frozen=True, slots=True)
 class SpecifiedKeys(KeyMark):
-    """Annotation of a dictionary of only those fields of a dataclass that a file gives."""
+    """Annotation of a dictionary with only the fields of a dataclass that a file specifies."""
 
     target: type
     null: bool = False  # Whether every key may be `null`
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The pydantic schema that checks the specified keys."""
+        """Pydantic schema that checks the specified keys and makes the dictionary."""
         inner = handler.generate_schema(_model(self.target, specified=True, null=self.null))
         return core_schema.no_info_after_validator_function(partial(_values, self.target), inner)
 
 
 @dataclass(frozen=True, slots=True)
 class Methods(KeyMark):
-    """Annotation of one of several dataclasses, which the key `method` names."""
+    """Annotation of one of several dataclasses, selected by the key `method`."""
 
-    text: str
+    text: str  # Description of the mapping
     method: str  # Description of the key `method`
-    # The dataclasses, each with the name of its method; the first one is the default.
-    kinds: tuple[Any, ...]
-    more: tuple[Any, ...] = ()  # Further annotations of the key `method`
+    kinds: tuple[Any, ...]  # Dataclasses with an attribute `method`; the first is the default
+    more: tuple[Any, ...] = ()  # Additional annotations of the key `method`
 
     @property
     def keys(self) -> list[str]:
-        """Fields of the dataclasses that are keys: they have an `About`."""
+        """Names of the fields that are keys, because they have an `About` annotation."""
         hints = [
             x for kind in self.kinds for x in get_type_hints(kind, include_extras=True).items()
         ]
         return sorted({name for name, x in hints if any(isinstance(y, About) for y in parts_of(x))})
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The pydantic schema that checks the keys and makes the dataclass of the method."""
+        """Pydantic schema that checks the keys and makes the dataclass of the method."""
         inner = handler.generate_schema(_methods_model(self))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
@@ -164,47 +161,47 @@ class Methods(KeyMark):
         specified = {key: x for key, x in values.items() if x is not None and key != "method"}
         kind = next(x for x in self.kinds if x.method == method)
         for key in specified.keys() - _parameters(kind).keys():
-            raise ValueError(f"{key} goes with the method {self.methods(key)}, not {kind.method}")
+            raise ValueError(f"{key} requires the method {self.methods(key)}, not {kind.method}")
         return kind(**specified)
 
     def methods(self, key: str) -> str:
-        """Names of the methods that have a key."""
+        """Text with the names of the methods that have a key."""
         return " and ".join(x.method for x in self.kinds if key in _parameters(x))
 
 
 def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
-    """Check the data of a file and make the value of its dataclass."""
+    """Check the data of a file and make the value that `mark` describes."""
     with suppress(ValidationError):
-        return _adapter(mark).validate_python(data)
-    # Only data with an error is validated twice: the schema of the whole file is slow to build, but
-    # its message names the key.
+        return _deferred_adapter(mark).validate_python(data)
+    # Data with an error is validated again by the validator of the whole file, which is slow to
+    # build but knows the location of each key.
     try:
-        return _whole(mark).validate_python(data)
+        return _complete_adapter(mark).validate_python(data)
     except ValidationError as error:
         raise InvalidInput(f"{source}: {first_problem(error, schema_of(mark))}") from None
 
 
 @cache
 def schema_of(mark: KeyMark) -> dict[str, Any]:
-    """The JSON Schema of a file with the keys of a dataclass."""
-    return _whole(mark).json_schema()
+    """JSON Schema of a file with the keys of a dataclass."""
+    return _complete_adapter(mark).json_schema()
 
 
 @cache
-def _adapter(mark: KeyMark) -> TypeAdapter[Any]:
-    """The validator of a mapping, whose nested validators are built on demand."""
-    return TypeAdapter(Annotated[Any, _Outer(mark)])
+def _deferred_adapter(mark: KeyMark) -> TypeAdapter[Any]:
+    """Validator of a mapping, whose nested validators are built on demand."""
+    return TypeAdapter(Annotated[Any, _WholeFile(mark)])
 
 
 @cache
-def _whole(mark: KeyMark) -> TypeAdapter[Any]:
-    """The validator of a mapping and all nested mappings."""
+def _complete_adapter(mark: KeyMark) -> TypeAdapter[Any]:
+    """Validator of a mapping and all nested mappings."""
     return TypeAdapter(Annotated[Any, mark])
 
 
 @cache
 def _model(kind: type, *, specified: bool = False, null: bool = False) -> type[BaseModel]:
-    """The pydantic model of a dataclass; with `specified` all keys are optional."""
+    """Pydantic model of a dataclass; with `specified` all keys are optional."""
     name = f"Given{kind.__name__}" if specified else kind.__name__
     summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
     return _new_model(name, summary, _keys(kind, specified=specified, null=null))
@@ -212,7 +209,7 @@ def _model(kind: type, *, specified: bool = False, null: bool = False) -> type[B
 
 @cache
 def _methods_model(mark: Methods) -> type[BaseModel]:
-    """The pydantic model of the keys of several methods."""
+    """Pydantic model with the keys of all methods."""
     default, *_ = names = tuple(str(x.method) for x in mark.kinds)
     one_of = Annotated[(Literal[names], *mark.more)] if mark.more else Literal[names]
     fields: dict[str, Any] = {"method": (one_of, Field(default, description=mark.method))}
@@ -232,21 +229,21 @@ def _new_model(name: str, summary: str, keys: dict[str, Any]) -> type[BaseModel]
 
 
 def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[str, Any]:
-    """The keys of a dataclass, as pydantic makes fields of them."""
-    form = FORMS.get(owner, Form())
-    hints = {**get_type_hints(owner, include_extras=True), **form.types}
-    described = {**_descriptions(owner), **form.texts}
+    """Types and pydantic fields of the keys of a dataclass, by key."""
+    overrides = KEY_OVERRIDES.get(owner, KeyOverrides())
+    hints = {**get_type_hints(owner, include_extras=True), **overrides.types}
+    described = {**_descriptions(owner), **overrides.texts}
     fields: dict[str, Any] = {}
     own_names = inspect.get_annotations(owner)
-    # Keys of the class come before those of the options that it extends.
+    # Keys of the class itself come before the keys of its base classes.
     for field in sorted(dataclasses.fields(owner), key=lambda x: x.name not in own_names):
-        if field.name in form.omit or not field.init:
+        if field.name in overrides.omit or not field.init:
             continue
         kind = _type_of(hints[field.name])
-        if null or (_is_made(field) and field.default_factory not in (dict, list)):
+        if null or (_has_factory(field) and field.default_factory not in (dict, list)):
             kind = kind | None
-        default = None if specified else form.defaults.get(field.name, _default(owner, field))
-        key = form.names.get(field.name, field.name)
+        default = None if specified else overrides.defaults.get(field.name, _default(owner, field))
+        key = overrides.names.get(field.name, field.name)
         text = described.get(field.name)
         if isinstance(default, Options):
             same: Any = partial(dataclasses.replace, default)
@@ -257,10 +254,10 @@ def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[s
 
 
 def _default(owner: type, field: dataclasses.Field[Any]) -> Any:
-    """The default of a field's key; null for a default factory that does not make it empty."""
+    """Default of the key of a field; None for a factory other than `dict` and `list`."""
     if field.default_factory in (dict, list):
         return field.default_factory()
-    if _is_made(field):
+    if _has_factory(field):
         return None
     default = _parameters(owner)[field.name].default
     return ... if default is inspect.Parameter.empty else default
@@ -271,51 +268,51 @@ def _parameters(owner: type) -> Mapping[str, inspect.Parameter]:
     return inspect.signature(owner).parameters
 
 
-def _is_made(field: dataclasses.Field[Any]) -> bool:
+def _has_factory(field: dataclasses.Field[Any]) -> bool:
     return field.default_factory is not dataclasses.MISSING
 
 
 @cache
-def _made(owner: type) -> frozenset[str]:
-    """Fields of a dataclass with a default factory, for which null means the default."""
-    return frozenset(x.name for x in dataclasses.fields(owner) if _is_made(x))
+def _factory_fields(owner: type) -> frozenset[str]:
+    """Names of the fields with a default factory, for which null means the default."""
+    return frozenset(x.name for x in dataclasses.fields(owner) if _has_factory(x))
 
 
 def _values(owner: type, model: BaseModel) -> dict[str, Any]:
-    """The values that a file gives, by the fields of the dataclass."""
+    """Values that a file specifies, by field of the dataclass."""
     names, specified = _names_of(owner), model.model_fields_set
     return {names.get(x, x): getattr(model, x) for x in type(model).model_fields if x in specified}
 
 
 @cache
 def _names_of(owner: type) -> dict[str, str]:
-    """Names of the fields of a dataclass by their keys, where these differ."""
-    return {key: name for name, key in FORMS.get(owner, Form()).names.items()}
+    """Names of the fields of a dataclass by key, for keys with another name than the field."""
+    return {key: name for name, key in KEY_OVERRIDES.get(owner, KeyOverrides()).names.items()}
 
 
 def _descriptions(owner: type) -> dict[str, str]:
-    """Descriptions of the keys of a dataclass: those of its fields, with null for None."""
+    """Descriptions of the fields of a dataclass for users of files: null replaces None."""
     fields = describe_fields(owner).items()
     return {name: SHAPE.sub("", text).replace("None ", "null ") for name, text in fields}
 
 
 def _type_of(hint: Any) -> Any:
-    """The pydantic type of a key, from the annotation of a field."""
+    """Pydantic type of a key, from the annotation of its field."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return _annotated(*parts)
     if origin in (Union, types.UnionType):
         return Union[tuple(_type_of(x) for x in parts)]  # noqa: UP007
-    origin = PLAIN.get(origin, origin)
+    origin = STRICT_TYPES.get(origin, origin)
     if origin in (list, dict, tuple):
         return origin[tuple(_type_of(x) for x in parts)]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return Annotated[hint, MappingKeys(hint)]
-    return PLAIN.get(hint, hint)
+    return STRICT_TYPES.get(hint, hint)
 
 
 def _annotated(annotated: Any, *marks: Any) -> Any:
-    """The pydantic type of an annotated field."""
+    """Pydantic type of a key whose field has an `Annotated` type."""
     mark = marks[0]
     if isinstance(mark, Quantity):
         number = _number(mark)
@@ -347,14 +344,14 @@ def _annotated(annotated: Any, *marks: Any) -> Any:
 
 
 def _bounds(kind: Quantity) -> dict[str, float]:
-    """The range of a quantity, as JSON Schema has it."""
+    """Bounds of a quantity as keywords of JSON Schema."""
     if kind.within is None:
         return BOUNDS[kind.sign]
     return dict(zip(("minimum", "maximum"), kind.within, strict=True))
 
 
 def _number(kind: Quantity) -> Any:
-    """The pydantic type of a quantity: a plain number, or text with a unit."""
+    """Pydantic type of a quantity: a plain number, or text with a unit."""
     text = f"A number in {kind.unit}, or text with a unit such as '{kind.example}'."
     if kind.unit == "1":
         text = f"A plain number, or text in percent such as '{kind.example}'."

@@ -1,4 +1,4 @@
-"""Make the arm that the key `arm` of a job file describes."""
+"""Creation of the arm that the key `arm` of a job file describes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
         location = folder / model if model.lower().endswith(ARM_FILES) else model
         return load_arm(location, trust_xacro=trust_xacro)
     arm = _bare_arm(model, folder, trust_xacro=trust_xacro)
-    # Files are opened now, and shapes are computed at their first use.
+    # Files of shapes are read now; hulls are computed at the first use of the shapes.
     shapes: tuple[LinkShape, ...] = ()
     if model.shapes is not None:
         shapes = more_link_shapes(model.shapes, folder, arm)
@@ -41,19 +41,22 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
 
 
 def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
-    """The arm of a job without the shapes that the job adds."""
+    """Load the arm of a job without the shapes that the job adds."""
     if (model.name is None) == (model.file is None):
-        raise InvalidInput("arm takes either name, a built-in arm, or file.")
+        raise InvalidInput("arm requires either name, the name of a built-in arm, or file.")
     if model.file is not None and not model.file.lower().endswith(ARM_FILES):
-        raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
+        raise InvalidInput(
+            f"arm.file must have one of the extensions {', '.join(ARM_FILES)}, but is "
+            f"{model.file!r}."
+        )
     options = replace(
         model,
         joint_limits=None if model.joint_limits is None else folder / model.joint_limits,
         packages={name: folder / x for name, x in (model.packages or {}).items()},
-        # Shapes of the job come first.
+        # `arm_of` reads the SRDF after it has added the shapes of the job.
         srdf=None,
     )
-    # A tool that has only shapes leaves its frame where it is.
+    # A tool that specifies only shapes does not change the tool frame of the arm.
     tool = None
     if model.tool is not None and model.tool != ToolModel(shapes=model.tool.shapes):
         tool = frame_of("arm.tool", model.tool)
@@ -65,7 +68,7 @@ def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:
-    """The frame of a model."""
+    """Frame of a model; a missing position or rotation is zero."""
     turned = rotation_of(key, model)
     return Frame(
         position=np.array(model.position or [0.0, 0.0, 0.0]),
@@ -74,7 +77,7 @@ def frame_of(key: str, model: FrameModel) -> Frame:
 
 
 def arm_with_tool(model: JobModel, drawn: Path | Program) -> str | ArmModel:
-    """The key `arm` of a job, with the tool of its tool table that its contours use."""
+    """The key `arm` of a job, with the tool of the tool table that the contours use."""
     table = {
         name: x if isinstance(x, TableToolModel) else TableToolModel(position=x)
         for name, x in (model.tools or {}).items()
@@ -90,17 +93,17 @@ def arm_with_tool(model: JobModel, drawn: Path | Program) -> str | ArmModel:
         return model.arm
     for name in names:
         if name not in table:
-            description = f"the tool {name}" if name else "no tool before its first contour"
+            description = f"uses the tool {name}" if name else "selects no tool for some contours"
             raise InvalidInput(
-                f"The program uses {description}, but tools has {', '.join(map(show, table))}: add "
-                "the tool, or choose one of these with path.tool."
+                f"The program {description}, but the key tools has {', '.join(map(show, table))}. "
+                "Add the tool to tools, or choose one of its tools with path.tool."
             )
     tool = table[names[0]]
     if any(repr(table[x]) != repr(tool) for x in names):
         raise InvalidInput(
-            f"The program uses {', '.join(names)}, which differ in tools, but a run has one tool: "
-            f"run the contours of one tool at a time, with path: {{tool: {names[0]}}} in the job, "
-            f"or --only-tool {names[0]}."
+            f"The program uses the tools {', '.join(names)}, which have different values in the "
+            "key tools, but a run can have only one tool. Run the contours of each tool "
+            f"separately, with path: {{tool: {names[0]}}} in the job, or --only-tool {names[0]}."
         )
     arm = model.arm if isinstance(model.arm, ArmModel) else named_arm(model.arm)
     tool_model = ToolModel(**{x.name: getattr(tool, x.name) for x in fields(ToolModel)})
@@ -109,5 +112,5 @@ def arm_with_tool(model: JobModel, drawn: Path | Program) -> str | ArmModel:
 
 
 def named_arm(arm: str) -> ArmModel:
-    """An arm by its name, or by its file."""
+    """Arm model of a built-in name or a file name."""
     return ArmModel(file=arm) if arm.lower().endswith(ARM_FILES) else ArmModel(name=arm)

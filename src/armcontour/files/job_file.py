@@ -1,4 +1,4 @@
-"""Read job files (YAML) into a `Job`."""
+"""Readers of job files (YAML), which make a `Job`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
 from armcontour.files.job_arm import arm_of, arm_with_tool
 from armcontour.files.job_model import ExperimentModel, JobModel, PathModel, RunModel
 from armcontour.files.job_path import part_of, path_of
-from armcontour.files.problems import Patch
+from armcontour.files.key_errors import Patch
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Experiment, Job, Rounding, Run
@@ -55,14 +55,14 @@ def read_job(
         file: The file.
         patch: Values by keys that replace the file's own, such as {("limits", "speed"): 0.2}.
         reading: Called with the progress of reading the job's drawing, as in `read_path`.
-        trust_xacro: Whether the arm may be a .xacro file. Such a file is a program, so that no key
-            of a job can allow this.
+        trust_xacro: Whether the arm may be a .xacro file. No key of a job can allow this, because
+            such a file is a program.
 
     Raises:
-        InvalidInput: No such file, not YAML, an unknown key, a value without its unit, or values
-            that do not make a job; one sentence that names the key.
+        InvalidInput: The file does not exist or is not YAML, a key is unknown, a value has no unit,
+            or the values are invalid; the message names the key.
     """
-    location = checks.read_place("read_job", file)
+    location = checks.read_file_path("read_job", file)
     return parse_job(
         job_text(location),
         source=location.name,
@@ -113,23 +113,21 @@ def parse_job(
 
 
 def read_data(text: str, source: str) -> dict[str, Any]:
-    """Read the data of a job file, whose keys are not checked."""
+    """Data of the text of a job file, a mapping whose keys are not checked."""
     data = load(text, source)
     if not isinstance(data, dict):
-        raise InvalidInput(
-            f"{source} must hold a mapping of keys such as name, arm, path and runs."
-        )
+        raise InvalidInput(f"{source} must be a mapping of keys such as name, arm, path and runs.")
     return data
 
 
 def model_of(kind: type[Model], data: Mapping[str, Any], source: str) -> Model:
-    """Check the keys of a job."""
+    """Check the keys of a job, and make its model."""
     model: Model = read_keys(MappingKeys(kind), data, source)
     return model
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of job files."""
+    """JSON Schema of job files, as a dictionary."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema_of(MappingKeys(JobModel)),
@@ -143,7 +141,7 @@ def job_of(
     trust_xacro: bool,
     drawing: Program | None = None,
 ) -> Job:
-    """Make the job of a job file; reads its arm and its drawing."""
+    """Make a job from its model; reads the files of its arm, drawing and scene."""
     parts = parts_of(model, folder, reading, trust_xacro=trust_xacro, drawing=drawing)
     return assemble_job(model, *parts)
 
@@ -156,7 +154,7 @@ def parts_of(
     trust_xacro: bool = False,
     drawing: Program | None = None,
 ) -> tuple[Arm, Path | Program, Scene | None]:
-    """Make the parts of a job that need other files: its arm, its path and its scene."""
+    """Make the parts of a job that can need other files: its arm, its path and its scene."""
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
     used = arm_with_tool(model, drawn)
@@ -167,19 +165,19 @@ def parts_of(
 
 
 def _seed(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
-    """The key `seed`: joint positions in the order of the arm, or by the names of its joints."""
+    """Joint positions of the key `seed` in the order of the arm's joints [rad], (dof,)."""
     if isinstance(seed, list):
         return np.array(seed)
     if set(seed) != set(arm.joint_names):
         raise InvalidInput(
-            f"seed names the joints {', '.join(map(show, seed))}, but those of {arm.name} are "
-            f"{', '.join(arm.joint_names)}: name each of them once, or give a list."
+            f"seed names the joints {', '.join(map(show, seed))}, but the joints of {arm.name} are "
+            f"{', '.join(arm.joint_names)}. Name each of these joints once, or write a list."
         )
     return np.array([seed[x] for x in arm.joint_names])
 
 
 def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
-    """Make the job of a job file from its keys and its arm, path and scene."""
+    """Make a job from its model and its arm, path and scene."""
     path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.experiment is not None:
@@ -208,13 +206,13 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
 
 
 def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
-    """A servo with some values replaced, one value per joint."""
+    """Servo model with values replaced by `differs`, and with one value per joint."""
     with error_context(key):
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
 
 def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
-    """The real servo: the nominal servo with the values of `plant`; null is the nominal value."""
+    """Servo model of the plant: the nominal servo with the values of `plant` that are not null."""
     differs = {key: value for key, value in parameters.items() if value is not None}
     if differs.get("order") == "first":
         differs.setdefault("kv", None)
@@ -222,7 +220,7 @@ def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoMo
 
 
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
-    """A run of the job, with the job's values for keys that the run does not give."""
+    """Make a run of a job; keys that the run does not specify have the values of the job."""
     chosen = model.corners or job.corners
     corners = chosen if isinstance(chosen, Rounding) else None
     with error_context("limits"):
@@ -230,7 +228,8 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     with error_context(f"runs.{name}.limits"):
         limits = resolve_limits("A run", arm, Limits(**model.limits), limits)
     if corners is not None and limits.centripetal_acceleration is None:
-        # In case I this acceleration sets the corner radius; it limits the corner speed, too.
+        # With `corners.speed`, this acceleration determines the corner radius. It also limits the
+        # speed in the corners.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
     commands = {**job.command_limits, **model.command_limits}
     command_limits = None
@@ -250,7 +249,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     cycle = model.cycle or job.cycle or DEFAULT_CYCLE
     compensation = dataclasses.replace(model.compensation, command_limits=command_limits)
     if isinstance(compensation, InverseDynamics) and compensation.gravity_feedforward is None:
-        # Gravity is fed forward as on the simulated rigid bodies.
+        # By default, gravity feedforward is the same as in the simulation of rigid bodies.
         fed = experiment is None or experiment.gravity_feedforward
         compensation = dataclasses.replace(compensation, gravity_feedforward=fed)
     with error_context(f"runs.{name}"):
@@ -268,12 +267,13 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
 
 
 def _timing(model: RunModel, cycle: float) -> PlanOptions:
-    """Options of the plan of a run, with the values that other keys have."""
+    """Timing options of a run, with the values of its keys `duration` and `cycle`."""
     if isinstance(model.timing, Optimal):
         return dataclasses.replace(model.timing, duration=model.duration)
     if model.duration is not None:
         raise InvalidInput(
-            f"duration goes with the method optimal, not {model.timing.method}: remove it."
+            f"duration requires the timing method optimal, not {model.timing.method}. Remove "
+            "duration, or write timing: {method: optimal}."
         )
     if isinstance(model.timing, Paper):
         return dataclasses.replace(model.timing, cycle=cycle)
@@ -281,15 +281,16 @@ def _timing(model: RunModel, cycle: float) -> PlanOptions:
 
 
 def _check_corner_speed(key: str, corners: Rounding, limits: Limits) -> None:
-    """Check that rounding without a tolerance has a speed and an acceleration."""
+    """Check that rounding of corners without a tolerance has a speed and an acceleration."""
     if corners.speed is None or limits.centripetal_acceleration is None:
         raise InvalidInput(
-            f"{key} needs tolerance, the largest corner error, or speed and acceleration."
+            f"{key} requires either tolerance, the largest corner error, or both speed and "
+            "acceleration."
         )
 
 
 def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment | None:
-    """Options of the experiment of a run; None if the run has none."""
+    """Options of the experiment (rigid-body simulation) of a run; None if the run has none."""
     if model is None or (model.runs is not None and run not in model.runs):
         return None
     options = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
@@ -301,18 +302,20 @@ def _check_run_names(key: str, names: Sequence[str], job: JobModel) -> None:
     """Check that the job has the named runs."""
     for name in names:
         if name not in job.runs:
-            raise InvalidInput(f"{key} names the run {name}, which the job does not have.")
+            raise InvalidInput(
+                f"{key} names the run {name}, but the runs of the job are {', '.join(job.runs)}."
+            )
 
 
 def add_process(
     path: Path | Program, process: Process | None, drawing: PathModel
 ) -> tuple[Path | Program, Process]:
-    """The path or program of a job, and its process."""
+    """Path or program of a job with the notes of its process, and the process itself."""
     if drawing.file is None and process is None:
         return path, Process()
     program = Program.from_path(path)
     if drawing.file is None:
-        # The process sets the start point of a closed path of points, as for a drawing.
+        # As for a drawing, the process selects the start point of a closed path of points.
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
         program = Program(moves=tuple(contours))
     process = process or Process()
@@ -323,10 +326,10 @@ def add_process(
 
 
 def _without_effect(process: Process, program: Program) -> list[str]:
-    """Notes on keys of a process without effect on the drawing, which are usual for a cell."""
+    """Notes on keys of a process without effect on the drawing; a cell often has such keys."""
     layers = {x.layer for x in program.contours}
     notes = [
-        f"process.by_layer: no contour is on the layer {x!r}."
+        f"process.by_layer has the layer {x!r}, but no contour is on this layer."
         for x in process.by_layer
         if x not in layers
     ]
@@ -334,13 +337,13 @@ def _without_effect(process: Process, program: Program) -> list[str]:
         switched = _switched(program, process)
         names = ", ".join(sorted(switched)) or "none"
         notes += [
-            f"process.off_between: nothing switches the output {x!r}, so it is not switched off "
-            f"during rapids either; outputs that are switched: {names}."
+            f"process.off_between has the output {x!r}, but the program does not switch this "
+            f"output, so that it is not switched off during rapids. Switched outputs: {names}."
             for x in process.off_between
             if x not in switched
         ]
     if process.tabs is not None and not any(x.closed for x in program.contours):
-        notes.append("process.tabs: no contour is closed, so there are no tabs.")
+        notes.append("process.tabs has no effect, because no contour is closed.")
     return notes
 
 
@@ -355,9 +358,9 @@ def _switched(program: Program, process: Process) -> set[str]:
 
 
 def _on_drawing(process: Process, drawing: PathModel, existing: Collection[str]) -> Process:
-    """A process with the vertical direction and the speeds of layers from a job's path."""
+    """Process with the vertical direction and the limits of layers from the key `path`."""
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
-    # The reader has noted layers that are missing in the file.
+    # The reader of the drawing has already reported layers that are missing in the file.
     layer_limits = {name: x for name, x in layers.items() if name in existing}
     by_layer = {name: x for name, x in process.by_layer.items() if name in existing}
     return dataclasses.replace(

@@ -1,4 +1,4 @@
-"""The form of the Studio's settings and the short options of the command line."""
+"""Data of the settings form of the Studio and of the short options of the command line."""
 
 from __future__ import annotations
 
@@ -13,39 +13,43 @@ from typing import Any, TypeAlias, get_type_hints
 from armcontour.core.fields import parts_of
 from armcontour.core.quantities import About, AtLeast, Quantity
 from armcontour.core.text import capitalise, describe_fields
-from armcontour.files.cell import OWN_PATH, YAML, cell_names
+from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.exports.formats import FORMATS, TemplateFormat
 from armcontour.files.exports.template import ending_of, templates
-from armcontour.files.forms import FORMS, Form
-from armcontour.files.job_edits import Keys
 from armcontour.files.job_file import json_schema
 from armcontour.files.job_model import JobModel, RunModel, SharedModel
+from armcontour.files.job_text_edits import Keys
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.patch import MERGED
 from armcontour.files.robots.loading import arm_names
 from armcontour.files.si_data import alternatives
 
-# Topics in the help of commands, by the first key.
+# Topics of short options in the help of commands, by the first key of the option's key path.
 TOPICS = {
     "path": "Drawing",
     **dict.fromkeys(("limits", "corners", "process"), "Speed, corners and start"),
     "certificate": "Certificate",
     "placement": "Places",
 }
-# Parts of a description that help texts omit: units, shapes, code, and sentences after the first.
-MORE = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
+# Parts of a description that help texts omit: "Whether to", units, shapes, backticks, and all
+# sentences after the first.
+OMITTED_TEXT = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
 
 
 def settings(
     kind_of_file: type = JobModel, outer: Keys = ()
 ) -> Iterator[tuple[Keys, About, Any, str]]:
-    """Keys of a file that options or sliders set, with annotation and description."""
-    form, texts = FORMS.get(kind_of_file, Form()), describe_fields(kind_of_file)
+    """Yield the keys with an `About`: key path, `About`, annotation and description."""
+    overrides, texts = (
+        KEY_OVERRIDES.get(kind_of_file, KeyOverrides()),
+        describe_fields(kind_of_file),
+    )
     hints = get_type_hints(kind_of_file, include_extras=True)
     for field in dataclasses.fields(kind_of_file):
-        if field.name in form.omit:
+        if field.name in overrides.omit:
             continue
-        keys, hint = (*outer, form.names.get(field.name, field.name)), hints[field.name]
+        keys, hint = (*outer, overrides.names.get(field.name, field.name)), hints[field.name]
         for about in getattr(hint, "__metadata__", ()):
             if isinstance(about, About):
                 yield keys, about, hint, texts[field.name]
@@ -55,19 +59,19 @@ def settings(
 
 
 def usual_ranges() -> dict[Keys, tuple[float, float]]:
-    """The usual ranges of the quantities of a job and its runs that have one, in SI units."""
+    """Usual ranges of quantities of a job and its runs in SI units, by key path."""
     every = (x for of in (JobModel, RunModel) for x in settings(of))
     return {keys: about.usual for keys, about, *_ in every if about.usual[1]}
 
 
 def options_text() -> str:
-    """The short options as the JSON that the command line reads at its start, one a line."""
+    """JSON text of the short options, one per line, which the command line reads at its start."""
     rows = (json.dumps(_option(*x)) for x in settings() if x[1].option)
     return "[\n" + ",\n".join(rows) + "\n]\n"
 
 
 def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
-    """One short option: its name, its key, and how commands read it."""
+    """Data of a short option: its name, key, help text, and the conversion of its value."""
     parts, read, example, suffix = tuple(parts_of(hint)), about.read, "", ""
     quantity = next((x for x in parts if isinstance(x, Quantity)), None)
     whole = next((x for x in parts if isinstance(x, AtLeast)), None)
@@ -81,7 +85,7 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
         kind, read, example = "text", "to_quantity", f", such as '{quantity.example}'"
     else:
         kind = "whole" if whole else "text"
-    head, colon, details = capitalise(MORE.sub("", text)).partition(";")
+    head, colon, details = capitalise(OMITTED_TEXT.sub("", text)).partition(";")
     return {
         "option": about.option,
         "key": ".".join(map(str, (*keys, about.key) if about.key else keys)),
@@ -93,7 +97,8 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
     }
 
 
-# Groups with their keys. A key belongs to the group with the longest key that leads to it.
+# Keys of each group of the form. A key belongs to the group that lists the longest prefix of its
+# key path.
 GROUPS = {
     "Speed": (
         *("limits.speed", "limits.tool_acceleration", "limits.centripetal_acceleration"),
@@ -117,26 +122,28 @@ GROUPS = {
     "Cell": ("scene", "ignore_collisions"),
     "Name, certificate, placement": ("name", "title", "certificate", "placement", "experiment"),
 }
-# Mappings whose fields are shown as fields of the group, and the fields among these that have the
-# label of their mapping.
-FLAT = ("corners", "servo", "timing", "compensation")
-CALLED = {"method", "shape"}
-# Keys of geometry, which the drawing changes, of runs, which have a table, and of the arm, which
-# has one field.
+# Mappings whose fields are shown as fields of their group (FLAT), and the names of fields in these
+# mappings that are labelled with the name of the mapping (CALLED).
+FLAT_MAPPINGS = ("corners", "servo", "timing", "compensation")
+MAPPING_LABELLED = {"method", "shape"}
+# Keys without a field: geometry, because the drawing defines it; `runs`, which have a table; and
+# keys of the arm, which has a single field.
 OMITTED = (
-    *(f"path.{x}" for x in (*OWN_PATH, "file")),
+    *(f"path.{x}" for x in (*GEOMETRY_KEYS, "file")),
     *("runs", "arm.name", "arm.file"),
 )
+# Matches the unit in a description.
 UNIT = re.compile(r" \[([a-zN1][^\],]*)\]")
-# Shapes of corners; `sharp` is a value of the whole key.
+# Value of the key `corners` that the form shows as a choice of the field `shape`.
 SHARP = "sharp"
+# Values of entries that are omitted from the form data.
 EMPTY: tuple[Any, ...] = ("", [], {})
 
 Field: TypeAlias = dict[str, Any]
 
 
 def form_text() -> str:
-    """The form as the JSON that the page reads at its start."""
+    """JSON text of the form, which the page of the Studio reads at its start."""
     formats = [[x, f"{x} ({of.ending})", of.joints] for x, of in FORMATS.items() if of.ending]
     joints = TemplateFormat.joints
     formats += [[f"template {x}", f"{x} ({ending_of(x)})", joints] for x in templates()]
@@ -154,56 +161,62 @@ def form_text() -> str:
 
 
 def _groups() -> dict[str, list[Field]]:
-    """The fields of each group, with their keys as `at`."""
-    # If groups list single keys of a mapping, its other keys are fields of the mapping's group.
+    """Fields of each group, by title; the entry `at` of a field is its key path."""
+    # If groups list only some keys of a mapping, its other keys are in the group of the mapping.
     schema = json_schema()
     tree = _fields(schema, schema["$defs"])
     run = _fields(schema["$defs"]["RunModel"], schema["$defs"])
     tree += [x for x in run if x["name"] not in {y["name"] for y in tree}]
     ranges = {".".join(map(str, keys)): x for keys, x in usual_ranges().items()}
     for key in OMITTED:
-        _take(tree, key.split("."))
+        _remove_field(tree, key.split("."))
     listed = {key: title for title, keys in GROUPS.items() for key in keys}
-    split = {key for key in listed if any(x.startswith(f"{key}.") for x in listed)} | {*FLAT}
-    taken = {key: _take(tree, key.split(".")) for key in sorted(listed, key=_depth, reverse=True)}
+    split = {key for key in listed if any(x.startswith(f"{key}.") for x in listed)} | {
+        *FLAT_MAPPINGS
+    }
+    taken = {
+        key: _remove_field(tree, key.split(".")) for key in sorted(listed, key=_depth, reverse=True)
+    }
     assert not tree, f"no group has {', '.join(x['name'] for x in tree)}"
     groups: dict[str, list[Field]] = {title: [] for title in GROUPS}
     for key, title in listed.items():
-        whole = {"at": key, **_ranged(taken[key], key, ranges)}
+        whole = {"at": key, **_add_ranges(taken[key], key, ranges)}
         parts = whole.pop("fields") if key in split else []
-        # A mapping that also has a short form, such as the arm, has a field for that.
+        # A mapping with a short form, such as the arm, also has a field for the short form.
         if key not in split or "choices" in whole:
             groups[title].append(whole)
         for x in parts:
-            called = {"label": key} if key in FLAT and x["name"] in CALLED else {}
+            called = (
+                {"label": key} if key in FLAT_MAPPINGS and x["name"] in MAPPING_LABELLED else {}
+            )
             groups[title].append({"at": f"{key}.{x['name']}", **x, **called})
     return groups
 
 
 def _depth(key: str) -> int:
-    """Number of the parts of a key."""
+    """Number of mappings that contain a key."""
     return key.count(".")
 
 
-def _ranged(field: Field, key: str, ranges: Mapping[str, tuple[float, float]]) -> Field:
-    """A field with the usual ranges of quantities."""
+def _add_ranges(field: Field, key: str, ranges: Mapping[str, tuple[float, float]]) -> Field:
+    """Copy of a field, and of the fields inside it, with the usual ranges of quantities."""
     if key in ranges:
         return {**field, "usual": ranges[key]}
-    inner = [_ranged(y, f"{key}.{y['name']}", ranges) for y in field.get("fields", ())]
+    inner = [_add_ranges(y, f"{key}.{y['name']}", ranges) for y in field.get("fields", ())]
     return {**field, "fields": inner} if inner else field
 
 
-def _take(tree: list[Field], keys: list[str]) -> Field:
-    """Remove a field from a tree, and return it."""
+def _remove_field(tree: list[Field], keys: list[str]) -> Field:
+    """Remove the field at a key path from a tree of fields, and return it."""
     (field,) = (x for x in tree if x["name"] == keys[0])
     if keys[1:]:
-        return _take(field["fields"], keys[1:])
+        return _remove_field(field["fields"], keys[1:])
     tree.remove(field)
     return field
 
 
 def _fields(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> list[Field]:
-    """The fields of a mapping."""
+    """Form fields of the keys of a mapping, from its schema."""
     needed = schema.get("required", ())
     return [
         _field(name, x, defs) | ({"needed": True} if name in needed else {})
@@ -212,10 +225,11 @@ def _fields(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> list[Field]:
 
 
 def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Field:
-    """A field: its name, text, unit, example, default, and what it takes."""
-    # The field has `choices`, `fields` of a mapping, `each` value of a mapping by name, `items` of
-    # a list of mappings, a `list`, plain numbers only (`plain`), or a `tick`.
-    parts = list(_parts(schema, defs))
+    """Form field of a key, from its schema: name, text, unit, example, default, and its kind."""
+    # Entries for the kind: `choices`; `fields` of a mapping; `each`, the field of the values of a
+    # mapping by name; `items`, the fields of a list of mappings; `list`; `plain` for numbers
+    # without units; `tick` for booleans; `open` if other values than the choices are allowed.
+    parts = list(_alternatives(schema, defs))
     text = str(schema.get("description") or parts[0].get("description", ""))
     unit = UNIT.search(text)
     examples = [y for x in parts for y in x.get("examples", ())]
@@ -224,7 +238,7 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
         "text": UNIT.sub("", text),
         "unit": unit[1] if unit and any(x.get("type") != "string" for x in parts) else "",
         "example": examples[0] if examples else "",
-        "default": _shown(schema.get("default")),
+        "default": _form_default(schema.get("default")),
         "choices": [
             y for x in parts for y in (*x.get("enum", ()), *([x["const"]] if "const" in x else ()))
         ],
@@ -233,7 +247,7 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
         "plain": (bool(types & {"number", "integer"}) and "string" not in types) or None,
     }
     for part in parts:
-        items = list(_parts(part["items"], defs)) if "items" in part else []
+        items = list(_alternatives(part["items"], defs)) if "items" in part else []
         mapping = next((y for y in items if "properties" in y), None)
         if "properties" in part:
             field["fields"] = _fields(part, defs)
@@ -253,22 +267,24 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
     return {"name": name, **entries}
 
 
-def _shown(default: Any) -> Any:
-    """A default as JSON has it; None for one of a mapping or without an end."""
+def _form_default(default: Any) -> Any:
+    """Default for the form; None for a mapping, a list and infinity."""
     finite = not isinstance(default, float) or math.isfinite(default)
     return default if finite and not isinstance(default, dict | list) else None
 
 
-def _parts(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """The kinds of values that a schema allows."""
+def _alternatives(
+    schema: Mapping[str, Any], defs: Mapping[str, Any]
+) -> Iterator[Mapping[str, Any]]:
+    """Yield the schemas of the alternatives of a schema, without null."""
     if "$ref" in schema:
         outer = {key: x for key, x in schema.items() if key != "$ref"}
-        yield from _parts({**defs[schema["$ref"].rpartition("/")[2]], **outer}, defs)
+        yield from _alternatives({**defs[schema["$ref"].rpartition("/")[2]], **outer}, defs)
         return
     if "anyOf" in schema:
         if "examples" in schema:
             yield {"examples": schema["examples"]}
         for part in schema["anyOf"]:
-            yield from _parts(part, defs)
+            yield from _alternatives(part, defs)
     elif schema.get("type") != "null":
         yield schema

@@ -1,4 +1,4 @@
-"""Keys of a job file, as dataclasses; together with dataclasses of the core."""
+"""Dataclasses of the keys of a job file; some keys use dataclasses of other packages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from armcontour.core.quantities import (
 from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.file_keys import Methods, SpecifiedKeys
-from armcontour.files.forms import FORMS, Form, Place, Point
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides, Place, Point
 from armcontour.files.robots.arm_options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse_quantity
@@ -44,7 +44,7 @@ RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
 
 def _joint_position(value: Any) -> Any:
-    """Refuse a joint position that is neither an angle nor a length; return it as written."""
+    """Check that a joint position is an angle or a length; returns the value unchanged."""
     if isinstance(value, str):
         try:
             parse_quantity(value, "m")
@@ -56,11 +56,11 @@ def _joint_position(value: Any) -> Any:
 
 
 def _method(value: Any) -> Any:
-    """Refuse the method that changes the path, which `corners` does in a job."""
+    """Reject the timing method that changes the path; in a job, `corners` changes the path."""
     if value == Shaped.method:
         raise ValueError(
-            "shaped is no timing of a job: write corners: {shape: free, tolerance: 1 mm}, with "
-            "timing: {method: optimal}"
+            "shaped is not a timing method of a job. Write corners: {shape: free, tolerance: 1 "
+            "mm}, with timing: {method: optimal}"
         )
     return value
 
@@ -78,34 +78,34 @@ Compensation = Annotated[
     CompensationOptions,
     Methods(
         "Compensation of the servo's delay.",
-        "The servo's exact inverse, pole placement (servo of order second only), the inverse of "
-        "drives that move the arm's bodies (arm with masses, servo of order second), or none.",
+        "The exact inverse of the servo, pole placement (servo of order second only), inverse "
+        "dynamics of drives and arm (arm with masses, servo of order second), or none.",
         tuple(compensator.METHODS.values()),
     ),
 ]
 
 
 def _axis(value: Any) -> Any:
-    """Refuse several axes in the place of one; return one as written."""
+    """Reject a list of axes instead of one axis; returns the value unchanged."""
     if isinstance(value, list) and value and all(isinstance(x, list) for x in value):
         raise ValueError(
-            "is one direction, such as [0, 0, -1]: for one per waypoint write a list in the place "
-            "of the mapping, orientation: [{axis: [0, 0, -1]}, {axis: [0, 0.1, -1]}, ...]"
+            "must be one direction, such as [0, 0, -1]. For one direction per waypoint, write a "
+            "list of mappings, orientation: [{axis: [0, 0, -1]}, {axis: [0, 0.1, -1]}, ...]"
         )
     return value
 
 
 def _orientation(value: Any) -> Any:
-    """Refuse bare numbers in the place of an orientation; return an orientation as written."""
+    """Reject a list of numbers instead of an orientation; returns the value unchanged."""
     if isinstance(value, list) and value and not isinstance(value[0], dict):
         raise ValueError(
             f"must be a mapping such as {{axis: [0, 0, -1]}} or {{rpy: [180 deg, 0, 0]}}, or a "
-            f"list of one per waypoint, not {show(value)}"
+            f"list with one mapping per waypoint, not {show(value)}"
         )
     return value
 
 
-# The kind of the joint, known later, decides between angle and length.
+# Angle or length, depending on the type of the joint, which is not known here.
 JointPosition = Annotated[
     float | str,
     BeforeValidator(_joint_position),
@@ -132,7 +132,7 @@ class FrameModel(RotationModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ToolModel(FrameModel):
-    """The tool frame relative to the tip, and the shapes of the tool.
+    """The tool frame relative to the tip of the arm, and the shapes of the tool.
 
     Args:
         shapes: Shapes of the tool, and of a part in the gripper, in the frame of the tip.
@@ -146,7 +146,7 @@ class TableToolModel(ToolModel):
     """A tool of the tool table.
 
     Args:
-        payload: Payload at the tip with this tool; by default that of the arm.
+        payload: Payload at the tip with this tool; by default the payload of the arm.
     """
 
     payload: Payload | None = None
@@ -154,7 +154,9 @@ class TableToolModel(ToolModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmModel(ArmOptions):
-    """An arm by `name` or `file`, with its equipment. File names are relative to the job file.
+    """An arm by `name` or `file`, with its tool, work frame, payload and additional shapes.
+
+    File names are relative to the job file.
 
     Args:
         name: A built-in arm: `armcontour arms` lists them.
@@ -162,7 +164,7 @@ class ArmModel(ArmOptions):
         tool: The tool: its frame relative to the tip, and its shapes.
         work: The frame of the path relative to the base.
         payload: Payload at the tip.
-        shapes: More shapes of links, such as hoses and cameras, in the frames of the links.
+        shapes: Additional shapes of links, such as hoses and cameras, in the frames of the links.
     """
 
     name: str | None = None
@@ -199,7 +201,7 @@ class SplineModel:
 
     Args:
         points: Points of the spline [m].
-        closed: Whether the spline is closed: the last point repeats the first.
+        closed: Whether the spline is closed; then the last point must equal the first.
         tolerance: Largest distance between the spline and the path [m].
     """
 
@@ -210,13 +212,13 @@ class SplineModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowModel(RotationModel):
-    """A fixed tool orientation relative to the tangent: x of the path's frame is the tangent.
+    """A fixed tool orientation relative to the tangent, which is the x axis of the moving frame.
 
-    `rpy` or `quaternion` give the tool orientation in that frame; by default the tool axis points
-    against `up`.
+    `rpy` or `quaternion` specify the tool orientation in this frame; by default the tool axis
+    points opposite to `up`.
 
     Args:
-        up: Direction of z of the path's frame.
+        up: Direction of the z axis of the moving frame.
     """
 
     up: Direction
@@ -240,14 +242,14 @@ class OrientationModel(RotationModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RepeatModel:
-    """Copies of a drawing in columns along its x and rows along its y.
+    """Copies of a drawing in columns along its x axis and rows along its y axis.
 
     Args:
         columns: Number of copies along x.
         rows: Number of copies along y.
-        column_spacing: Distance from one column to the next [m]; below zero against x.
-        row_spacing: Distance from one row to the next [m]; below zero against y.
-        serpentine: Whether every second row runs back from its last column.
+        column_spacing: Distance from one column to the next [m]; negative for the direction -x.
+        row_spacing: Distance from one row to the next [m]; negative for the direction -y.
+        serpentine: Whether every second row is executed from its last column to its first.
     """
 
     columns: Annotated[int, AtLeast(1)] = 1
@@ -259,7 +261,7 @@ class RepeatModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathModel(ReadOptions):
-    """One of `points`, `start` and `segments`, `spline`, and `file`; other keys are options.
+    """One of `points`, `start` with `segments`, `spline`, and `file`; other keys are options.
 
     Args:
         points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each [m].
@@ -267,11 +269,11 @@ class PathModel(ReadOptions):
         segments: A chain of lines and arcs.
         spline: A cubic spline.
         file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv);
-            its name is relative to the job file.
+            the name is relative to the job file.
         frame: Position and rotation of the origin of the file, or of points and segments.
         repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
             contours have names such as `hole [2,1]` (row, column).
-        tool: For G-code, the tool whose contours are run, such as T2; all tools by default.
+        tool: For G-code, the tool whose contours are executed, such as T2; all tools by default.
         orientation: The required tool orientation in space (tilt, work angle, push or drag angle of
             a torch): one for the whole path, or one per waypoint; for a file, in the coordinates of
             the drawing.
@@ -296,9 +298,9 @@ class PathModel(ReadOptions):
     ] = None
 
 
-# The corners of a job have the continuity.
-FORMS[PathModel] = Form(omit=frozenset({"continuity"}))
-FORMS[ArmModel] = Form(
+# `corners` of a job has the key `continuity`, so that `path` does not need it.
+KEY_OVERRIDES[PathModel] = KeyOverrides(omit=frozenset({"continuity"}))
+KEY_OVERRIDES[ArmModel] = KeyOverrides(
     types={
         **dict.fromkeys(("joint_limits", "srdf"), str | None),
         "locked": dict[str, JointPosition] | None,
@@ -320,12 +322,12 @@ class ExperimentModel(Experiment):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandLimitsModel:
-    """Limits of the set-points themselves; compensation takes the nearest ones within them.
+    """Limits of the set-points; compensation moves set-points to the nearest ones within them.
 
     Args:
-        joint_velocity: Largest difference of set-points over the cycle [rad/s], one
+        joint_velocity: Largest first difference of set-points divided by the cycle [rad/s], one
             value, one per joint, or a lower and an upper bound per joint.
-        joint_acceleration: Largest second difference of set-points [rad/s²], in the same way.
+        joint_acceleration: Largest second difference of set-points [rad/s²], in the same forms.
         joint_jerk: Largest third difference of set-points [rad/s³], one value or one per joint.
         joint_lower, joint_upper: Range of the set-points of each joint [rad].
     """
@@ -342,9 +344,9 @@ class SharedModel:
     """Keys of a job that a run can override.
 
     Args:
-        limits: Limits in place of the arm's own; inf lifts one.
-        command_limits: Limits of the set-points themselves, as the controller checks them.
-        corners: Rounding of corners; `sharp`, the default, keeps sharp corners.
+        limits: Limits that replace limits of the arm; `inf` removes a limit.
+        command_limits: Limits of the set-points, as the controller checks them.
+        corners: Rounding of corners; `sharp`, the default, means no rounding.
         cycle: Time between set-points [s]; by default 4 ms.
     """
 
@@ -363,9 +365,9 @@ class RunModel(SharedModel):
     Args:
         timing: Timing of the path.
         compensation: Compensation of the servo's delay.
-        end_time: End of the time over which errors are evaluated [s]; by default when all joints
-            rest.
-        duration: Time of the motion from start to end [s]; by default the shortest.
+        end_time: End of the time over which errors are evaluated [s]; by default the time at which
+            all joints are at rest.
+        duration: Duration of the motion [s]; by default the shortest possible duration.
     """
 
     timing: Timing = FASTEST
@@ -384,24 +386,25 @@ class JobModel(SharedModel):
         arm: A built-in arm (`armcontour arms` lists them), a .yaml, .urdf or .xacro file relative
             to the job file, or a mapping.
         configuration: Branch of the inverse kinematics of a planar arm: `positive` or `negative`,
-            the sign of theta2; by default the one that is fastest along the path.
+            the sign of theta2; by default the branch with the fastest motion along the path.
         seed: Joint positions near the start configuration [rad], for an arm in space, in the order
-            of the joints or by their names; by default the configuration that is fastest along the
-            path.
-        tools: The tool table: tools by the names in the program, such as T1 for the word T1 of
-            G-code, in place of `arm.tool`. A run has one tool frame: choose it with `path.tool`.
+            of the joints or by their names; by default the configuration with the fastest motion
+            along the path.
+        tools: The tool table, which replaces `arm.tool`: tools by their names in the program, such
+            as T1 for the word T1 of G-code. A run has one tool; select it with `path.tool`.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
-        accuracy: Largest allowed distance of the tool from the drawing [m]. By default corners may
-            take their tolerances, and the contour error a tenth of the smallest one.
+        accuracy: Largest allowed distance of the tool from the drawing [m]. By default corner
+            errors may reach their tolerances, and the contour error a tenth of the smallest one.
         servo: The nominal servo.
         plant: Parameters of the real servo that differ from the nominal servo.
-        experiment: Runs that are simulated on the arm's rigid bodies, too.
+        experiment: Additional simulation of runs on the rigid bodies of the arm.
         runs: The runs to compare, by name.
         certificate: Requirements for `armcontour certify`.
         placement: Candidate positions and requirements for `armcontour place`.
         scene: Obstacles in the cell, and minimum distances of the arm to them and to itself.
-        ignore_collisions: Whether to continue runs if the arm comes too near to itself or its cell.
+        ignore_collisions: Whether to continue runs if the arm violates a minimum distance to itself
+            or to its cell.
     """
 
     name: str

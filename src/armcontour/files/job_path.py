@@ -1,4 +1,4 @@
-"""Make the path or program that the key `path` of a job file describes."""
+"""Creation of the path or program that the key `path` of a job file describes."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from armcontour.core.progress import Progress
 from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import OrientationModel, PathModel, RepeatModel, SegmentModel
-from armcontour.files.problems import key_text
+from armcontour.files.key_errors import key_text
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
 
-# Keys for a file alone.
-READING = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat", "tool")
-LIFTED = (
-    "path.frame lifts or tilts the drawing out of the plane in which the arm moves its tool: give "
-    "it z = 0, and turn it about z alone, by the last angle of rpy."
+# Keys that require `path.file`.
+FILE_OPTIONS = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat", "tool")
+NOT_PLANAR = (
+    "path.frame moves the drawing out of the plane in which the arm moves its tool. Specify a "
+    "position with z = 0, and a rotation about z only, by the last angle of rpy."
 )
 ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent")
 
@@ -37,7 +37,7 @@ def path_of(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """The objective path or program of a job, with the tool orientation if the job gives one."""
+    """Objective path or program of a job, with the tool orientation if it is specified."""
     unplaced = unplaced_path(model, folder, dimension, progress, drawing)
     return placed_path(model, unplaced, dimension)
 
@@ -49,37 +49,37 @@ def unplaced_path(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """The path or program before its frame places it; unchanged if only the part moves."""
+    """Path or program in its own coordinates, before the transform by `path.frame`."""
     if model.file is not None:
         if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
             raise InvalidInput(
-                "path takes either a file, or points, start and segments, or spline."
+                "path requires exactly one of file, points, start with segments, and spline."
             )
         read = read_drawing(model, model.file, folder, progress) if drawing is None else drawing
-        return _drawn(model, read, dimension)
+        return _prepare_drawing(model, read, dimension)
     written = any(x is not None for x in (model.points, model.segments, model.spline))
-    options = READING if written else (*READING, "frame")
+    options = FILE_OPTIONS if written else (*FILE_OPTIONS, "frame")
     for field in dataclasses.fields(model):
         if field.name in options and getattr(model, field.name) != field.default:
             raise InvalidInput(
-                f"path.{field.name} is an option for reading a file and needs path.file; if this "
-                "job is a cell, give a drawing (armcontour run DRAWING --cell CELL)."
+                f"path.{field.name} is an option for reading a file and requires path.file. If "
+                "this job is a cell, specify a drawing (armcontour run DRAWING --cell CELL)."
             )
-    return _oriented(model)
+    return _path_from_keys(model)
 
 
 def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
-    """The path or program of `unplaced_path` in its frame."""
+    """The path or program of `unplaced_path`, transformed by `path.frame`."""
     frame = part_of(model)
     if dimension == 2 and path.dimension == 2 and not frame.is_planar_transform:
-        raise InvalidInput(LIFTED)
+        raise InvalidInput(NOT_PLANAR)
     if isinstance(path, Program):
         return path.placed(frame)
     return path if model.frame is None else path.placed(frame)
 
 
-def _oriented(model: PathModel) -> Path:
-    """The path of a job without a file, with the tool orientation if the job gives one."""
+def _path_from_keys(model: PathModel) -> Path:
+    """Path of a job without a file, with the tool orientation if it is specified."""
     path = _positions(model)
     if model.orientation is None:
         return path
@@ -87,36 +87,36 @@ def _oriented(model: PathModel) -> Path:
         return _orient(path, model.orientation, "path.orientation")
     if model.spline is not None:
         raise InvalidInput(
-            "path.orientation: a spline takes one orientation for its whole length, not a list."
+            "path.orientation must be a single mapping for a spline, not a list, because a spline "
+            "has one orientation for its whole length."
         )
     return _orient_waypoints(path, model.orientation)
 
 
 def _check_planar(model: PathModel, program: Program) -> None:
-    """Check that a planar arm can follow a drawing: no z and no orientation."""
+    """Check that a planar arm can follow a drawing, which must have no z and no orientation."""
     if program.dimension == 3:
         raise InvalidInput(
-            f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
-            "leave z out with path.ignore_z: true (on the command line --ignore-z), or take an arm "
-            "in space."
+            f"path.file: {program.source} has z coordinates, but the arm is planar. Ignore them "
+            "with path.ignore_z: true (on the command line --ignore-z), or use an arm in space."
         )
     if model.orientation is not None:
-        raise InvalidInput("path.orientation: only an arm in space can orient its tool.")
+        raise InvalidInput("path.orientation requires an arm in space, but the arm is planar.")
 
 
 def read_drawing(
     model: PathModel, file: str, folder: FilePath, progress: Progress | None = None
 ) -> Program:
-    """The program of a file, by the keys of a job's path that are options for reading it."""
+    """Read the program of a drawing with the options in the key `path` of a job."""
     from armcontour.files.drawings.read import read_path
 
-    # With copies, the names may be theirs.
+    # With `repeat`, `names` can be names of copies, so `_repeat` selects them.
     options = model if model.repeat is None else dataclasses.replace(model, names=None)
     return read_path(folder / file, options, progress=progress)
 
 
-def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
-    """Repeat a drawing, lift it to space and orient the tool, as the job specifies."""
+def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Program:
+    """Select the tool of a drawing, repeat it, convert it to space, and orient the tool."""
     if model.tool is not None:
         from armcontour.program.tools import part_of_tool
 
@@ -131,10 +131,11 @@ def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
         orientation = model.orientation
         if not isinstance(orientation, OrientationModel):
             raise InvalidInput(
-                "path.orientation: a file takes one orientation for all contours, not a list."
+                "path.orientation must be a single mapping for a file, not a list, because all "
+                "contours have the same orientation."
             )
         if any(x.path.orientation is not None for x in program.contours):
-            note = f"the tool orientation comes from {program.source}, not from path.orientation."
+            note = f"path.orientation is ignored, because {program.source} has tool orientations."
             program = dataclasses.replace(program, notes=(*program.notes, note))
         else:
             program = _orient_contours(program, orientation)
@@ -142,12 +143,12 @@ def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
 
 
 def part_of(model: PathModel) -> Frame:
-    """The frame of the part: that of the path."""
+    """Frame of the part, which is `path.frame`; zero by default."""
     return Frame() if model.frame is None else frame_of("path.frame", model.frame)
 
 
 def _repeat(program: Program, grid: RepeatModel, names: Sequence[str] | None) -> Program:
-    """Copies of a program; with `names` only these copies, or all copies of these contours."""
+    """Repeat a program in a grid; `names` selects single copies, or all copies of a contour."""
     with error_context("path.repeat"):
         copies = program.repeated(**dataclasses.asdict(grid))
     if names is None:
@@ -177,7 +178,9 @@ def _positions(model: PathModel) -> Path:
     """The path of a job without a file: a polyline, a spline, or lines and arcs."""
     kinds = (model.points, model.segments, model.spline)
     if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
-        raise InvalidInput("path takes either points, or start and segments, or spline, or a file.")
+        raise InvalidInput(
+            "path requires exactly one of points, start with segments, spline, and file."
+        )
     if model.points is not None:
         points = _points("path", model.points)
         with error_context("path.points"):
@@ -188,34 +191,34 @@ def _positions(model: PathModel) -> Path:
         with error_context("path.spline"):
             return Path.spline(points, tolerance=spline.tolerance, closed=spline.closed)
     assert model.start is not None and model.segments is not None
-    return _chain(model.start, model.segments)
+    return _segment_chain(model.start, model.segments)
 
 
 def _points(key: str, points: list[list[float]]) -> FloatArray:
     """The points of a key as an array, (n, 2) or (n, 3) [m]."""
     if not points:
-        raise InvalidInput(f"the points of {key} are empty: a path needs at least two.")
+        raise InvalidInput(f"{key}.points is empty, but a path needs at least two points.")
     if len({len(x) for x in points}) > 1:
-        raise InvalidInput(f"the points of {key} must all have 2 or all have 3 coordinates.")
+        raise InvalidInput(f"{key}.points must all have 2 or all have 3 coordinates.")
     for i, point in enumerate(points):
         _check_range(key_text((*key.split("."), "points", i)), point)
     return np.array(points).reshape(len(points), -1)
 
 
 def _check_range(key: str, point: Sequence[float]) -> None:
-    """Check that coordinates are small enough for floating-point numbers."""
+    """Check that coordinates [m] are at most MAX_COORDINATE, so that rounding errors are small."""
     far = max(map(abs, point), default=0.0)
     if far > MAX_COORDINATE:
         raise InvalidInput(
-            f"{key} has a coordinate of {far:.3g} m, beyond {MAX_COORDINATE:g} m: is its unit "
-            "right?"
+            f"{key} has a coordinate of {far:.3g} m, but at most {MAX_COORDINATE:g} m are allowed. "
+            "Check its unit."
         )
 
 
-def _chain(start: list[float], models: list[SegmentModel]) -> Path:
+def _segment_chain(start: list[float], models: list[SegmentModel]) -> Path:
     """The path of a chain of lines and arcs from a start point."""
     if not models:
-        raise InvalidInput("path.segments is empty: a path needs at least one.")
+        raise InvalidInput("path.segments is empty, but a path needs at least one segment.")
     segments: list[Line | Arc] = []
     point = list(start)
     _check_range("path.start", point)
@@ -229,18 +232,18 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
 
 
 def _end(segments: list[Line | Arc]) -> list[float]:
-    """End point of the last segment."""
+    """End point of the last segment [m], as a list of coordinates."""
     try:
         (*_, end) = Path.from_segments(segments[-1:]).vertices.tolist()
     except InvalidInput:
-        # Raises the error again, with the number of the segment in the whole path.
+        # Raise the error again, with the number of the segment in the whole path.
         with error_context("path.segments"):
             (*_, end) = Path.from_segments(segments).vertices.tolist()
     return list(end)
 
 
 def _segment(start: list[float], segment: SegmentModel, key: str) -> Line | Arc:
-    """The line or arc of a model, from the end of the segment before."""
+    """Line or arc of a model, from a start point."""
     segment_limits = SegmentLimits(
         **{y.name: getattr(segment, y.name) for y in dataclasses.fields(SegmentLimits)}
     )
@@ -264,13 +267,13 @@ def _segment(start: list[float], segment: SegmentModel, key: str) -> Line | Arc:
             segment_limits=segment_limits,
         )
     raise InvalidInput(
-        f"{key} takes either to (a line), or via and to (an arc through points), or center and "
+        f"{key} requires either to (a line), or via and to (an arc through points), or center and "
         "angle (an arc)."
     )
 
 
 def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
-    """Give a path one tool orientation for its whole length; `location` is for messages."""
+    """Path with one tool orientation for its whole length; `location` is for messages."""
     _check_single_rotation("path.orientation", orientation)
     follow = orientation.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
@@ -284,24 +287,27 @@ def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
 
 
 def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
-    """Give a path one tool orientation per waypoint."""
+    """Path with one tool orientation per waypoint."""
     for i, orientation in enumerate(models):
         key = key_text(("path", "orientation", i))
         _check_single_rotation(key, orientation)
         if orientation.follow_tangent is not None:
             raise InvalidInput(
-                f"{key}: follow_tangent is for the whole path: give it alone, not in a list."
+                f"{key}: follow_tangent applies to the whole path. Write it as a single mapping, "
+                "not in a list."
             )
     if not models:
-        raise InvalidInput("path.orientation is an empty list: give one per waypoint.")
+        raise InvalidInput(
+            "path.orientation is an empty list, but must have one orientation per waypoint."
+        )
     axes = [x.axis for x in models if x.axis is not None]
     if len(axes) == len(models):
         with error_context("path.orientation"):
             return path.pointing(np.array(axes))
     if axes or len({x.axis_only for x in models}) > 1:
         raise InvalidInput(
-            "path.orientation: either all waypoints or none give axis, and all or none are "
-            "axis_only."
+            "path.orientation: either all waypoints must have axis, or none. The same is required "
+            "for axis_only."
         )
     turned = [rotation_of(key_text(("path", "orientation", i)), x) for i, x in enumerate(models)]
     with error_context("path.orientation"):
@@ -309,9 +315,10 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
 
 
 def _check_single_rotation(key: str, orientation: OrientationModel) -> None:
-    """Check that an orientation has exactly one key."""
+    """Check that an orientation has exactly one of the keys ORIENTATIONS."""
     names = [name for name in ORIENTATIONS if getattr(orientation, name) is not None]
     if len(names) != 1:
         raise InvalidInput(
-            f"{key} takes one of {', '.join(ORIENTATIONS)}, not {' and '.join(names) or 'none'}."
+            f"{key} requires exactly one of {', '.join(ORIENTATIONS)}, but has "
+            f"{' and '.join(names) or 'none'}."
         )

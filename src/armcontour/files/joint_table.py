@@ -1,4 +1,4 @@
-"""Tables of joint motion in CSV: their column titles, quantities and rows."""
+"""Tables of joint motion in CSV: recognition of column titles, and reading of samples."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.file_access import LARGE, read_text
-from armcontour.core.sampling import LARGEST, check_distance, check_samples, describe_bursts
+from armcontour.core.sampling import LARGEST, check_samples, check_time_range, describe_bursts
 from armcontour.core.text import count_noun, show
 from armcontour.files.csv_table import CsvTable, Digits, Title, last_digit
 from armcontour.motion import LapLaw, Trajectory
 
-# Words of titles by their meaning, in the singular: names of PlotJuggler, ROS, controllers and
-# their clients (UR's RTDE, KUKA's RSI, ABB's EGM, libfranka), in English and German.
-TABLE = {
+# Words in titles by their meaning, in the singular. They are from PlotJuggler, ROS, controllers
+# and their clients (UR's RTDE, KUKA's RSI, ABB's EGM, libfranka), in English and German.
+WORDS_BY_MEANING = {
     "t": "t time timestamp stamp clock ipoc zeit zeitstempel",
     "fraction": "nanosec nsec nanosecond usec microsec microsecond",
     "command": "command commanded cmd u setpoint target reference ref desired des planned plan set "
@@ -33,20 +33,21 @@ TABLE = {
     "q": "q position pos angle joint axis axes j a theta achse gelenk winkel position lage",
     "dq": "dq qd qdot dot velocity vel velo speed omega geschwindigkeit drehzahl",
     "ddq": "ddq qdd qddot ddot acceleration acc accel beschleunigung",
-    # Columns of other quantities, which are never joints.
+    # Words of other quantities; a column with such a word is ignored.
     "other": "x y z rx ry rz qx qy qz qw current cur torque effort tau moment momentum force "
     "wrench jerk voltage temperature temp power energy pwm tcp pose tool cartesian orientation "
     "orient quaternion euler bit digital analog register mode status error err deviation ratio "
     "scaling scale fraction factor override output input counter count seq id line program load "
     "mass payload gain kp ki kd stiffness damping correction korr external accelerometer kraft "
     "strom drehmoment spannung temperatur fehler abweichung safety rist rsol rkorr",
-    # Names of messages and files around the joints; not names of joints.
+    # Words of messages and files, which are not names of joints.
     "topic": "state controller trajectory header field robot arm data msg message value from start "
     "elapsed ros system host sample since nc plc to",
 }
-_MEANING = {word: what for what, words in TABLE.items() for word in words.split()}
-# Units that end a title, such as q1_deg, and those of times by their symbols.
+_MEANING = {word: what for what, words in WORDS_BY_MEANING.items() for word in words.split()}
+# Units of angle at the end of a title, such as q1_deg.
 ANGLES = "rad mrad urad µrad deg degree degrees radian radians turn turns rev rpm"
+# Units of time at the end of a title, with their symbols.
 TIMES = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
@@ -57,37 +58,37 @@ _SUFFIX = re.compile(
     rf"(?P<unit>(?i:{'|'.join((*ANGLES.split(), *TIMES))})(?:(?:/|_per_)\w+(?:\^2|²)?)?|°)"
 )
 _RUN = re.compile(r"[^\W\d_]+|\d+")
-# Parts of a word in which capitals begin the next word, such as AxisSet.
+# Matches the words in a word such as AxisSet, in which capitals begin the next word.
 _CAPITALS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[^\W\d_A-Z]+")
 _PARTS = re.compile(r"[/.:|]+")
-# Angles of a tool, if no other word is in the title; wrist_roll is a joint.
+# Titles of tool angles, which are ignored. With other words, as in wrist_roll, they are joints.
 TOOL_ANGLES = ("roll", "pitch", "yaw", "a", "b", "c")
-# Axes of the tool's positions, words that may be with the axis, and units that end a title.
+# Titles of tool positions have an axis, and optionally some of TOOL_WORDS and a unit of LENGTHS.
 AXES = ("x", "y", "z")
 TOOL_WORDS = ("tool", "tcp", "actual", "measured", "position", "pos")
 LENGTHS = ("m", "mm", "um", "cm")
-# Longest number of a joint.
+# Maximum number of digits of the number of a joint.
 MAX_DIGITS = 9
-# SI units of the kinds of columns.
+# SI units by kind of column.
 SI = {"t": "s", "fraction": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 
 
 class Key(NamedTuple):
-    """The quantity of a column of joint motion."""
+    """Quantity in a column of joint motion or tool positions."""
 
-    # "t", "fraction" (of the second, in a separate column), "q", "dq" or "ddq"; "x", "y" or "z" of
-    # the tool.
+    # "t", "fraction" (fraction of the second in a separate column), "q", "dq" or "ddq"; "x", "y" or
+    # "z" for the tool
     kind: str
-    role: str = ""  # "command" or "measured"; empty for times
-    joint: str = ""  # Number of the joint as in the file, or its name; empty for times
+    role: str = ""  # "command" or "measured"; empty for times and tool positions
+    joint: str = ""  # Number of the joint as in the file, or its name; empty as for `role`
 
     def __str__(self) -> str:
-        """A title of the column, for messages."""
+        """Title of such a column, for messages."""
         return f"{self.kind}{self.joint}"
 
     @property
     def si(self) -> str:
-        """The SI unit."""
+        """SI unit of the quantity."""
         return SI.get(self.kind, "m")
 
 
@@ -96,55 +97,59 @@ FRACTION = Key("fraction")
 
 
 class _Word(NamedTuple):
-    """A word of a title, its meaning (None for a name or a number), and what links it."""
+    """A word of a title."""
 
     text: str
-    meaning: str | None
-    link: str
+    meaning: str | None  # Key of TABLE; None for a name or a number
+    link: str  # Text that joins the word to the previous word in a name, "_" or empty
 
 
 def read_joint_title(
     name: str, has_unit: bool, joint_names: Sequence[str] = ()
 ) -> Title[Key] | None:
-    """Read a title without its unit in brackets; None if it is no time and no joint motion."""
-    name, joint = _take_joint(name.strip(), joint_names)
+    """Recognize a title of times or joint motion; None for other titles.
+
+    `name` is the title without a unit in brackets; `has_unit` is True if it has one.
+    """
+    name, joint = _split_joint(name.strip(), joint_names)
     unit = None
     match = None if has_unit else _SUFFIX.fullmatch(name)
     if not has_unit and name.lower() in TIMES and len(name) > 1:
         name, unit = "t", TIMES[name.lower()]
     elif match and match["unit"].lower() in TIMES:
-        # Else it is part of a name, such as joint_1_s.
+        # For a column that is not a time, the suffix is part of a name, such as joint_1_s.
         title = None if joint else read_joint_title(match["name"], True)
         if title is not None and title.key == TIME:
             return title._replace(unit=TIMES[match["unit"].lower()])
     elif match:
         name, unit = match["name"], match["unit"].replace("_per_", "/").lower()
-    parts = [words for part in _PARTS.split(name) if (words := list(_words(part)))]
+    parts = [words for part in _PARTS.split(name) if (words := list(_split_words(part)))]
     words = [word for part in parts for word in part]
     meanings = [x.meaning for x in words]
-    # The parts before the last two are the name of a topic, such as /tool_controller.
+    # Parts before the last two are the name of a topic, such as /tool_controller, and are ignored.
     if any(x.meaning == "other" for part in parts[-2:] for x in part):
         return None
     if not joint and ("t" in meanings or "fraction" in meanings):
-        return _time(words, unit)
+        return _time_title(words, unit)
     kind = next((x for x in ("ddq", "dq", "q") if x in meanings), "")
     roles = [x for x in meanings if x in ("command", "measured")]
     named = joint
     if not joint:
-        joint = _joint(parts) if kind or roles else ""
+        joint = _find_joint(parts) if kind or roles else ""
     if not joint and kind == "q":
         return Title(Key("q", roles[-1] if roles else "measured", "1"), "rad", unit, 2)
     of_tool = not (kind or named) and joint.lower() in TOOL_ANGLES
     if not joint or of_tool or (joint.isdigit() and len(joint) > MAX_DIGITS):
         return None
-    # Motors are no joints, and the state of a drive is preferred to the copy of a command.
+    # Positions of motors (theta) and titles with two command words, which are copies of commands,
+    # have lower priority.
     rank = (roles.count("command") > 1) + any(x.text.lower() == "theta" for x in words)
     key = Key(kind or "q", roles[-1] if roles else "measured", joint)
     return Title(key, key.si, unit, rank)
 
 
 def read_tool_title(name: str, has_unit: bool) -> Title[Key] | None:
-    """Read a title without its unit in brackets; None if it is no time and no axis of the tool."""
+    """Recognize a title of times or tool positions, as `read_joint_title`; None for others."""
     words = [x.lower() for x in _RUN.findall(name)]
     unit = words.pop() if not has_unit and len(words) > 1 and words[-1] in LENGTHS else None
     axis = [x for x in words if x not in TOOL_WORDS]
@@ -154,15 +159,15 @@ def read_tool_title(name: str, has_unit: bool) -> Title[Key] | None:
     return title if title is not None and title.key in (TIME, FRACTION) else None
 
 
-def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
-    """A title without the name of a joint of the arm, which may have any words, and that name."""
+def _split_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
+    """Title without the name of an arm joint in it, and this name; it may have known words."""
     if not joint_names or _are_numbers(tuple(joint_names)):
         return name, ""
     for joint in sorted(joint_names, key=len, reverse=True):
         if match := re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name):
             before, after = name[: match.start()], name[match.end() :]
             neighbours = f"{_PARTS.split(before)[-1]} {_PARTS.split(after)[0]}"
-            names = [x.text for x in _words(neighbours) if x.meaning is None]
+            names = [x.text for x in _split_words(neighbours) if x.meaning is None]
             if set(map(str.lower, names)) <= {*ANGLES.split(), *TIMES}:
                 return f"{before} {after}".strip(), joint
     return name, ""
@@ -170,14 +175,14 @@ def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
 
 @cache
 def _are_numbers(joint_names: tuple[str, ...]) -> bool:
-    """True if the names of joints are their numbers, such as joint_1, joint_2."""
+    """True if the names of joints only contain their numbers, such as joint_1, joint_2."""
     titles = [read_joint_title(x, True) for x in joint_names]
     numbers = [x.key.joint if x else "" for x in titles]
     return numbers == [str(k) for k in range(1, len(numbers) + 1)]
 
 
-def _time(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
-    """The title of a time, or of the nanoseconds or microseconds of a time in two columns."""
+def _time_title(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
+    """Title of a time column, or of the column with its fraction of a second; None for others."""
     if not {x.meaning for x in words} <= {"t", "fraction", "topic", "q", "measured"}:
         return None
     for word in words:
@@ -187,8 +192,8 @@ def _time(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
     return Title(TIME, "s", unit, len(words) - 1)
 
 
-def _joint(parts: Sequence[Sequence[_Word]]) -> str:
-    """Number or name of the joint, in the last part of a title that has any; "" without."""
+def _find_joint(parts: Sequence[Sequence[_Word]]) -> str:
+    """Number or name of the joint, from the last part of a title with one; "" if there is none."""
     for part in reversed(parts):
         names = [x for x in part if x.meaning is None]
         if names and all(x.text.isdigit() for x in names):
@@ -199,8 +204,8 @@ def _joint(parts: Sequence[Sequence[_Word]]) -> str:
     return ""
 
 
-def _words(part: str) -> Iterator[_Word]:
-    """The words of one part of a title, with their meanings."""
+def _split_words(part: str) -> Iterator[_Word]:
+    """Yield the words of one part of a title, with their meanings."""
     before, end = None, 0
     runs = list(_RUN.finditer(part))
     for match, later in zip(runs, [*runs[1:], None], strict=False):
@@ -221,44 +226,44 @@ def _words(part: str) -> Iterator[_Word]:
 
 @cache
 def _meaning(word: str) -> str | None:
-    """Meaning of a word, also in the plural; None if it is not in the table."""
+    """Meaning of a word in the singular or plural, a key of TABLE; None if unknown."""
     low = word.lower()
     singular = f"{low[:-3]}y" if low.endswith("ies") else low.removesuffix("s")
     return _MEANING.get(low) or _MEANING.get(singular)
 
 
-# Quantities of the columns, for messages.
+# Names of the kinds of joint columns, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
-# Joint positions without a unit [rad] above this need one: they may be degrees. No arm of the
-# library turns by more than two turns.
-WIDEST = 4 * math.pi
-# Times without a unit need one if joints are slower than this [rad/s] in steps of a second or more:
-# in ms the same numbers are usual speeds.
-SLOWEST = 0.01
-# Fewer samples may well be a second apart.
-FEW = 10
+# Joint positions [rad] above this require a unit in the title, because they may be degrees. No arm
+# of the library turns by more than two turns.
+MAX_ANGLE = 4 * math.pi
+# Times require a unit in the title if they increase by 1 s or more per sample and all joints are
+# slower than this [rad/s], because the times may be milliseconds.
+MIN_SPEED = 0.01
+# With fewer samples than this, steps below 2 s are accepted without a unit.
+FEW_SAMPLES = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrajectoryFile(Checked):
-    """The joint motion of a file, in SI units."""
+    """Joint motion of a file, in SI units."""
 
-    source: str
+    source: str  # Name of the file, for messages
     t: FloatArray  # Times [s], (n,)
     q: FloatArray  # Joint positions [rad], (n, dof)
-    # Joint velocities [rad/s] and accelerations [rad/s²], (n, dof); None without them.
-    dq: FloatArray | None = None
+    dq: FloatArray | None = None  # Joint velocities [rad/s], (n, dof); None if not in the file
+    # Joint accelerations [rad/s²], (n, dof); None if not in the file
     ddq: FloatArray | None = None
-    command: FloatArray | None = None  # Set-points [rad], (n, dof); None without them
-    # Value of the last printed digit of "t", "q", "dq", "ddq" [SI].
+    command: FloatArray | None = None  # Set-points [rad], (n, dof); None if not in the file
+    # Value of the last printed digit of "t", "q", "dq", "ddq", in SI units
     resolution: Mapping[str, float] = field(default_factory=dict)
-    joints: tuple[str, ...] = ()  # Names of the joints, as the file has them
+    joints: tuple[str, ...] = ()  # Names of the joints as in the file
     left_out: tuple[str, ...] = ()  # Titles of columns that are not used
-    notes: tuple[str, ...] = ()  # Notes on recognised and omitted content of the file
+    notes: tuple[str, ...] = ()  # Notes on recognized and ignored content of the file
 
     @property
     def straight(self) -> Trajectory:
-        """The motion of joints that move evenly from sample to sample, from time 0 on."""
+        """Trajectory with linear interpolation between the samples; it starts at time 0."""
         rates = np.diff(self.q, axis=0) / np.diff(self.t)[:, None]
         law = LapLaw(breaks=self.t - self.t[0], q=self.q, dq=rates, ddq=np.zeros_like(rates))
         return Trajectory(laws=(law,), method="samples")
@@ -266,26 +271,25 @@ class TrajectoryFile(Checked):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableSamples:
-    """Samples of some columns, in SI units."""
+    """Samples of selected columns, in SI units."""
 
     t: FloatArray  # Times [s], (n,)
-    values: FloatArray  # Values, (n, columns)
+    values: FloatArray  # Values in SI units, (n, columns)
     digit: float  # Value of the last printed digit of the times [s]
-    digits: Sequence[Digits]
-    notes: tuple[str, ...]  # Notes on recognised and omitted content
+    digits: Sequence[Digits]  # Printed digits of each column of `values`
+    notes: tuple[str, ...]  # Notes on changed times and skipped rows
 
 
 def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> str:
-    """The text of a file of some kind, which has no topics."""
+    """Read the text of a CSV file; `kind` is for messages, and `topic` must be None."""
     if topic is not None:
         name = FilePath(file).name
-        raise InvalidInput(f"{name} is CSV, which has no topics: remove --topic.")
+        raise InvalidInput(f"{name} is a CSV file, which has no topics. Remove --topic.")
     return read_text(file, kind, maximum=LARGE, latin=True)
 
 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
-    """Joints with columns of a kind and role: in the order of their numbers, or of the file."""
-    # Joints with names are omitted where others have numbers.
+    """Joints with a column of a kind and role: numbers in increasing order, or else names."""
     every = [x.joint for x in table.columns if (x.kind, x.role) == (kind, role)]
     numbers = sorted((x for x in every if x.isdigit()), key=lambda x: (len(x), x))
     return numbers or every
@@ -294,21 +298,24 @@ def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
 def read_samples(
     table: CsvTable[Key], keys: Sequence[Key], start: float = -math.inf, end: float = math.inf
 ) -> TableSamples:
-    """Read the times and some columns."""
-    # Rows that repeat the one before are omitted, and those with cells of other columns only.
-    # Rounded times that agree with even steps are replaced by these.
+    """Read the times and the columns `keys`; `start` and `end` [s] limit the checks only."""
+    # Rows that repeat the previous row, and rows that have cells only in other columns, are
+    # omitted. Rounded times are replaced by equidistant times if they agree with them.
     times = [x for x in (TIME, FRACTION) if x in table.columns]
     if not times:
-        table.need(TIME)
+        table.require_columns(TIME)
     values, digits = table.read([*times, *keys])
     rows = _filled_rows(table, values, [*times, *keys], len(times))
     values, notes = values[rows], list[str]()
     if len(rows) < len(table.lines):
-        left_out = count_noun(len(table.lines) - len(rows), "row")
-        notes.append(f"{left_out} of {table.source} without positions: skipped.")
+        count = len(table.lines) - len(rows)
+        verb = "was" if count == 1 else "were"
+        notes.append(
+            f"{count_noun(count, 'row')} of {table.source} without positions {verb} skipped."
+        )
     clock, t, part = times[0], values[:, 0], values[:, len(times) - 1]
     if len(times) == 2 and ((part >= 0) & (part < 1)).all():
-        # Nanoseconds since 1970 have more digits than a float: times begin in second 0.
+        # A float has too few digits for nanoseconds since 1970, so the first second is subtracted.
         clock, t = FRACTION, t - t[0] + part
     values, digit = values[:, len(times) :], digits[times.index(clock)]
     named = {x: [i for i, y in enumerate(keys) if y.kind == x] for x in QUANTITIES}
@@ -317,9 +324,9 @@ def read_samples(
         row, key = int(rows[i]), keys[named[name][j]] if name in named else times[0]
         return f"{table.place(row, key)}: {show(table.cell(row, key))}"
 
-    check_distance(t, locate, lambda new: table.rename(new, table.columns[clock].title))
-    _ask_for_angles(table, keys, values)
-    _ask_for_times(table, clock, t, values[:, [x.kind == "q" for x in keys]])
+    check_time_range(t, locate, lambda new: table.rename(new, table.columns[clock].title))
+    _check_angle_unit(table, keys, values)
+    _check_time_unit(table, clock, t, values[:, [x.kind == "q" for x in keys]])
     last = last_digit([digit]) * table.columns[clock].factor
     t, kept_rows, time_notes = tidy_times(t, values, last, table.source)
     values, rows = values[kept_rows], rows[kept_rows]
@@ -328,8 +335,8 @@ def read_samples(
     check_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, locate)
     if any("joint_states" in table.columns[x].title and x.joint.isdigit() for x in keys):
         time_notes += (
-            "Joints of /joint_states are taken in the order of their numbers. Compare with the "
-            "names in its messages, and rename columns with --columns where the order differs.",
+            "Joints of /joint_states are assigned in the order of their numbers. Compare them with "
+            "the names in the messages. If the order differs, rename columns (--columns).",
         )
     return TableSamples(t, values, last, digits[len(times) :], (*notes, *time_notes))
 
@@ -337,7 +344,7 @@ def read_samples(
 def _filled_rows(
     table: CsvTable[Key], values: FloatArray, keys: Sequence[Key], first: int
 ) -> IntArray:
-    """Rows without those that have cells of other columns only, as rows of other topics."""
+    """Indices of the rows with values in `keys`; omits rows with values in other columns only."""
     used = {table.columns[x].index for x in keys}
     spare = [
         i
@@ -355,35 +362,35 @@ def _filled_rows(
 def tidy_times(
     t: FloatArray, values: FloatArray, digit: float, source: str
 ) -> tuple[FloatArray, IntArray, tuple[str, ...]]:
-    """Times without repeated rows and without rounding, the rows that they belong to, and notes."""
+    """Times without rounding, the indices of the rows that are not repeated, and notes."""
     again = np.zeros(len(t), dtype=bool)
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
-    # A clock that does not advance is refused later.
+    # If all rows are equal, all are used; `check_samples` rejects their times later.
     again &= not again[1:].all()
     rows, notes = np.flatnonzero(~again), []
     if again.any():
         count = int(again.sum())
         notes.append(
-            f"{count_noun(count, 'row')} of {source} {'repeats' if count == 1 else 'repeat'} the "
-            "one before: skipped."
+            f"{count_noun(count, 'row')} of {source} {'was' if count == 1 else 'were'} skipped, "
+            f"because {'it repeats' if count == 1 else 'they repeat'} the previous row."
         )
         t = t[rows]
     steps = np.diff(t)
     if len(t) > 2 and (steps == 0).any() and (steps >= 0).all():
-        step = _even_step(t, digit)
+        step = _find_constant_step(t, digit)
         if step is not None:
             t = t[0] + step * np.arange(len(t))
             notes.append(
-                f"The times of {source} are rounded to {digit:g} s: they are replaced by even "
-                f"steps of {step:g} s, with which they agree."
+                f"The times of {source} are rounded to {digit:g} s. They are replaced by times "
+                f"with a constant step of {step:g} s, which agree with the rounded times."
             )
     elif (steps > 0).all() and (bursts := describe_bursts(t, source)):
         notes.append(bursts)
     return t, rows, tuple(notes)
 
 
-def _even_step(t: FloatArray, digit: float) -> float | None:
-    """The step with the fewest digits whose rounded multiples are the times; None without."""
+def _find_constant_step(t: FloatArray, digit: float) -> float | None:
+    """Step [s] with the fewest digits whose rounded multiples equal the times; None if none."""
     index = np.arange(len(t))
     step = float(np.polyfit(index, t - t[0], 1)[0])
     for count in range(1, 10):
@@ -393,41 +400,42 @@ def _even_step(t: FloatArray, digit: float) -> float | None:
     return None
 
 
-def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArray) -> None:
-    """Refuse positions without a unit that would be many turns."""
+def _check_angle_unit(table: CsvTable[Key], keys: Sequence[Key], values: FloatArray) -> None:
+    """Reject joint positions without a unit that are probably degrees."""
     bare = [k for k, x in enumerate(keys) if x.kind == "q" and table.columns[x].unit is None]
     for k in bare:
         low, high = values[:, k].min(), values[:, k].max()
-        if not WIDEST < max(-low, high) <= LARGEST["q"]:
+        if not MAX_ANGLE < max(-low, high) <= LARGEST["q"]:
             continue
         every = dict.fromkeys(title_pattern(table.columns[keys[i]].title) for i in bare)
         raise InvalidInput(
-            f"{table.heading}: the column {show(table.columns[keys[k]].title)} has no unit, and "
-            f"its values from {low:.4g} to {high:.4g} would be up to "
-            f"{max(-low, high) / (2 * math.pi):.3g} turns: name the unit, such as --columns "
-            f"'{','.join(f'{x} [deg]={x}' for x in every)}' for degrees ([rad] for radians)."
+            f"{table.heading}: the column {show(table.columns[keys[k]].title)} has no unit. Its "
+            f"values from {low:.4g} to {high:.4g} would be up to "
+            f"{max(-low, high) / (2 * math.pi):.3g} turns in rad. Specify the unit, such as "
+            f"--columns '{','.join(f'{x} [deg]={x}' for x in every)}' for degrees ([rad] for "
+            "radians)."
         )
 
 
-def _ask_for_times(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArray) -> None:
-    """Refuse times without a unit at which joints would hardly move."""
+def _check_time_unit(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArray) -> None:
+    """Reject times without a unit that are probably not seconds, because joints are too slow."""
     steps, column = np.diff(t), table.columns[clock]
     usable = steps > 0
     if column.unit is not None or not usable.any() or not q.shape[1]:
         return
-    if np.median(steps[usable]) < (1 if len(t) >= FEW else 2):
+    if np.median(steps[usable]) < (1 if len(t) >= FEW_SAMPLES else 2):
         return
     speed = float((np.abs(np.diff(q, axis=0)[usable]) / steps[usable][:, None]).max())
-    if 0 < speed < SLOWEST:
-        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if speed / y > SLOWEST), "ns")
+    if 0 < speed < MIN_SPEED:
+        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if speed / y > MIN_SPEED), "ns")
         raise InvalidInput(
-            f"{table.heading}: the column {show(column.title)} has no unit, and in s its steps are "
-            f"{np.median(steps[usable]):g} s and no joint is faster than {speed:.2g} rad/s: name "
-            f"its unit, such as --columns 't [{unit}]={column.title}' ('t [s]={column.title}' for "
-            "seconds)."
+            f"{table.heading}: the column {show(column.title)} has no unit. In seconds, its step "
+            f"is {np.median(steps[usable]):g} s, and the fastest joint has only {speed:.2g} rad/s. "
+            f"Specify the unit, such as --columns 't [{unit}]={column.title}' "
+            f"('t [s]={column.title}' for seconds)."
         )
 
 
 def title_pattern(title: str) -> str:
-    """A pattern for titles such as this one, for the option --columns: a number is #."""
+    """Pattern of a title for the option --columns, with # instead of its last number."""
     return re.sub(r"\d+(?=\D*$)", "#", title)

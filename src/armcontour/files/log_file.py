@@ -1,4 +1,4 @@
-"""Read logs of commanded and measured positions: CSV, and bags of ROS; positions of the tool."""
+"""Readers of logs with commanded and measured joint positions, and of measured tool positions."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]"
 _INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)", re.IGNORECASE)
-BOTH = ("command", "measured")
+ROLES = ("command", "measured")
 
 
 @checked
@@ -52,15 +52,16 @@ def read_log(
 ) -> Log:
     """Read a log from a CSV file, or from a bag of ROS 2.
 
-    The first line of CSV names the columns: `t`, and for every joint a command such as `u1`,
+    The first line of CSV names the columns: `t`, and for each joint a command such as `u1`,
     `command 1`, `q1_cmd`, `shoulder command`, and a measured position such as `q1`, `measured 1`,
-    `q1_actual`, `shoulder measured`; or as PlotJuggler, UR's RTDE client, KUKA's RSI, ABB's EGM and
-    libfranka name them. Units are SI unless in brackets or a suffix: `t [ms]`, `command 1 [deg]`,
-    `q1_deg`, or in a second line. Other columns, and those without a partner, are omitted.
-    Separators are commas, semicolons, tabs or blanks. Lines that start with # are comments; the
-    comment `# interpolation: step` gives the interpolation between set-points.
+    `q1_actual`, `shoulder measured`. The column names of PlotJuggler, UR's RTDE client, KUKA's RSI,
+    ABB's EGM and libfranka are supported. Units are SI unless specified in brackets (`t [ms]`,
+    `command 1 [deg]`), as a suffix (`q1_deg`) or in a second line. Other columns, and joints with
+    only a command or only a measured position, are ignored. Separators are commas, semicolons, tabs
+    or blanks. Lines that start with # are comments; the comment `# interpolation: step` specifies
+    the interpolation between set-points.
 
-    Of a bag, of storage mcap or sqlite3, the state of a joint trajectory controller is read: its
+    In a bag (storage mcap or sqlite3), the state of a joint trajectory controller is read: its
     reference (or desired) and feedback (or actual) positions. Its times begin at zero.
 
     >>> log = ac.read_log("log.csv")
@@ -68,26 +69,27 @@ def read_log(
     True
 
     Args:
-        file: The file: `.mcap`, `.db3` or a folder for ROS, else CSV.
+        file: The file: `.mcap`, `.db3` or a folder for ROS; any other file is read as CSV.
         start: First time to use [s].
         end: Last time to use [s].
-        unwrap: Whether to undo jumps of whole turns.
-        columns: Names of the columns of CSV without a first line for them, separated by commas;
-            `-` for a column that is not needed. Or new names of some columns (of a bag, of joints):
+        unwrap: Whether to remove jumps by whole turns.
+        columns: Names of all columns of a CSV file, separated by commas, for a file without titles;
+            `-` ignores a column. Or new names of some columns (in a bag, of joints):
             `q1 [deg]=axis_1`, `q# [deg]=axis_#` for every number, `-=tool_*` for any text.
         topic: Topic of a bag; by default the only one of its type.
 
     Raises:
-        InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
+        InvalidInput: The file has another form, or `Log` rejects its samples; the message names
+            file and line.
     """
-    location = checks.read_place("read_log", file)
-    return _read(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
+    location = checks.read_file_path("read_log", file)
+    return _read_log(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
 
 
 def log_text(log: Log) -> str:
-    """A log as the text of a CSV file that `read_log` takes, with all digits."""
+    """CSV text of a log with all digits, which `read_log` can read."""
     text = io.StringIO()
-    titles = [f"{kind} {j + 1} [rad]" for kind in BOTH for j in range(log.dof)]
+    titles = [f"{kind} {j + 1} [rad]" for kind in ROLES for j in range(log.dof)]
     comment = "" if log.interpolation is None else f"# interpolation: {log.interpolation}\n"
     np.savetxt(
         text,
@@ -110,12 +112,13 @@ def read_run_log(
     topic: str | None = None,
     commanded: bool = False,
 ) -> Log | Recording:
-    """Read the log of one run of a robot, from which the next run is learned."""
-    # It is a log as `read_log` takes it, or CSV with measured positions alone. Joints with the
-    # names of the arm, also with a prefix, get the order of the arm; others keep their order.
+    """Read the log of a robot run for learning; without commands, it is a `Recording`."""
+    # The file has the form of `read_log`, or is CSV with measured positions only. Joints with the
+    # names of the arm, also with a prefix, are sorted in the order of the arm; the order of other
+    # joints does not change.
     from armcontour.control.learning import Recording
 
-    log, has_commands = _read(
+    log, has_commands = _read_log(
         FilePath(file), joint_names, window, unwrap, columns, topic, commanded=commanded
     )
     log = arrange_joints(log, joint_names)
@@ -124,7 +127,7 @@ def read_run_log(
     return Recording(t=log.t, q=log.measured, source=log.source, notes=log.notes)
 
 
-def _read(
+def _read_log(
     file: FilePath,
     joint_names: Sequence[str],
     window: tuple[float, float],
@@ -134,8 +137,10 @@ def _read(
     *,
     commanded: bool,
 ) -> tuple[Log, bool]:
-    """The log in a file, and whether it has commands; else they are the measured positions."""
-    # Logs without commands are refused if `commanded`.
+    """Log of a file, and True if the file has commands; if not, measured positions replace them.
+
+    A file without commands is rejected if `commanded`.
+    """
     if is_ros_file(file):
         motion, interpolation = read_ros_log(file, topic, columns), None
     else:
@@ -166,12 +171,12 @@ def _read(
 def _joint_motion(
     table: CsvTable[Key], start: float, end: float, *, positions: bool
 ) -> TrajectoryFile:
-    """Commands and measured positions; with `positions` also measured positions alone."""
-    joints = {role: joints_of(table, "q", role) for role in BOTH}
+    """Commands and measured positions of a table; `positions` allows a table without commands."""
+    joints = {role: joints_of(table, "q", role) for role in ROLES}
     if positions and joints["measured"] and not joints["command"]:
         roles, (names, notes) = ["measured"], (joints["measured"], list[str]())
     else:
-        roles, (names, notes) = list(BOTH), _pair(table, joints)
+        roles, (names, notes) = list(ROLES), _pair_joints(table, joints)
     samples = read_samples(table, [Key("q", x, y) for x in roles for y in names], start, end)
     *command, q = np.hsplit(samples.values, len(roles))
     return TrajectoryFile(
@@ -185,48 +190,50 @@ def _joint_motion(
 
 
 def _find_interpolation(comments: Iterable[str]) -> str | None:
-    """The interpolation that a comment gives; None without such a comment."""
+    """Interpolation that a comment specifies; None if no comment specifies it."""
     names = (match["what"].lower() for x in comments if (match := _INTERPOLATION.fullmatch(x)))
     return next((x for x in names if x in INTERPOLATIONS), None)
 
 
-def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str], list[str]]:
+def _pair_joints(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str], list[str]]:
     """Names of the joints with a command and a measured position, and notes on the others."""
     pairs = [x for x in joints["measured"] if x in joints["command"]]
     if not any(joints.values()):
         raise InvalidInput(
-            f"{table.heading}: there is no command and no measured position: name the columns such "
-            f"as {EXAMPLE}, also with --columns 'u#=COMMAND_#,q#=MEASURED_#'."
+            f"{table.heading}: no column is a command or a measured position. Name the columns, "
+            f"such as {EXAMPLE} (or rename them with --columns 'u#=COMMAND_#,q#=MEASURED_#')."
         )
     single = [key for key in table.columns if key.kind == "q" and key.joint not in pairs]
     if not pairs:
         key = single[0]
         other, letter = ("measured", "q") if key.role == "command" else ("command", "u")
         raise InvalidInput(
-            f"{table.heading}: the column {show(table.columns[key].title)} has no {other} column "
-            f"for the same joint: name one such as {letter}{'' if key.joint.isdigit() else '_'}"
-            f"{key.joint}, also with --columns '{letter}#=NAME_#'."
+            f"{table.heading}: there is no {other} column for the same joint as the column "
+            f"{show(table.columns[key].title)}. Name a column {letter}"
+            f"{'' if key.joint.isdigit() else '_'}{key.joint} (or rename it with --columns "
+            f"'{letter}#=NAME_#')."
         )
     notes = []
-    for role, other in (BOTH, BOTH[::-1]):
+    for role, other in (ROLES, ROLES[::-1]):
         titles = [show(table.columns[x].title) for x in single if x.role == role]
         if titles:
             notes.append(
                 f"{list_some(titles, MAX_NAMED)} of {table.source} "
-                f"{'has' if len(titles) == 1 else 'have'} no {other} column: skipped."
+                f"{'was' if len(titles) == 1 else 'were'} skipped, because there is no {other} "
+                "column for the same joint."
             )
     return pairs, notes
 
 
 def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArray, FloatArray]:
-    """Times [s], (n,), and tool points [m], (n, dimension), that a tracker measured, from a CSV."""
-    # Columns are `t`, `x`, `y` and, in space, `z`, also as `tool x` or `tcp_x`; units are SI unless
-    # the title has one. Positions are those of the tool point in the frame of the job's path.
+    """Read times [s], (n,), and tool points [m], (n, dimension), of a tracker from a CSV file."""
+    # Columns are `t`, `x`, `y` and, in space, `z`; `tool x` and `tcp_x` are also recognized. Units
+    # are SI unless the title has a unit. Positions are in the frame of the job's path.
     axes = AXES[:dimension]
     example = f"t,{','.join(axes)} or t [ms],{','.join(f'{x} [mm]' for x in axes)}"
     text = read_csv_text(file, "file of tool positions")
     table = read_table(text, FilePath(file).name, read_tool_title, example=example)
     keys = [Key(x) for x in axes]
-    table.need(*keys)
+    table.require_columns(*keys)
     samples = read_samples(table, keys)
     return samples.t, samples.values

@@ -1,4 +1,4 @@
-"""Read meshes of bodies: STL, binary and ASCII, and OBJ."""
+"""Reader of meshes of bodies: STL (binary and ASCII) and OBJ."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ from armcontour.files.units import parse_quantity
 from armcontour.robot.scene import LARGEST, SMALLEST, Mesh
 
 MESHES = (".stl", ".obj")
-# Largest number of triangles: a scan of a whole machine; distances of more take minutes.
+# Maximum number of triangles, as in a scan of a whole machine. Distances of larger meshes take
+# minutes.
 MAX_TRIANGLES = 2_000_000
-# Two million triangles of ASCII STL take about this much [bytes].
+# Maximum file size [bytes], approximately that of two million triangles in ASCII STL.
 MAX_BYTES = 600 * file_access.MEGABYTE
-# Binary STL: a header with the number of triangles, and triangles of twelve numbers and two bytes.
+# Sizes in binary STL [bytes]: the header with the number of triangles, and a triangle (twelve
+# numbers and two bytes).
 HEADER, RECORD = 84, 50
-VERTEX = re.compile(rb"^\s*vertex[ \t]+(.*)$", re.MULTILINE)
-# Units that drawings of bodies have, and the sizes that bodies in a cell usually have [m].
-USUAL = ("mm", "inch", "cm", "km")
-LIKELY = (0.01, 5.0)
+VERTEX_LINE = re.compile(rb"^\s*vertex[ \t]+(.*)$", re.MULTILINE)
+# Units of length in mesh files, in the order in which they are suggested.
+SUGGESTED_UNITS = ("mm", "inch", "cm", "km")
+# Usual range of the size of a body in a cell [m].
+USUAL_SIZE = (0.01, 5.0)
 
 
 def read_mesh(
@@ -35,25 +38,26 @@ def read_mesh(
     unit: str | None = None,
     scale: npt.ArrayLike | None = None,
 ) -> Mesh:
-    """Read the triangles of a body.
+    """Read the triangle mesh of a body.
 
-    Triangles without an area are omitted: their edges belong to their neighbours.
+    Triangles of zero area are omitted, because their edges also belong to other triangles.
 
     Args:
         file: A .stl file, binary or ASCII, or a .obj file.
-        unit: The unit of its lengths, such as "mm"; metres by default.
-        scale: Factors of x, y and z, or one of all.
+        unit: Unit of the lengths in the file, such as "mm"; metres by default.
+        scale: Scale factors of x, y and z, or one factor for all axes.
 
     Raises:
-        InvalidInput: No such file, another format, no triangles, an invalid number, too many
-            triangles, or an unlikely size in metres without unit and scale.
+        InvalidInput: The file does not exist or has another format, no triangles, too many
+            triangles or an invalid number; or neither unit nor scale is given and the size in
+            metres is unlikely.
     """
     location = FilePath(file)
     kind = location.suffix.lower()
     if kind not in MESHES:
         raise InvalidInput(
-            f"The mesh {location} is not read: name a {' or '.join(MESHES)} file, to which "
-            "programs for meshes convert others."
+            f"The format of the mesh {location} is not supported. Convert it to "
+            f"{' or '.join(MESHES)}."
         )
     factor = 1.0 if unit is None else _factor(unit, location)
     content = file_access.read_bytes(location, "mesh", maximum=MAX_BYTES)
@@ -64,48 +68,51 @@ def read_mesh(
     first, second, third = points[triangles.T]
     flat = ~np.cross(second - first, third - first).any(axis=1)
     if flat.all():
-        raise InvalidInput(f"No triangle of the mesh {location} has an area: export it again.")
+        raise InvalidInput(
+            f"All triangles of the mesh {location} have zero area. Export the mesh again."
+        )
     return Mesh(points=points, triangles=triangles[~flat], source=location.name)
 
 
 def _factor(unit: str, location: FilePath) -> float:
-    """A unit of length in metres."""
+    """Conversion factor from a unit of length to metres."""
     try:
         return parse_quantity(f"1 {unit}", "m")
     except ValueError:
         raise InvalidInput(
-            f"The mesh {location} has the unit {show(unit)}, which is no unit of length such as mm."
+            f"The unit of the mesh {location} must be a unit of length such as mm, but is "
+            f"{show(unit)}."
         ) from None
 
 
 def _check_size(points: FloatArray, location: FilePath) -> None:
-    """Check that the size is likely in metres; the error names a unit that fits."""
+    """Check that the size of a mesh is likely in metres; the error suggests a unit."""
     size = float(np.ptp(points, axis=0).max())
     if SMALLEST <= size <= LARGEST:
         return
-    factors = {x: parse_quantity(f"1 {x}", "m") for x in USUAL}
-    hint = "its unit or a scale"
+    factors = {x: parse_quantity(f"1 {x}", "m") for x in SUGGESTED_UNITS}
+    hint = "Specify its unit or a scale."
     for unit, factor in factors.items():
-        if LIKELY[0] <= size * factor <= LIKELY[1]:
+        if USUAL_SIZE[0] <= size * factor <= USUAL_SIZE[1]:
             scale = " ".join([f"{factor:g}"] * 3)
             hint = (
-                f"unit: {unit} if that is its unit, which makes it {size * factor:.4g} m large (in "
-                f'a URDF, scale="{scale}")'
+                f"If its unit is {unit}, it is {size * factor:.4g} m large; then specify unit: "
+                f'{unit} (in a URDF, scale="{scale}").'
             )
             break
     raise InvalidInput(
-        f"The mesh {location} would be {size:.4g} m large if its lengths were metres, and bodies "
-        f"in a cell are {SMALLEST:g} to {LARGEST:g} m: give {hint}."
+        f"The mesh {location} would be {size:.4g} m large if its unit were m, but bodies in a cell "
+        f"must be {SMALLEST:g} to {LARGEST:g} m large. {hint}"
     )
 
 
 def _read_stl(content: bytes, source: str) -> tuple[FloatArray, IntArray]:
-    """Points and triangles of an STL file, binary or ASCII."""
+    """Points, (n, 3), and triangles as point indices, (m, 3), of an STL file, binary or ASCII."""
     if content[:5].lower() == b"solid" and b"vertex" in content[:4096]:
         corners = _ascii_corners(content, source)
     else:
         corners = _binary_corners(content, source)
-    points, index = _merge(corners)
+    points, index = _merge_corners(corners)
     return points, index.reshape(-1, 3)
 
 
@@ -114,8 +121,8 @@ def _binary_corners(content: bytes, source: str) -> FloatArray:
     count = int.from_bytes(content[80:HEADER], "little")
     if len(content) < HEADER + RECORD * count:
         raise InvalidInput(
-            f"The mesh {source} ends early, or is no STL file: {count} triangles take "
-            f"{HEADER + RECORD * count} bytes, and it has {len(content)}."
+            f"The mesh {source} is incomplete or is not an STL file. Its {count} triangles need "
+            f"{HEADER + RECORD * count} bytes, but it has {len(content)} bytes."
         )
     _check_triangle_count(count, source)
     rows = np.frombuffer(content, np.uint8, RECORD * count, HEADER).reshape(-1, RECORD)
@@ -123,19 +130,19 @@ def _binary_corners(content: bytes, source: str) -> FloatArray:
     wrong = ~np.isfinite(corners).all(axis=1)
     if wrong.any():
         raise InvalidInput(
-            f"Triangle {int(np.argmax(wrong)) // 3 + 1} of the mesh {source} has a corner that is "
-            "no finite number: export it again."
+            f"Triangle {int(np.argmax(wrong)) // 3 + 1} of the mesh {source} has a corner whose "
+            "coordinates are not finite. Export the mesh again."
         )
     return corners
 
 
 def _ascii_corners(content: bytes, source: str) -> FloatArray:
     """Corners of the triangles of an ASCII STL file, (3 n, 3)."""
-    words = [x.split() for x in VERTEX.findall(content)]
+    words = [x.split() for x in VERTEX_LINE.findall(content)]
     _check_triangle_count(len(words) // 3, source)
     if len(words) % 3:
         raise InvalidInput(
-            f"The mesh {source} ends within a triangle: it has {len(words)} corners."
+            f"The mesh {source} has {len(words)} vertices, but the number must be a multiple of 3."
         )
     try:
         corners = np.array(words, dtype=np.float64)
@@ -143,23 +150,26 @@ def _ascii_corners(content: bytes, source: str) -> FloatArray:
     except ValueError:
         good = False
     if not good:
-        for match in VERTEX.finditer(content):
+        for match in VERTEX_LINE.finditer(content):
             line = content.count(b"\n", 0, match.start(1)) + 1
-            _three(match[1].decode("utf-8", "replace").split(), source, line)
+            _read_vertex(match[1].decode("utf-8", "replace").split(), source, line)
     return corners
 
 
 def _read_obj(content: bytes, source: str) -> tuple[FloatArray, IntArray]:
-    """Points and triangles of an OBJ file; faces of more corners are cut into triangles."""
+    """Points, (n, 3), and triangles, (m, 3), of an OBJ file; polygons are split into triangles."""
     points: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     for number, words in _obj_lines(content):
         if words[0] == "v":
-            points.append(_three(words[1:4], source, number))
+            points.append(_read_vertex(words[1:4], source, number))
         elif words[0] == "f":
-            corners = [_corner(x, len(points), source, number) for x in words[1:]]
+            corners = [_vertex_index(x, len(points), source, number) for x in words[1:]]
             if len(corners) < 3:
-                raise InvalidInput(f"{source}, line {number}: a face has at least 3 corners.")
+                raise InvalidInput(
+                    f"{source}, line {number}: a face must have at least 3 vertices, but has "
+                    f"{len(corners)}."
+                )
             triangles += [(corners[0], *x) for x in zip(corners[1:-1], corners[2:], strict=True)]
             _check_triangle_count(len(triangles), source)
     _check_triangle_count(len(triangles), source)
@@ -167,54 +177,54 @@ def _read_obj(content: bytes, source: str) -> tuple[FloatArray, IntArray]:
 
 
 def _obj_lines(content: bytes) -> Iterator[tuple[int, list[str]]]:
-    """Lines with vertices and faces, with their numbers."""
+    """Yield the line number and the words of each line with a vertex or a face."""
     for number, line in enumerate(content.splitlines(), start=1):
         if line[:2] in (b"v ", b"f ", b"v\t", b"f\t"):
             yield number, line.split(b"#")[0].decode("utf-8", "replace").split()
 
 
-def _corner(word: str, count: int, source: str, line: int) -> int:
-    """The index of a corner of a face, such as 7, 7/1/3 or -2."""
+def _vertex_index(word: str, count: int, source: str, line: int) -> int:
+    """Index of a vertex, from 0, of a face corner such as 7, 7/1/3 or -2."""
     text = word.split("/")[0]
     try:
         index = int(text)
     except ValueError:
         index = 0
-    # Indices count from 1, or back from the last vertex so far.
+    # Indices start at 1; negative indices count backwards from the last vertex before the face.
     position = index - 1 if index > 0 else count + index
     if index == 0 or not 0 <= position < count:
         raise InvalidInput(
-            f"{source}, line {line}: the face names the vertex {show(text)}, and there are "
-            f"{count} before it."
+            f"{source}, line {line}: the face has the vertex {show(text)}, but only {count} "
+            "vertices are defined before it."
         )
     return position
 
 
-def _three(words: list[str], source: str, line: int) -> list[float]:
-    """Three finite numbers of a line."""
+def _read_vertex(words: list[str], source: str, line: int) -> list[float]:
+    """The three finite coordinates of a vertex, from the words of a line."""
     numbers = [plain_number(x) for x in words]
     if len(numbers) != 3 or None in numbers:
         raise InvalidInput(
-            f"{source}, line {line}: a vertex has three finite numbers, not "
+            f"{source}, line {line}: a vertex must have three finite numbers, but has "
             f"{show(' '.join(words))}."
         )
     return [float(x) for x in numbers if x is not None]
 
 
 def _check_triangle_count(count: int, source: str) -> None:
-    """Check the number of triangles of a mesh."""
+    """Check that a mesh has triangles, and not more than MAX_TRIANGLES."""
     if count == 0:
-        raise InvalidInput(f"The mesh {source} has no triangles: export it again.")
+        raise InvalidInput(f"The mesh {source} has no triangles. Export the mesh again.")
     if count > MAX_TRIANGLES:
         raise InvalidInput(
-            f"The mesh {source} has {count:,} triangles, more than the {MAX_TRIANGLES:,} that are "
-            "read: export it coarser."
+            f"The mesh {source} has {count:,} triangles, but at most {MAX_TRIANGLES:,} are "
+            "allowed. Export a coarser mesh."
         )
 
 
-def _merge(corners: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Different points, and the index of each given one among them."""
-    # Zero with and without a sign are the same number, but not the same bytes.
+def _merge_corners(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Unique points, (m, 3), and the index of each corner among them, (n,)."""
+    # Adding 0.0 converts -0.0 to 0.0, which has other bytes.
     rows = np.ascontiguousarray(corners + 0.0).view(np.dtype((np.void, 24))).ravel()
     _, first, index = np.unique(rows, return_index=True, return_inverse=True)
     return corners[first], index.astype(np.intp)

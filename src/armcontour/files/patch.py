@@ -1,6 +1,6 @@
-"""Patches: values that replace keys of a job file.
+"""Patches, which replace values of keys in a job file.
 
-Options of the command line, edits of the Studio, batches and placements use patches only.
+Options of the command line, edits of the Studio, batches and placements change jobs by patches.
 """
 
 from __future__ import annotations
@@ -15,21 +15,22 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show, suggest
 from armcontour.core.yaml_loader import load
 from armcontour.files.job_arm import ARM_FILES
-from armcontour.files.job_edits import REMOVE, Change, Keys, change_data, change_text, value_at
 from armcontour.files.job_model import JobModel, RunModel
-from armcontour.files.problems import Patch as Patch
+from armcontour.files.job_text_edits import REMOVE, Change, Keys, change_data, change_text, value_at
+from armcontour.files.key_errors import Patch as Patch
 from armcontour.jobs.job import ARC, FREE, OF_FREE
 from armcontour.motion import Method
 
 IN_JOB, IN_RUN = ({x.name for x in fields(of)} for of in (JobModel, RunModel))
-# Mappings of a run that are merged with those of the job; other keys replace the job's value.
+# Keys whose mapping in a run is merged with that of the job; other keys replace the job's value.
 MERGED = ("limits", "command_limits")
-# Options that need a choice, with that choice.
+# Keys that are valid only with one method or shape, with the name of this method or shape.
 TIMING_OPTIONS, COMPENSATION_OPTIONS = (
     {key: str(kind.method) for kind in methods.values() for key in kind.__annotations__}
     for methods in (planning.METHODS, compensation.METHODS)
 )
 SHAPE_OPTIONS = {**dict.fromkeys(OF_FREE, FREE), "continuity": ARC, "transition_tolerance": ARC}
+# These keys by the two last keys of the path to the method or shape.
 CHOICES: dict[Keys, dict[str, str]] = {
     ("timing", "method"): TIMING_OPTIONS,
     ("compensation", "method"): COMPENSATION_OPTIONS,
@@ -38,44 +39,46 @@ CHOICES: dict[Keys, dict[str, str]] = {
 
 
 class Name(str):
-    """A name in a key, such as of a layer; digits do not make it a number."""
+    """A key that is a name, such as of a layer; never an index, even if it consists of digits."""
 
 
 def parse_set(text: str) -> Patch:
-    """The patch of a text such as `corners.tolerance=0.2 mm`, with the value as in a job file.
+    """Parse a text such as `corners.tolerance=0.2 mm` to a patch.
 
     Args:
-        text: A key, with dots between its parts, and a value (YAML).
+        text: A key path with dots, an equals sign, and a value as in a job file (YAML).
 
     Raises:
-        InvalidInput: Text of another form.
+        InvalidInput: The text has another form.
     """
     key, equals, value = text.partition("=")
     if not equals:
-        raise InvalidInput(f"{show(text)} sets no key: write one such as limits.speed=0.2 m/s.")
+        raise InvalidInput(
+            f"{show(text)} sets no key. Write KEY=VALUE, such as limits.speed=0.2 m/s."
+        )
     return {key_of(key.strip()): load(value, key.strip())}
 
 
 def key_of(key: Any) -> Keys:
-    """The keys of a text such as `limits.speed`, or of a list of them."""
+    """Key path, from a text such as `limits.speed` or a list of keys."""
     parts = key.split(".") if isinstance(key, str) else key
     listed = isinstance(parts, list | tuple) and all(type(part) in (str, int) for part in parts)
     if not listed or not parts or "" in parts:
-        raise InvalidInput(f"{show(key)} is no key: write one such as limits.speed.")
+        raise InvalidInput(f"{show(key)} is not a key. Write a key such as limits.speed.")
     return tuple(parts)
 
 
 def full_key(keys: Keys) -> Keys:
-    """The keys of a value in a job file; a key that only runs have is in some run."""
+    """Key path from the root of a job file; for a key that only runs have, in an unnamed run."""
     return ("runs", "", *keys) if keys[0] in IN_RUN - IN_JOB else keys
 
 
 def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
-    """The keys at which a value is set: in the run if it has the value, else in the job."""
+    """Key path at which a value is set: in the run if it overrides the job, else in the job."""
     runs = value_at(data, ("runs",))
     if keys[0] == "runs" and isinstance(runs, Mapping) and (len(keys) < 2 or keys[1] not in runs):
         names = [str(x) for x in runs]
-        hint = suggest("".join(map(str, keys[1:2])), names, f"it has {', '.join(names)}.")
+        hint = suggest("".join(map(str, keys[1:2])), names, f"the runs are {', '.join(names)}.")
         raise InvalidInput(f"{'.'.join(map(str, keys))} names no run of the job: {hint}")
     if run is not None and keys[0] in IN_RUN:
         value = value_at(data, ("runs", run, keys[0]))
@@ -85,7 +88,7 @@ def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
             keys = ("runs", run, *keys)
     numbered: list[Any] = []
     for part in keys:
-        # A number is a position in a list, or a key of a mapping, unless that has such a text.
+        # Digits are a list index or an integer key, unless the mapping has them as a text key.
         named = isinstance(data, Mapping) and part in data
         whole = type(part) is str and part.isdecimal() and not named
         numbered.append(int(part) if whole else part)
@@ -94,61 +97,63 @@ def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
 
 
 def resolve_patch(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
-    """The changes of a job file that a patch makes."""
-    return _resolved(data, patch, run)[1]
+    """Changes of a job file that apply a patch; `run` selects the run that the patch changes."""
+    return _resolve(data, patch, run)[1]
 
 
 def apply_patch(data: Any, patch: Patch, run: str | None = None) -> Any:
-    """The data of a job file with the values of a patch; the given data stay as they are."""
-    return _resolved(data, patch, run)[0]
+    """Copy of the data of a job file with a patch applied."""
+    return _resolve(data, patch, run)[0]
 
 
 def write_patch(text: str, patch: Patch, source: str = "job") -> str:
-    """A job file with the values of a patch; its comments stay."""
+    """Text of a job file with a patch applied; comments do not change."""
     return change_text(text, resolve_patch(load(text, source), patch), source)
 
 
 def arm_keys(arm: str) -> dict[str, str]:
-    """The keys of an arm that is given by its name or its file alone."""
+    """Mapping of the key `arm` for its short form, a built-in name or a file name."""
     return {"file" if arm.lower().endswith(ARM_FILES) else "name": arm}
 
 
-def _resolved(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Change]]:
-    """The data with the values of a patch, and the changes that lead there."""
+def _resolve(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Change]]:
+    """Data with a patch applied, and the changes that apply it."""
     changes: list[Change] = []
-    for keys in sorted(patch, key=_rank):
-        added = list(_changes(keys, patch[keys], data, run))
+    for keys in sorted(patch, key=_sort_key):
+        added = list(_changes_of_value(keys, patch[keys], data, run))
         data = change_data(data, added)
         changes += added
     return data, changes
 
 
-def _rank(keys: Keys) -> tuple[bool, bool, int]:
-    """The order in which keys are set: those that others depend on first, such as methods."""
+def _sort_key(keys: Keys) -> tuple[bool, bool, int]:
+    """Sort key for the order of changes; keys that others depend on, such as methods, are first."""
     *_, outer, key = ("", *keys)
     depends = any(key in names for (x, _), names in CHOICES.items() if x == outer)
     return len(keys) > 1, outer == "corners", 2 * depends + (keys[-2:] in CHOICES)
 
 
-def _changes(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Change]:
-    """The changes that one value makes."""
+def _changes_of_value(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Change]:
+    """Yield the changes that set one value of a patch, in the job and in its runs."""
     runs = value_at(data, ("runs",))
     if run is not None or keys[0] not in IN_RUN or not isinstance(runs, Mapping):
-        yield from _set(locate_key(keys, data, run), value, data)
+        yield from _set_value(locate_key(keys, data, run), value, data)
     elif keys[0] == "corners" and (keys[1:] == ("shape",) or keys[1:] and keys[1] in SHAPE_OPTIONS):
-        yield from _rounded(keys, value, data, runs)
+        yield from _set_corner_option(keys, value, data, runs)
     else:
         if keys[0] in IN_JOB:
-            yield from _set(locate_key(keys, data), value, data)
+            yield from _set_value(locate_key(keys, data), value, data)
         for name in runs:
             keys_of_run = locate_key(keys, data, name)
             replaces = keys_of_run[0] == "runs" and value_at(data, keys_of_run) is not None
             if replaces or keys[0] not in IN_JOB:
-                yield from _set(keys_of_run, value, data)
+                yield from _set_value(keys_of_run, value, data)
 
 
-def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iterator[Change]:
-    """The changes that a shape of the corners makes, in all runs that can have it."""
+def _set_corner_option(
+    keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]
+) -> Iterator[Change]:
+    """Yield the changes that set an option of the corner shape, in all runs that allow it."""
     refused = True
     for name in runs:
         inherited = locate_key(("corners",), data, name)
@@ -163,17 +168,17 @@ def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iter
             copy = Change(keys_of_run, dict(corners))
             yield copy
             data = change_data(data, [copy])
-        yield from _set((*keys_of_run, *keys[1:]), value, data)
+        yield from _set_value((*keys_of_run, *keys[1:]), value, data)
     if refused:
         raise InvalidInput(
-            f"No run takes {'.'.join(map(str, keys))}, which goes with rounded corners and the "
-            "timing optimal: give a run timing: {method: optimal}, or set corners.tolerance if "
-            "only the corners are missing."
+            f"{'.'.join(map(str, keys))} requires a run with rounded corners and the timing "
+            "method optimal, but the job has no such run. Write timing: {method: optimal} in a "
+            "run, or set corners.tolerance if only the corners are missing."
         )
 
 
-def _set(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
-    """The changes that a value makes at its keys."""
+def _set_value(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
+    """Yield the changes that set a value at a key path and remove keys that it makes invalid."""
     for k in range(1, len(keys)):
         outer_value, inner = value_at(data, keys[:k]), keys[k:]
         # A short form, such as `arm: ur5e`, is replaced by a mapping that has the new key.
@@ -193,12 +198,12 @@ def _set(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
         ):
             outer = ".".join(map(str, keys[:k]))
             raise InvalidInput(
-                f"{outer} is {show(outer_value)} there, which has no key {keys[k]}: give {outer} "
-                "whole."
+                f"{outer} is {show(outer_value)}, which has no key {keys[k]}. Set the whole value "
+                f"of {outer}."
             )
     old = value_at(data, keys)
     if keys == ("path", "layers") and isinstance(old, Mapping) and isinstance(value, list):
-        # Chosen layers keep their speeds and tolerances.
+        # Selected layers keep their speeds and tolerances.
         value = {name: old.get(name) or {} for name in map(str, value)}
     yield Change(keys, value)
     siblings = value_at(data, keys[:-1])

@@ -1,8 +1,8 @@
-"""Result folders: written completely or not at all; files of other programs stay.
+"""Result folders, which are written completely or not at all; other files do not change.
 
-A result is written to a hidden folder first, then renamed. An earlier result is moved aside before,
-and removed after. Its summary is moved first, and the new summary last: a folder without
-`summary.json` has no complete result.
+A result is first written to a hidden folder. Then an earlier result is moved aside, the new result
+is moved to its place, and the earlier result is deleted. The summary of the earlier result is moved
+first and the new summary last, so that a folder without `summary.json` has no complete result.
 """
 
 from __future__ import annotations
@@ -28,26 +28,27 @@ def to_json(data: Any) -> str:
 
 
 def data_json(data: Data) -> str:
-    """A result as the text of a file, in SI units."""
+    """JSON text of a result, in SI units."""
     return to_json(render.plain(data))
 
 
 SUMMARY = "summary.json"
-# Names and checksums of the written files: --force removes only files with these checksums.
+# File with the names and checksums of the written files. --force removes only files with these
+# checksums.
 MANIFEST = ".armcontour.json"
-# Largest number of files in a message.
+# Maximum number of files that a message lists.
 MAX_NAMED = 3
 
 
 class ResultFolder:
-    """A result folder: collects files in a hidden folder and moves them in place at the end.
+    """Writer of a result folder, which collects files in a hidden folder and moves them at the end.
 
     Use it as a context manager; the files are moved only if no error occurs.
 
     Args:
         folder: The destination.
-        force: Whether an earlier result may be replaced, if its files did not change since this
-            program wrote them. Other files and folders next to them stay.
+        force: Whether an earlier result may be replaced, if its files have not changed since this
+            program wrote them. Other files and folders do not change.
         replaces: Name of a kind of result, such as "demo". An earlier result of the same kind may
             be replaced without `force`.
 
@@ -56,7 +57,7 @@ class ResultFolder:
         files: Names of the files written so far, relative to the folder.
 
     Raises:
-        InvalidInput: The folder holds other files, another run is writing to the folder, or the
+        InvalidInput: The folder has other files, another run is writing to the folder, or the
             folder cannot be written.
     """
 
@@ -65,7 +66,7 @@ class ResultFolder:
         self.files: list[str] = []
         self._force, self._kind = force, replaces
         if os.path.lexists(folder) and not folder.is_dir():
-            raise InvalidInput(f"{folder} is not a folder: choose another --out.")
+            raise InvalidInput(f"{folder} is not a folder. Choose another --out.")
         try:
             self._target = folder.resolve()
             self._staging = staging.Staging(_staging_place(self._target), folder)
@@ -80,15 +81,15 @@ class ResultFolder:
 
     @property
     def scratch(self) -> FilePath:
-        """A folder for temporary files, removed at the end also after an error."""
-        return self._made("scratch")
+        """Folder for temporary files; removed at the end, even after an error."""
+        return self._staging_folder("scratch")
 
     @property
     def _new(self) -> FilePath:
-        return self._made("new")
+        return self._staging_folder("new")
 
-    def _made(self, name: str) -> FilePath:
-        """A folder in the staging folder."""
+    def _staging_folder(self, name: str) -> FilePath:
+        """Path of a folder in the staging folder, which is created if it does not exist."""
         folder = self._staging.folder / name
         folder.mkdir(exist_ok=True)
         return folder
@@ -97,11 +98,11 @@ class ResultFolder:
         return self
 
     def write(self, name: str, text: str) -> None:
-        """Write one file, by its name relative to the folder."""
+        """Write a text file with a name relative to the result folder."""
         self.place(name, lambda file: file.write_text(text, encoding="utf-8"))
 
     def place(self, name: str, write: Callable[[FilePath], object]) -> None:
-        """Let a function write one file, or a folder of files.
+        """Write a file or a folder of files by a function.
 
         Args:
             name: Name of the file or folder, relative to the result folder.
@@ -119,14 +120,14 @@ class ResultFolder:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             if kind is None:
-                self._put_in_place()
+                self._move_to_destination()
         except OSError as error:
             raise self._unwritable(error) from None
         finally:
             self._staging.remove()
 
     def _find_earlier(self) -> list[str]:
-        """Names of the files and folders of the earlier result in the destination."""
+        """Names of the files and folders of an earlier result, which may be replaced."""
         hidden = staging.inside(self._target).name
         present = _names_in(self._target) - {hidden}
         if not present:
@@ -134,13 +135,13 @@ class ResultFolder:
         manifest = _manifest(self._target)
         if not self._force and not (self._kind and manifest.get("kind") == self._kind):
             raise InvalidInput(
-                f"The folder {self.folder} is not empty: choose another --out, or replace an "
+                f"The folder {self.folder} is not empty. Choose another --out, or replace an "
                 "earlier result with --force."
             )
         if not manifest:
             raise InvalidInput(
-                f"The folder {self.folder} is not empty and holds no result of armcontour, so "
-                "--force removes nothing there: choose another --out."
+                f"The folder {self.folder} has files, but no result of armcontour, so that --force "
+                "cannot replace them. Choose another --out."
             )
         written = manifest["files"]
         names = present & {MANIFEST, *(x.split("/")[0] for x in written)}
@@ -148,14 +149,14 @@ class ResultFolder:
         changed = [x for x in files if not _is_unchanged(self._target / x, written.get(x))]
         if changed:
             raise InvalidInput(
-                f"In the folder {self.folder}, {list_some(sorted(changed), MAX_NAMED)} changed "
-                "since armcontour wrote the result, or are not of it: move them elsewhere, or "
+                f"The folder {self.folder} has files that armcontour did not write or that have "
+                f"changed since: {list_some(sorted(changed), MAX_NAMED)}. Move them elsewhere, or "
                 "choose another --out."
             )
-        # The summary marks a complete result, so it is moved first.
+        # The summary marks a complete result, so that it is moved away first.
         return sorted(names, key=lambda x: x != SUMMARY)
 
-    def _put_in_place(self) -> None:
+    def _move_to_destination(self) -> None:
         """Write the manifest and move all files to the destination."""
         checksums = {x: _checksum(self._new / x) for x in self.files}
         data = {"armcontour": __version__, "kind": self._kind, "files": checksums}
@@ -166,13 +167,13 @@ class ResultFolder:
             self._staging.move([(self._new, self._target)])
             return
         earlier = self._find_earlier()
-        old = self._made(staging.OLD)
+        old = self._staging_folder(staging.OLD)
         fresh = sorted(_names_in(self._new), key=lambda x: x == SUMMARY)
         foreign = [x for x in fresh if os.path.lexists(self._target / x) and x not in earlier]
         if foreign:
             raise InvalidInput(
-                f"Cannot write {self.folder / foreign[0]}: armcontour did not write what has that "
-                "name. Move it elsewhere, or choose another --out."
+                f"Cannot write {self.folder / foreign[0]}, because armcontour did not write the "
+                "existing file or folder of this name. Move it elsewhere, or choose another --out."
             )
         aside = [(self._target / x, old / x) for x in earlier]
         self._staging.move([*aside, *((self._new / x, self._target / x) for x in fresh)])
@@ -182,7 +183,7 @@ class ResultFolder:
 
 
 def _staging_place(target: FilePath) -> FilePath:
-    """The staging folder: inside a destination that exists, else in the nearest folder above."""
+    """Path of the staging folder: in an existing destination, else in the nearest parent folder."""
     if target.is_dir():
         return staging.inside(target)
     above = next(x for x in target.parents if x.exists())
@@ -190,13 +191,13 @@ def _staging_place(target: FilePath) -> FilePath:
 
 
 def _names_in(folder: FilePath) -> set[str]:
-    """Names of the files and folders in a folder; none if there is no folder."""
+    """Names of the files and folders in a folder; empty if the folder does not exist."""
     return {x.name for x in folder.iterdir()} if folder.is_dir() else set()
 
 
 def _files_below(folder: FilePath, name: str) -> list[str]:
-    """Names, relative to a folder, of a file in it or of all files below a folder in it."""
-    # Links count as files.
+    """Names, relative to `folder`, of the file `name` or of all files in the folder `name`."""
+    # Symbolic links count as files.
     location = folder / name
     if location.is_symlink() or not location.is_dir():
         return [name]
@@ -204,7 +205,7 @@ def _files_below(folder: FilePath, name: str) -> list[str]:
 
 
 def _manifest(folder: FilePath) -> dict[str, Any]:
-    """The manifest in a folder; empty without a valid one of this program."""
+    """Data of the manifest in a folder; empty if it has no valid manifest of this program."""
     try:
         data = json.loads(file_access.read_text(folder / MANIFEST, "list of files"))
     except (InvalidInput, ValueError, RecursionError):
@@ -214,36 +215,37 @@ def _manifest(folder: FilePath) -> dict[str, Any]:
 
 
 def kind_of(folder: FilePath) -> str:
-    """Kind of the result in a folder; empty without one of a kind."""
+    """Kind of the result in a folder, such as "demo"; empty if it has no result with a kind."""
     return str(_manifest(folder).get("kind", ""))
 
 
 def verify_file(folder: FilePath, name: str) -> FilePath:
-    """The path of a file of a result, if armcontour wrote the file and it did not change."""
+    """Path of a file of a result; InvalidInput if armcontour did not write it or it changed."""
     written = _manifest(folder).get("files", {})
     if SUMMARY not in written:
         raise InvalidInput(
-            f"{folder} holds no result: name the folder that --out of run, certify or learn made."
+            f"{folder} has no result. Specify a folder that run, certify or learn wrote (--out)."
         )
     if name not in written:
         raise InvalidInput(
-            f"The result in {folder} has no {name}: a run with --no-simulation and --export "
-            "writes only the exports."
+            f"The result in {folder} has no {name}. A run with --no-simulation and --export writes "
+            "only the exports."
         )
     if not _is_unchanged(folder / name, written[name]):
         raise InvalidInput(
-            f"{folder / name} changed since armcontour wrote it, or is gone: run the job again."
+            f"{folder / name} has changed since armcontour wrote it, or does not exist. Run the "
+            "job again."
         )
     return folder / name
 
 
 def _is_unchanged(file: FilePath, checksum: object) -> bool:
-    """True if a file is a regular file with a checksum."""
+    """True if a file is a regular file with the given checksum."""
     return bool(checksum) and _checksum(file) == checksum
 
 
 def _checksum(file: FilePath) -> str:
-    """The SHA-256 of a regular file; empty for links and for anything else."""
+    """SHA-256 of a regular file in hexadecimal; empty for links and if it is not a regular file."""
     no_link = getattr(os, "O_NOFOLLOW", 0)
     try:
         stream = open(

@@ -1,4 +1,4 @@
-"""Files about one robot: limits, an identified arm and its servo."""
+"""Files of limits, of an identified arm, and of an identified servo."""
 
 from __future__ import annotations
 
@@ -39,26 +39,25 @@ class LimitsFile(Limits):
 def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
     """Read limits from a YAML file.
 
-    Limits that are not in the file are the arm's own; infinity lifts a limit, as in a job file.
+    Limits that are not in the file are those of the arm. Infinity removes a limit, as in a job
+    file.
 
     Returns:
         The limits, and the largest deviation from the path [m] and from the required orientation
-        [rad]; None if the file gives none.
+        [rad]; None if the file does not specify it.
 
     Raises:
-        InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.
+        InvalidInput: The file does not exist, is not YAML, or has an unknown key or invalid value.
     """
     location = FilePath(file)
     text = read_text(location, "limits file")
     data = load(text, location.name)
     if not isinstance(data, dict):
-        raise InvalidInput(
-            f"{location.name} must hold a mapping of limits such as speed: 0.15 m/s."
-        )
+        raise InvalidInput(f"{location.name} must be a mapping of limits such as speed: 0.15 m/s.")
     if "joint_limits" in data:
         raise InvalidInput(
-            f"{location.name} is a file of joint limits of MoveIt, which belongs to the arm: give "
-            "it with --joint-limits."
+            f"{location.name} has joint limits of MoveIt, which belong to the arm. Specify it with "
+            "--joint-limits."
         )
     specified = read_keys(SpecifiedKeys(LimitsFile), data, location.name)
     deviations = [specified.pop(name, None) for name in ("deviation", "orientation_deviation")]
@@ -70,9 +69,9 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
 def robot_yaml(
     identification: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath
 ) -> str:
-    """The identified arm as an arm file: another arm, with payload, friction and drive inertias."""
+    """Arm file of an identified arm: the nominal arm with other payload, friction and armature."""
     chain = identification.arm.dynamics.chain
-    base: Any = arm if isinstance(arm, str) else _relative(arm, folder)
+    base: Any = arm if isinstance(arm, str) else _relative_files(arm, folder)
     page: dict[str, Any] = {
         "name": identification.arm.name,
         "kind": "derived",
@@ -100,39 +99,39 @@ def robot_yaml(
 
 
 def robot_servo_yaml(identification: BodyIdentification) -> str:
-    """The key `servo` of a job file, with identified values."""
+    """YAML text of the key `servo` of a job file, identified together with the arm's bodies."""
     servo = identification.servo_model()
     lines = [
-        f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
-        "file, with robot.yaml as its arm.",
-        "# inertia is J, by which the controller scales its loops: a log shows only its products "
-        "with gains.",
+        f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "
+        "job file whose arm is robot.yaml.",
+        "# inertia is J, by which the controller scales its loops. A log determines only products "
+        "of J and gains.",
         *(f"# {joint.name}: {_ranges((joint.kp, joint.kv))}" for joint in identification.joints),
         "servo:",
         "  order: second",
-        f"  kp: {_list(servo.kp)}    # 1/s",
-        f"  kv: {_list(servo.kv)}    # 1/s",
-        f"  inertia: {_list(servo.inertia)}    # kg m^2",
-        f"  dead_time: {_list(servo.for_joints(len(identification.joints)).dead_time)}    # s",
+        f"  kp: {_yaml_list(servo.kp)}    # 1/s",
+        f"  kv: {_yaml_list(servo.kv)}    # 1/s",
+        f"  inertia: {_yaml_list(servo.inertia)}    # kg m^2",
+        f"  dead_time: {_yaml_list(servo.for_joints(len(identification.joints)).dead_time)}    # s",
         f"  interpolation: {servo.interpolation}",
     ]
     return "\n".join(lines) + "\n"
 
 
 def read_servo(file: FilePath, dof: int) -> ServoModel:
-    """The key `servo` of a YAML file, such as a job file or an identified servo.yaml."""
+    """Read the key `servo` of a YAML file, such as a job file or an identified servo.yaml."""
     data = load(read_text(file, "servo file"), file.name)
     if not isinstance(data, dict) or not isinstance(data.get("servo"), dict):
         raise InvalidInput(
-            f"{file.name} has no key servo with gains: give a job file, or the servo.yaml of an "
+            f"{file.name} has no key servo with gains. Specify a job file, or the servo.yaml of an "
             "identification."
         )
     servo: ServoModel = read_keys(MappingKeys(ServoModel), data["servo"], f"{file.name}: servo")
     return servo.for_joints(dof)
 
 
-def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
-    """Files of an arm relative to a folder."""
+def _relative_files(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
+    """Keys of an arm with its file names converted to be relative to a folder."""
     files = ("file", "joint_limits")
     return {
         key: FilePath(os.path.relpath(value, folder)).as_posix() if key in files else value
@@ -141,15 +140,15 @@ def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
 
 
 def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """A quantity of an arm file, whose source states the interval of each value."""
+    """Quantity of an arm file; its source contains the confidence interval of each estimate."""
     source = "nominal"
     if any(x.determined for x in estimates):
         source = f"identified, 95 % intervals: {_ranges(estimates)}"
     return {"value": jsonable(values), "unit": unit, "source": source}
 
 
-def _list(values: Any) -> str:
-    """Numbers as a list in YAML."""
+def _yaml_list(values: Any) -> str:
+    """Text of numbers as a list in YAML."""
     return "[" + ", ".join(f"{float(x):.9g}" for x in values) + "]"
 
 
@@ -159,8 +158,8 @@ def _ranges(estimates: Sequence[Estimate]) -> str:
     )
 
 
-# Parameters with one value per joint in a servo file, with their units.
-LISTS = {
+# Parameters with one value per joint in a servo file, and their comments (unit and meaning).
+JOINT_PARAMETERS = {
     "kp": "1/s",
     "kv": "1/s",
     "ki": "1/s",
@@ -168,30 +167,30 @@ LISTS = {
     "acceleration_feedforward": "",
     "friction": "rad",
     "dead_time": "s",
-    "acceleration_limit": "rad/s^2; none: it never saturates",
+    "acceleration_limit": "rad/s^2; none means no saturation",
     "model_error": "rad, largest error on motion that was not fitted",
-    "logged_velocity": "rad/s, largest one of that motion",
-    "logged_acceleration": "rad/s^2",
+    "logged_velocity": "rad/s, largest velocity of this motion",
+    "logged_acceleration": "rad/s^2, largest acceleration of this motion",
 }
-# Parameters with one value.
-SINGLE = {
-    "contour_ratio": "contour error with compensation over without, on motion that was not fitted",
-    "programs": "programs on which it was determined",
+# Parameters with one value for all joints, and their comments.
+SCALAR_PARAMETERS = {
+    "contour_ratio": "contour error with / without compensation, on motion that was not fitted",
+    "programs": "number of programs from which contour_ratio was determined",
     "drive_cycle": "s",
 }
 
 
 def servo_yaml(identification: Identification) -> str:
-    """The key `servo` of a job file, with identified values."""
+    """YAML text of the key `servo` of a job file, with identified values and their intervals."""
     servo = identification.servo_model()
     lines = [
-        f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
-        "file.",
+        f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "
+        "job file.",
         *(
             f"# {x.note}"
             if x.note
             else f"# {x.name}: {'effective ' * x.effective}"
-            + "; ".join(map(_comment_on, x.estimates))
+            + "; ".join(map(_estimate_text, x.estimates))
             for x in identification.joints
         ),
         *(f"# {x.saturation}" for x in identification.joints if x.saturation),
@@ -202,27 +201,27 @@ def servo_yaml(identification: Identification) -> str:
 
 
 def servo_values(identification: Identification) -> dict[str, Any]:
-    """The values of the key `servo` of a job file, as `servo_yaml` writes them."""
+    """Values of the key `servo` of a job file, as `servo_yaml` writes them."""
     return dict(load(servo_yaml(identification), "servo")["servo"])
 
 
 def servo_lines(servo: ServoModel, dof: int) -> list[str]:
-    """The key `servo` with one value per joint, as lines of YAML."""
+    """Lines of YAML with the key `servo`, with one value per joint."""
     orders = [servo.order] * dof if isinstance(servo.order, str) else servo.order
     lines = ["servo:", f"  order: [{', '.join(orders)}]"]
-    for name, unit in LISTS.items():
+    for name, unit in JOINT_PARAMETERS.items():
         values = getattr(servo, name)
         if values is not None:
             listed = ["none" if math.isinf(x) else f"{float(x):.6g}" for x in values]
             lines.append(f"  {name}: [{', '.join(listed)}]{f'    # {unit}' if unit else ''}")
-    for name, unit in SINGLE.items():
+    for name, unit in SCALAR_PARAMETERS.items():
         if (value := getattr(servo, name)) is not None:
             lines.append(f"  {name}: {value:.6g}    # {unit}")
     return [*lines, f"  interpolation: {servo.interpolation}"]
 
 
-def _comment_on(estimate: Estimate) -> str:
-    """Comment with the value and the range of an estimate."""
+def _estimate_text(estimate: Estimate) -> str:
+    """Text with the value and the interval of an estimate, for a comment."""
     if not estimate.determined:
         return f"{estimate.label} not determined"
     return f"{estimate.label} {figure(estimate.row)} {estimate.row.note}".rstrip()

@@ -1,4 +1,4 @@
-"""Read joint trajectories and logs of ROS: a JointTrajectory as YAML, or messages of a bag."""
+"""Readers of joint trajectories and logs of ROS, from YAML and from messages in a bag."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from armcontour.files.joint_table import TrajectoryFile, tidy_times
 from armcontour.motion.log_checks import describe_match, match_joints
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-# Goals of actions as ROS 1 and 2 record them.
-GOALS = tuple(
+# Message types of action goals, as ROS 1 and 2 record them.
+GOAL_TYPES = tuple(
     f"{package}/{'action' if '_' in end else 'msg'}/{name}{end}"
     for package, name in (
         ("control_msgs", "FollowJointTrajectory"),
@@ -33,28 +33,34 @@ GOALS = tuple(
     )
     for end in ("ActionGoal", "Goal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
 )
-# Messages that have a trajectory, and the fields of goals and messages that lead to it.
-AROUND = ("moveit_msgs/msg/RobotTrajectory", "moveit_msgs/msg/DisplayTrajectory", *GOALS)
-LEADING = ("request", "goal", "trajectory", "joint_trajectory")
+# Message types that contain a JointTrajectory.
+CONTAINER_TYPES = (
+    "moveit_msgs/msg/RobotTrajectory",
+    "moveit_msgs/msg/DisplayTrajectory",
+    *GOAL_TYPES,
+)
+# Fields of these messages that contain the JointTrajectory, directly or in further fields.
+INNER_FIELDS = ("request", "goal", "trajectory", "joint_trajectory")
 EVENT = "_SendGoal_Event"
 STATE = "sensor_msgs/msg/JointState"
 CONTROLLER = "control_msgs/msg/JointTrajectoryControllerState"
-# Names of command and measurement in a controller's state, in newer and older releases of ROS 2.
+# Names of the fields of command and measurement in the state of a controller, in newer and older
+# releases of ROS 2.
 COMMANDS = ("reference", "desired")
 MEASUREMENTS = ("feedback", "actual")
-# Fields of times in ROS 2 and 1.
+# Names of the fields of a time in ROS 2 and ROS 1.
 STAMPS = (("sec", "nanosec"), ("secs", "nsecs"))
 YAMLS = (".yaml", ".yml")
 BAGS = (".mcap", ".db3")
 ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
-# Only one bag may replace the decompression of rosbags.
+# Lock for the replacement of the decompression functions of rosbags, which are global.
 _rosbags = threading.Lock()
-# Times of ROS are whole nanoseconds [s].
+# Resolution of times in ROS [s].
 NANOSECOND = 1e-9
 
 
 def is_ros_file(file: str | FilePath) -> bool:
-    """True if the name of a file or folder is one of ROS."""
+    """True if a path is a folder, or a file with an extension of ROS (YAML or bag)."""
     location = FilePath(file)
     return location.is_dir() or location.suffix.lower() in (*YAMLS, *BAGS)
 
@@ -62,18 +68,18 @@ def is_ros_file(file: str | FilePath) -> bool:
 def read_ros_motion(
     file: FilePath, joint_names: Sequence[str], topic: str | None, names: str | None = None
 ) -> TrajectoryFile:
-    """Read the motion of some joints."""
-    called = _renaming(file.name, names)
+    """Read the motion of joints from YAML or a bag; `names` renames joints of the file."""
+    called = _joint_renamer(file.name, names)
     if file.suffix.lower() in YAMLS and not file.is_dir():
         if topic is not None:
-            raise InvalidInput(f"{file.name} is YAML, which has no topics: remove --topic.")
+            raise InvalidInput(f"{file.name} is a YAML file, which has no topics. Remove --topic.")
         return _read_yaml(file, joint_names, called)
-    kind, messages = _read_bag(file, (TRAJECTORY, *AROUND, CONTROLLER, STATE), topic)
-    if kind in (TRAJECTORY, *AROUND):
+    kind, messages = _read_bag(file, (TRAJECTORY, *CONTAINER_TYPES, CONTROLLER, STATE), topic)
+    if kind in (TRAJECTORY, *CONTAINER_TYPES):
         if len(messages) > 1:
             raise InvalidInput(
-                f"{file.name} holds more than one {kind.rpartition('/')[2]} message: record one "
-                "per bag."
+                f"{file.name} has more than one {kind.rpartition('/')[2]} message. Record one "
+                "message per bag."
             )
         message = _trajectory_in(file.name, messages[0][1])
         return _join_points(file.name, called(message.joint_names), message.points, joint_names)
@@ -83,7 +89,7 @@ def read_ros_motion(
     if not any(orders):
         raise InvalidInput(_describe_missing(file.name, every[0], requested))
     some = [i for i, x in enumerate(orders) if x]
-    return _tidy(
+    return _make_motion(
         file.name,
         [messages[i] for i in some],
         _stack(
@@ -99,24 +105,24 @@ def read_ros_motion(
     )
 
 
-def _renaming(source: str, names: str | None) -> Callable[[Sequence[str]], tuple[str, ...]]:
-    """A function that renames joints."""
+def _joint_renamer(source: str, names: str | None) -> Callable[[Sequence[str]], tuple[str, ...]]:
+    """Function that renames joints by the value of the option --columns."""
     if names is not None and "=" not in names:
         raise InvalidInput(
-            f"{source} is a file of ROS, which has no columns to name: --columns can only rename "
-            "its joints, such as 'elbow_joint=left_elbow_joint'."
+            f"{source} is a file of ROS, which has no columns. --columns can only rename its "
+            "joints, such as 'elbow_joint=left_elbow_joint'."
         )
     return lambda x: tuple(x) if names is None else rename(tuple(x), names, source)
 
 
-def _tidy(
+def _make_motion(
     source: str,
     messages: Sequence[tuple[int, Any]],
     arrays: dict[str, FloatArray],
     names: Sequence[str],
     notes: Sequence[str],
 ) -> TrajectoryFile:
-    """The motion of messages with stamps, without repeated messages."""
+    """Motion of messages with time stamps, without repeated messages."""
     values = np.concatenate(list(arrays.values()), axis=1)
     t, rows, time_notes = tidy_times(
         _times([_stamp(x) for x in messages]), values, NANOSECOND, source
@@ -133,21 +139,21 @@ def _tidy(
 
 
 def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) -> TrajectoryFile:
-    """Read commands and measured positions from the state of a controller in a bag."""
+    """Read commands and measured positions from the controller states in a bag."""
     if file.suffix.lower() in YAMLS and not file.is_dir():
         raise InvalidInput(
-            f"{file.name} is YAML, but a log needs commands and measured positions: record the "
+            f"{file.name} is YAML, but a log needs commands and measured positions. Record the "
             "topic controller_state of the joint trajectory controller in a bag, or write CSV."
         )
-    called = _renaming(file.name, names)
+    called = _joint_renamer(file.name, names)
     _, messages = _read_bag(file, (CONTROLLER,), topic)
     joints = called(messages[0][1].joint_names)
-    orders = [_order(file.name, called(x[1].joint_names), joints) for x in messages]
+    orders = [_joint_indices(file.name, called(x[1].joint_names), joints) for x in messages]
     arrays = {}
     for role, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
         parts = [_point(x[1], fields) for x in messages]
         arrays[role] = _stack(file.name, parts, orders, ("q",))["q"]
-    return _tidy(file.name, messages, arrays, joints, ())
+    return _make_motion(file.name, messages, arrays, joints, ())
 
 
 def _read_yaml(
@@ -155,14 +161,15 @@ def _read_yaml(
     joint_names: Sequence[str],
     called: Callable[[Sequence[str]], tuple[str, ...]],
 ) -> TrajectoryFile:
-    """A JointTrajectory in YAML, in the form of `ros2 topic echo`, or a message with one."""
-    # The output of `echo` ends with a document separator.
+    """Read a YAML file in the form of `ros2 topic echo` that contains a JointTrajectory."""
+    # The output of `ros2 topic echo` ends with a document separator.
     text = read_text(file, "trajectory file").rstrip().removesuffix("---")
     data = _trajectory_in(file.name, yaml_loader.load(text, file.name))
     if not isinstance(data, dict) or not {"joint_names", "points"} <= set(data):
         raise InvalidInput(
-            f"{file.name} is no JointTrajectory, nor a goal or a message with one: that needs the "
-            "keys joint_names and points, with positions and time_from_start in each point."
+            f"{file.name} has no JointTrajectory. It must be a JointTrajectory, or a message or "
+            "goal that contains one, with the keys joint_names and points, and with positions and "
+            "time_from_start in each point."
         )
     if not isinstance(data["points"], list) or not isinstance(data["joint_names"], list):
         raise InvalidInput(f"{file.name}: joint_names and points must be lists.")
@@ -172,15 +179,15 @@ def _read_yaml(
 
 
 def _trajectory_in(source: str, data: Any) -> Any:
-    """The JointTrajectory in a goal or a message, or the data itself."""
+    """JointTrajectory in a message or goal; `data` itself if it contains no field LEADING."""
     if isinstance(data, list):
         if len(data) > 1:
             raise InvalidInput(
-                f"{source} holds {len(data)} trajectories, but a check takes one: write them "
+                f"{source} has {len(data)} trajectories, but a file must have only one. Write them "
                 "to separate files."
             )
         return _trajectory_in(source, data[0]) if data else data
-    for name in LEADING:
+    for name in INNER_FIELDS:
         inner = data.get(name) if isinstance(data, dict) else getattr(data, name, None)
         if inner is not None:
             return _trajectory_in(source, inner)
@@ -188,13 +195,13 @@ def _trajectory_in(source: str, data: Any) -> Any:
 
 
 class _Point:
-    """A point of a trajectory in YAML, with the attributes of a message."""
+    """Point of a trajectory in YAML, with the attributes of a JointTrajectoryPoint message."""
 
     def __init__(self, source: str, number: int, data: Any) -> None:
         location = f"{source}, point {number}"
         if not isinstance(data, dict):
             raise InvalidInput(
-                f"{location}: it must have positions and time_from_start, not {show(data)}."
+                f"{location}: a point must have positions and time_from_start, but is {show(data)}."
             )
         for name in ARRAYS.values():
             values = data.get(name) or ()
@@ -203,7 +210,7 @@ class _Point:
             )
             if None in numbers:
                 raise InvalidInput(
-                    f"{location}: {name} must be a list of numbers, not {show(values)}."
+                    f"{location}: {name} must be a list of numbers, but is {show(values)}."
                 )
             setattr(self, name, numbers)
         start = data.get("time_from_start")
@@ -211,12 +218,12 @@ class _Point:
         if abs(self.nanoseconds) >= 2**63:
             raise InvalidInput(
                 f"{location}: time_from_start must be a number of seconds, or sec and nanosec "
-                f"(secs and nsecs in ROS 1), within 292 years, not {show(start)}."
+                f"(secs and nsecs in ROS 1), and at most 292 years, but is {show(start)}."
             )
 
 
 def _nanoseconds(start: Any) -> int:
-    """A time in YAML [ns]: in seconds, or in the fields of ROS 1 or 2; too large if it is none."""
+    """Time in YAML [ns], from seconds or from fields of ROS 1 or 2; 2**63 if it is invalid."""
     fields = [start]
     if isinstance(start, dict):
         pair = next((x for x in STAMPS if set(start) == set(x)), None)
@@ -237,15 +244,15 @@ def _join_points(
     *,
     printed: bool = False,
 ) -> TrajectoryFile:
-    """The motion of the points of one trajectory."""
+    """Motion of the points of one trajectory; with `printed` with the resolution of its numbers."""
     if not points:
         raise InvalidInput(f"{source} has a trajectory without points.")
     requested = tuple(joint_names) or tuple(names)
-    order = _order(source, names, requested)
+    order = _joint_indices(source, names, requested)
     notes = tuple(describe_match(names, requested, order))
     arrays: dict[str, Any] = _stack(source, points, [order] * len(points))
     times = [_duration(x) for x in points]
-    digits = {x: _digit(values) for x, values in arrays.items()} if printed else {}
+    digits = {x: _last_digit(values) for x, values in arrays.items()} if printed else {}
     return TrajectoryFile(
         source=source,
         joints=requested,
@@ -256,8 +263,8 @@ def _join_points(
     )
 
 
-def _digit(values: FloatArray) -> float:
-    """Value of the last printed digit of numbers, as the shortest text of each has it."""
+def _last_digit(values: FloatArray) -> float:
+    """Value of the last printed digit of numbers, if each is printed in its shortest form."""
     digits = Digits()
     digits.add([repr(x) for x in values.ravel().tolist()])
     return last_digit([digits])
@@ -269,7 +276,10 @@ def _stack(
     orders: Sequence[list[int]],
     kinds: Sequence[str] = tuple(ARRAYS),
 ) -> dict[str, FloatArray]:
-    """Arrays of the points with joints in the requested order, without kinds that points lack."""
+    """Arrays of points, (n, dof), by kind; omits velocities or accelerations that a point lacks.
+
+    `orders` has for each point the indices of the requested joints.
+    """
     arrays = {}
     for kind in kinds:
         rows = [getattr(x, ARRAYS[kind], ()) for x in points]
@@ -278,8 +288,8 @@ def _stack(
         for number, (row, order) in enumerate(zip(rows, orders, strict=True), start=1):
             if len(row) <= max(order):
                 raise InvalidInput(
-                    f"{source}, sample {number}: {len(row)} {ARRAYS[kind]}, but at least "
-                    f"{max(order) + 1} joints are named: record all of them.",
+                    f"{source}, sample {number}: the message has {len(row)} {ARRAYS[kind]}, but "
+                    f"needs at least {max(order) + 1}, one per joint name.",
                     index=number - 1,
                 )
         arrays[kind] = np.array(
@@ -288,8 +298,8 @@ def _stack(
     return arrays
 
 
-def _order(source: str, names: Sequence[str], requested: Sequence[str]) -> list[int]:
-    """Indices of the requested joints among those of a message."""
+def _joint_indices(source: str, names: Sequence[str], requested: Sequence[str]) -> list[int]:
+    """Index in `names` of each requested joint; InvalidInput if one is missing."""
     order = match_joints(list(names), requested, source)
     if not order:
         raise InvalidInput(_describe_missing(source, names, requested))
@@ -297,34 +307,35 @@ def _order(source: str, names: Sequence[str], requested: Sequence[str]) -> list[
 
 
 def _describe_missing(source: str, names: Sequence[str], requested: Sequence[str]) -> str:
-    """A sentence on joints that a file lacks."""
+    """Message for a file that does not have the requested joints."""
     return (
         f"{source} has the joints {', '.join(map(show, names))}, but "
-        f"{', '.join(map(show, requested)) or 'the names of joints'} are needed: give the arm of "
-        "the file with --arm, or its names to the joints, such as --columns "
-        f"'{requested[0] if requested else 'NAME'}={next(iter(names), 'NAME')}'."
+        f"{', '.join(map(show, requested)) or 'the names of joints'} are required. Specify the arm "
+        "of the file (--arm), or rename the joints (for example with --columns "
+        f"'{requested[0] if requested else 'NAME'}={next(iter(names), 'NAME')}')."
     )
 
 
 def _read_bag(
     file: FilePath, kinds: Sequence[str], topic: str | None
 ) -> tuple[str, list[tuple[int, Any]]]:
-    """Type, and times [ns] with messages, of one topic of a bag."""
+    """Read one topic of a bag; returns the message type, and (time [ns], message) pairs."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise InvalidInput(
-            "Bags of ROS need the library rosbags: pip install 'armcontour[ros]'."
+            "Reading a bag of ROS requires the library rosbags. Install it with pip install "
+            "'armcontour[ros]'."
         ) from None
     _check_size(file)
     unpacker, read = _Unpacker(file.name), _Unpacker(file.name)
     try:
-        # Bags of before 2023 have no message definitions.
+        # Bags recorded before 2023 have no message definitions, so a default is necessary.
         store = get_typestore(Stores.ROS2_HUMBLE)
         with unpacker.installed(), AnyReader([file], default_typestore=store) as reader:
-            # A bag without an index has been unpacked once when it was opened, so the count of
-            # unpacked bytes begins anew.
+            # AnyReader unpacks a bag without an index completely when it opens the bag. The quota
+            # of unpacked bytes starts anew for reading.
             unpacker.remaining = LARGE
             of_topic = {x.topic: x for x in reader.connections}
             used = _choose_topic(
@@ -335,49 +346,52 @@ def _read_bag(
                 (at, reader.deserialize(read.count(raw), connection.msgtype))
                 for connection, at, raw in islice(
                     reader.messages([x for x in reader.connections if x.topic == used]),
-                    # A second trajectory is refused, so further ones are not needed.
-                    2 if kind in (TRAJECTORY, *AROUND) and not kind.endswith(EVENT) else None,
+                    # More than one trajectory is an error, so that two messages are enough.
+                    2
+                    if kind in (TRAJECTORY, *CONTAINER_TYPES) and not kind.endswith(EVENT)
+                    else None,
                 )
             ]
             if kind.endswith(EVENT):
-                # Sent, received, and twice the response, which has no request.
+                # A goal has four events: request sent and received, response sent and received.
+                # The responses have no request.
                 goals = {
                     bytes(x.request[0].goal_id.uuid): (at, x) for at, x in messages if x.request
                 }
                 messages = list(goals.values())
     except InvalidInput:
         raise
-    except Exception as error:  # of damaged bags, rosbags lets errors of its libraries through
+    except Exception as error:  # for damaged bags, rosbags does not catch errors of its libraries
         problem = str(error).strip().rstrip(".") or type(error).__name__
         raise InvalidInput(
             f"{file.name} cannot be read as a bag of ROS 2: {show(problem)}."
         ) from None
     if not messages:
-        raise InvalidInput(f"{file.name}: the topic {show(used)} has no message.")
+        raise InvalidInput(f"{file.name}: the topic {show(used)} has no messages.")
     return kind, messages
 
 
 class _Unpacker:
-    """Decompression with a bound, in place of that of rosbags, which has none."""
+    """Decompression of bags with a bound on the size, which rosbags does not have."""
 
     def __init__(self, source: str) -> None:
         self._source = source
         self.remaining = LARGE
 
     def count(self, data: bytes) -> bytes:
-        """Return unpacked data, unless its size or the size of all data exceeds the bound."""
+        """Count unpacked data and return it; InvalidInput if a bound is exceeded."""
         self.remaining -= len(data)
         if self.remaining < 0 or len(data) > SMALL:
             raise InvalidInput(
-                f"{self._source} unpacks to more than {LARGE / MEGABYTE:.0f} MB, or one of its "
-                f"chunks or messages to more than {SMALL / MEGABYTE:.0f} MB: record only the topic "
-                "that is needed."
+                f"The unpacked size of {self._source} is more than {LARGE / MEGABYTE:.0f} MB, or "
+                f"that of a chunk or message is more than {SMALL / MEGABYTE:.0f} MB. Record only "
+                "the required topic."
             )
         return data
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """Context in which rosbags uses this decompression, for one bag per process."""
+        """Context in which rosbags uses this decompression; a lock allows one bag at a time."""
         import lz4.frame  # type: ignore[import-untyped, unused-ignore]
         import rosbags.rosbag2
 
@@ -408,38 +422,38 @@ class _Unpacker:
 def _check_size(file: FilePath) -> None:
     """Check that a bag exists and is not too large."""
     if not file.exists():
-        raise InvalidInput(f"There is no trajectory file or log {file}.")
+        raise InvalidInput(f"The trajectory file or log {file} does not exist.")
     parts = [x for x in file.iterdir() if x.is_file()] if file.is_dir() else [file]
     size = sum(x.stat().st_size for x in parts)
     if size > LARGE:
         raise InvalidInput(
-            f"{file.name} has {size / MEGABYTE:.0f} MB, more than the {LARGE / MEGABYTE:.0f} MB "
-            "that are read: record only the topic that is needed."
+            f"{file.name} has {size / MEGABYTE:.0f} MB, but at most {LARGE / MEGABYTE:.0f} MB are "
+            "allowed. Record only the required topic."
         )
 
 
 def _choose_topic(
     source: str, types: dict[str, str], kinds: Sequence[str], topic: str | None
 ) -> str:
-    """The topic to read: the given one, or the only one of the first type that a bag has."""
+    """Topic to read: `topic` if specified, or the only topic of the first type in the bag."""
     shown = ", ".join(f"{show(k)} ({x.rpartition('/')[2]})" for k, x in types.items()) or "none"
     names = " or ".join(x.rpartition("/")[2] for x in kinds)
     if topic is not None:
         if types.get(topic) not in kinds:
             raise InvalidInput(
-                f"{source} has no topic {show(topic)} of {names}: its topics are {shown}."
+                f"{source} has no topic {show(topic)} of the type {names}. Its topics are {shown}."
             )
         return topic
     for kind in kinds:
         topics = [x for x, y in types.items() if y == kind]
         if len(topics) > 1:
             raise InvalidInput(
-                f"{source} has several topics of {kind.rpartition('/')[2]}: choose one with "
-                f"--topic ({', '.join(topics)})."
+                f"{source} has several topics of the type {kind.rpartition('/')[2]}. Choose one "
+                f"with --topic ({', '.join(topics)})."
             )
         if topics:
             return topics[0]
-    raise InvalidInput(f"{source} has no topic of {names}: its topics are {shown}.")
+    raise InvalidInput(f"{source} has no topic of the type {names}. Its topics are {shown}.")
 
 
 def _names_of(kind: str, message: Any) -> Sequence[str]:
@@ -448,7 +462,7 @@ def _names_of(kind: str, message: Any) -> Sequence[str]:
 
 
 class _JointState:
-    """A JointState with the attributes of a point; it has no accelerations."""
+    """JointState message with the attributes of a point, without accelerations."""
 
     def __init__(self, message: Any) -> None:
         self.positions = message.position
@@ -456,7 +470,7 @@ class _JointState:
 
 
 def _point(message: Any, fields: Sequence[str]) -> Any:
-    """The first of some fields of a controller's state that has positions, else the first."""
+    """Point of a controller state: the first of `fields` with positions, else the first."""
     points: Iterator[Any] = (getattr(message, x) for x in fields if hasattr(message, x))
     candidates = list(points)
     return next((x for x in candidates if len(x.positions)), candidates[0])
@@ -478,6 +492,6 @@ def _stamp(timed_message: tuple[int, Any]) -> int:
 
 
 def _times(nanoseconds: Sequence[int]) -> FloatArray:
-    """Times from the first one on [s]."""
+    """Times since the first time [s], (n,)."""
     first = nanoseconds[0]
     return np.array([x - first for x in nanoseconds]) * NANOSECOND

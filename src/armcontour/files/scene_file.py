@@ -1,4 +1,4 @@
-"""The key `scene` of a job file, and obstacles from descriptions of cells (URDF)."""
+"""The key `scene` of a job file, shapes of tools and links, and obstacles of cells in URDF."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.quantities import Choice, Distance, Length, Turn
 from armcontour.core.text import list_some, show
 from armcontour.files.file_keys import Number
-from armcontour.files.forms import Place
-from armcontour.files.robots.collision import Packages, collisions, shape_of
+from armcontour.files.key_overrides import Place
+from armcontour.files.robots.collision import Packages, collision_elements, shape_of
 from armcontour.files.robots.tree import read_tree
 from armcontour.files.robots.urdf_chain import Description
 from armcontour.robot import Arm
@@ -49,68 +49,74 @@ def read_scene_file(
     unit: str | None = None,
     packages: Packages | None = None,
 ) -> tuple[Obstacle, ...]:
-    """Read the obstacles of a description of a cell (.urdf), in its own frame.
+    """Read the obstacles of a cell from a description (.urdf), in the frame of its root link.
 
-    Its `<collision>` elements are obstacles; movable joints are at 0, or at the end of their range
-    that is nearest to 0.
+    The `<collision>` elements of the description are obstacles. Movable joints are at 0, or at the
+    end of their range that is nearest to 0.
 
     Args:
         file: The description.
-        unit: Unit of the lengths of meshes that it names without a scale; metres by default.
-        packages: Folders of its ROS packages; others are searched near the file.
+        unit: Unit of the lengths of meshes without a scale in the description; metres by default.
+        packages: Folders of ROS packages by name; other packages are searched near the file.
 
     Raises:
-        InvalidInput: No such file, another format, or an invalid body.
+        InvalidInput: The file does not exist, has another format, or has an invalid body.
     """
     location = FilePath(file)
     if location.suffix.lower() != ".urdf":
         raise InvalidInput(
-            f"The file of obstacles {location} is not read: name a .urdf file, and meshes under "
-            "the key meshes."
+            f"The file of obstacles {location} must be a .urdf file. Specify meshes in the key "
+            "meshes."
         )
     tree = read_tree(str(location), file_access.read_bytes(location, "description of a cell"))
     obstacles: list[Obstacle] = []
-    for link, (_, frame) in Description(tree, (), (), {}, tree.root).carried().items():
-        for k, element in enumerate(collisions(tree, link)):
+    for link, (_, frame) in Description(tree, (), (), {}, tree.root).link_frames().items():
+        for k, element in enumerate(collision_elements(tree, link)):
             with error_context(location.name):
                 shape = shape_of(tree, element, packages, unit)
                 name = link if k == 0 else f"{link} {k + 1}"
                 obstacles.append(Obstacle(name=name, shape=shape, place=frame @ element.place))
     if not obstacles:
-        raise InvalidInput(f"{location} has no collision elements, so it describes no obstacles.")
+        raise InvalidInput(
+            f"{location} must have collision elements, which are the obstacles, but has none."
+        )
     return tuple(obstacles)
 
 
-# Keys of bodies that only obstacles have, and only shapes of links.
-OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
+# Keys of bodies that are valid only for obstacles, and keys that are valid only for shapes of
+# links.
+OBSTACLE_KEYS, LINK_KEYS = ("fixed_to", "margin", "allow"), ("link",)
+# Maximum number of links that a message lists.
 MAX_NAMED = 40
 Angles = Annotated[list[Turn], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
 
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
-    """The scene of a job."""
+    """Scene of a job; `part` is the frame of the part, for obstacles that are fixed to it."""
     obstacles = []
-    for key, body in _bodies(model, "scene", OF_LINKS, "shapes of links"):
+    for key, body in _bodies(model, "scene", LINK_KEYS, "shapes of links"):
         with error_context(key):
-            obstacle = Obstacle(name=body.name, shape=_shape(body, folder), place=_place(body))
-        obstacles.append(_stand(obstacle, body, part))
+            obstacle = Obstacle(name=body.name, shape=_shape(body, folder), place=_body_frame(body))
+        obstacles.append(_place_obstacle(obstacle, body, part))
     for entry in model.files:
         file = SceneFileModel(file=entry) if isinstance(entry, str) else entry
-        _check_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
+        _check_keys(f"scene.files: {file.file}", file, LINK_KEYS, "shapes of links")
         with error_context("scene.files"):
             for obstacle in read_scene_file(folder / file.file, unit=file.unit):
-                moved = dataclasses.replace(obstacle, place=_place(file) @ obstacle.place)
-                obstacles.append(_stand(moved, file, part))
+                moved = dataclasses.replace(obstacle, place=_body_frame(file) @ obstacle.place)
+                obstacles.append(_place_obstacle(moved, file, part))
     return Scene(obstacles=tuple(obstacles), margins=model.margins, floor=model.floor)
 
 
 def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
-    """The shapes of a tool, which are in the frame of the tip."""
+    """Shapes of a tool as link shapes; the model specifies them in the frame of the tip."""
     chain = arm.chain
     if chain is None:
-        raise InvalidInput(f"The arm {arm.name} has no chain of links that a tool could hang on.")
-    keys = (*OF_OBSTACLES, *OF_LINKS)
+        raise InvalidInput(
+            f"arm.tool.shapes requires an arm with a kinematic chain, but {arm.name} has none."
+        )
+    keys = (*OBSTACLE_KEYS, *LINK_KEYS)
     return tuple(
         _link_shape(where, x, folder, len(chain), tip=chain.tip)
         for where, x in _bodies(model, "arm.tool.shapes", keys, "obstacles and links")
@@ -118,9 +124,9 @@ def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkSha
 
 
 def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
-    """A capsule from the flange to near the tool point, for a tool whose shapes are not given."""
-    # It ends before the tool point, which touches the work. A tool that is too short for it has no
-    # shape.
+    """Capsule from the flange towards the tool point, for a tool without specified shapes."""
+    # The capsule ends before the tool point, because the tool point touches the work. A tool that
+    # is too short for a capsule has no shape.
     chain = arm.chain
     if chain is None:
         return ()
@@ -144,24 +150,24 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
 
 
 def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
-    """Shapes that a job adds to links of its arm, in the frames of the links."""
+    """Shapes that a job adds to links of its arm; the model specifies them in the link frames."""
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
     links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
     shapes = []
-    for key, body in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
+    for key, body in _bodies(model, "arm.shapes", OBSTACLE_KEYS, "obstacles"):
         if body.link not in links:
             raise InvalidInput(
-                f"{key}: link must be one of {list_some(list(links), MAX_NAMED)}, "
-                f"{'but is missing' if body.link is None else f'not {body.link!r}'}."
+                f"{key}: link must be one of {list_some(list(links), MAX_NAMED)}, but is "
+                f"{'missing' if body.link is None else repr(body.link)}."
             )
         shapes.append(_link_shape(key, body, folder, links[body.link]))
     return tuple(shapes)
 
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
-    """The rotation matrix of a model, (3, 3); None if the model gives no rotation."""
+    """Rotation matrix of a model, (3, 3); None if the model specifies no rotation."""
     if model.rpy is not None and model.quaternion is not None:
-        raise InvalidInput(f"{key or 'It'} takes either rpy or quaternion, not both.")
+        raise InvalidInput(f"{key or 'It'} must have either rpy or quaternion, not both.")
     if model.quaternion is not None:
         return rotations(f"{key}.quaternion".lstrip("."), model.quaternion)
     return None if model.rpy is None else from_rpy(model.rpy)
@@ -170,7 +176,10 @@ def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
 def _bodies(
     model: BodiesModel, key: str, keys: tuple[str, ...], whose: str
 ) -> Iterator[tuple[str, BodyModel]]:
-    """All bodies under a key, with their locations in the job; the keys `keys` are refused."""
+    """Yield the bodies of a model with their locations in the job; checks that `keys` are unset.
+
+    `whose` says in the message which bodies have these keys.
+    """
     for entry in dataclasses.fields(BodiesModel):
         for body in getattr(model, entry.name):
             location = f"{key}.{entry.name}: {body.name}"
@@ -181,17 +190,17 @@ def _bodies(
 def _link_shape(
     key: str, model: BodyModel, folder: FilePath, link: int, *, tip: Frame | None = None
 ) -> LinkShape:
-    """A shape of a link, or with `tip` of the tool, whose frame that is in the last link."""
+    """Shape of a link, or of the tool if `tip`, the frame of the tip in the last link, is given."""
     with error_context(key):
-        shape, frame = _shape(model, folder), _place(model)
+        shape, frame = _shape(model, folder), _body_frame(model)
         if tip is not None:
             frame = tip @ frame
         body = LinkShape(name=model.name, link=link, shape=shape, place=frame, tool=tip is not None)
         return body.with_hull()
 
 
-def _stand(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
-    """An obstacle as the keys of a job place it and allow bodies to touch it."""
+def _place_obstacle(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
+    """Copy of an obstacle with the reference frame, margin and allowed contacts of a model."""
     fixed = obstacle.fixed_to if model.fixed_to is None else model.fixed_to
     changes: dict[str, Any] = {"fixed_to": fixed}
     if fixed == PART:
@@ -203,31 +212,33 @@ def _stand(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
     return dataclasses.replace(obstacle, **changes)
 
 
-def _place(model: PlacedModel) -> Frame:
-    """The frame of a body."""
-    turned = _normal(model) if isinstance(model, HalfSpaceModel) else rotation_of("", model)
+def _body_frame(model: PlacedModel) -> Frame:
+    """Frame of a body in the frame of the arm's base, the part or the link."""
+    turned = (
+        _half_space_rotation(model) if isinstance(model, HalfSpaceModel) else rotation_of("", model)
+    )
     return Frame(
         position=np.array(model.at or [0.0, 0.0, 0.0]),
         rotation=np.eye(3) if turned is None else turned,
     )
 
 
-def _normal(model: HalfSpaceModel) -> FloatArray | None:
-    """The rotation whose z axis is the direction out of a half-space."""
+def _half_space_rotation(model: HalfSpaceModel) -> FloatArray | None:
+    """Rotation matrix whose z axis is the outward normal of a half-space; None by default."""
     turned = rotation_of("", model)
     if model.normal is None:
         return turned
     if turned is not None:
-        raise InvalidInput("A half-space takes either normal, or rpy or quaternion, not both.")
+        raise InvalidInput("A half-space must have only one of normal, rpy and quaternion.")
     normal = checks.check_numbers("normal", model.normal)
     length = float(np.linalg.norm(normal))
     if length == 0:
-        raise InvalidInput("The normal of a half-space has the length 0: give it a direction.")
+        raise InvalidInput("The normal of a half-space must not be zero.")
     return upright(normal / length)
 
 
 def upright(z: FloatArray) -> FloatArray:
-    """A rotation whose z axis has a given direction, (3, 3)."""
+    """Rotation matrix whose z axis is the unit vector `z`, (3, 3)."""
     axis = np.array([-z[1], z[0], 0.0])
     size = float(np.linalg.norm(axis))
     if size == 0:
@@ -236,7 +247,7 @@ def upright(z: FloatArray) -> FloatArray:
 
 
 def _shape(model: BodyModel, folder: FilePath) -> Shape:
-    """The shape of a body."""
+    """Shape of a body; reads the file of a mesh."""
     match model:
         case BoxModel():
             return Box(size=np.array(model.size))
@@ -254,22 +265,22 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
 
 
 def _check_keys(location: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
-    """Check that a body has no keys of other uses."""
+    """Check that a body has none of `keys`, which are valid only for other bodies (`whose`)."""
     for key in keys:
         if getattr(model, key) is not None:
-            raise InvalidInput(f"{location}: {key} is a key of {whose}: remove it here.")
+            raise InvalidInput(f"{location}: {key} is valid only for {whose}. Remove it.")
 
 
-def three_numbers(value: Any) -> Any:
-    """Refuse a direction that has another shape than three numbers; return it as written."""
+def check_direction(value: Any) -> Any:
+    """Check that a direction is a list of three numbers; returns the value unchanged."""
     shaped = isinstance(value, list) and len(value) == 3
     if not shaped or any(isinstance(x, list | dict) for x in value):
-        raise ValueError(f"must be three numbers such as [0, 0, -1], not {show(value)}")
+        raise ValueError(f"must be three numbers such as [0, 0, -1], but is {show(value)}")
     return value
 
 
 Direction = Annotated[
-    list[Number], Field(min_length=3, max_length=3), BeforeValidator(three_numbers)
+    list[Number], Field(min_length=3, max_length=3), BeforeValidator(check_direction)
 ]
 
 
@@ -291,14 +302,15 @@ class PlacedModel(RotationModel):
     """Keys of obstacles, and of shapes of links and tools.
 
     Args:
-        at: The position of its origin [m]: the middle of boxes, cylinders, spheres and capsules, a
-            point of the plane of a half-space, the origin of a mesh or of a file.
-        fixed_to: For obstacles, their reference frame: the `base` of the arm, or the `part`, with
-            the frame of the path.
-        margin: For obstacles, minimum distance of links and tool [m]; by default that of `margins`.
-        allow: For obstacles, links that may touch; `tool` is the tool.
-        link: For shapes of links, the link: a joint, for the link after this joint, another shape's
-            name, or `base`.
+        at: Position of the origin [m]: the centre of a box, cylinder, sphere or capsule, a point on
+            the plane of a half-space, or the origin of a mesh or a file.
+        fixed_to: For obstacles, the reference frame: the `base` of the arm, or the `part`, whose
+            frame is the frame of the path.
+        margin: For obstacles, minimum distance of links and tool [m]; by default the value in
+            `margins`.
+        allow: For obstacles, links that may touch the obstacle; `tool` is the tool.
+        link: For shapes of links, the link: the name of a joint for the link after this joint, the
+            name of another shape of the link, or `base`.
     """
 
     at: Place | None = None
@@ -313,7 +325,7 @@ class BodyModel(PlacedModel):
     """A body with a name.
 
     Args:
-        name: Its name, for messages.
+        name: Name of the body, for messages.
     """
 
     name: str
@@ -324,7 +336,7 @@ class BoxModel(BodyModel):
     """A box.
 
     Args:
-        size: Its lengths along x, y and z [m].
+        size: Lengths along x, y and z [m].
     """
 
     size: Place
@@ -332,10 +344,10 @@ class BoxModel(BodyModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SphereModel(BodyModel):
-    """A ball.
+    """A sphere.
 
     Args:
-        radius: Its radius [m].
+        radius: Radius [m].
     """
 
     radius: Distance
@@ -343,11 +355,11 @@ class SphereModel(BodyModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CylinderModel(BodyModel):
-    """A round cylinder along its z axis.
+    """A circular cylinder along its z axis.
 
     Args:
-        radius: Its radius [m].
-        length: Its length [m].
+        radius: Radius [m].
+        length: Length [m].
     """
 
     radius: Distance
@@ -356,11 +368,11 @@ class CylinderModel(BodyModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CapsuleModel(BodyModel):
-    """All points near a line segment on its z axis.
+    """A cylinder along its z axis with hemispheres at its ends.
 
     Args:
-        radius: Distance of the surface from the segment [m].
-        length: Length of the segment, without the round ends [m].
+        radius: Radius of the cylinder and the hemispheres [m].
+        length: Length of the cylinder, without the hemispheres [m].
     """
 
     radius: Distance
@@ -372,8 +384,7 @@ class HalfSpaceModel(BodyModel):
     """All points on one side of a plane, such as a table or a wall.
 
     Args:
-        normal: The direction out of the half-space, upwards by default; in the place of rpy and
-            quaternion.
+        normal: Outward normal of the half-space, upwards by default; replaces rpy and quaternion.
     """
 
     normal: Direction | None = None
@@ -381,11 +392,11 @@ class HalfSpaceModel(BodyModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshModel(BodyModel):
-    """A body within the triangles of a file.
+    """A body whose surface is the triangle mesh of a file.
 
     Args:
         file: A .stl or .obj file; its name is relative to the job file.
-        unit: Unit of its lengths, such as mm; metres by default.
+        unit: Unit of the lengths in the file, such as mm; metres by default.
     """
 
     file: str
@@ -397,12 +408,12 @@ class BodiesModel:
     """Bodies by their shapes.
 
     Args:
-        boxes: Boxes with lengths along three axes.
-        cylinders: Round cylinders.
-        spheres: Balls about a point.
-        capsules: Cylinders with round ends.
+        boxes: Boxes.
+        cylinders: Circular cylinders.
+        spheres: Spheres.
+        capsules: Cylinders with hemispheres at their ends.
         halfspaces: Half-spaces, for obstacles only.
-        meshes: Bodies from files.
+        meshes: Triangle meshes from files.
     """
 
     boxes: list[BoxModel] = field(default_factory=list)
@@ -420,7 +431,7 @@ class SceneFileModel(PlacedModel):
     Args:
         file: A description (.urdf) whose `<collision>` elements are fixed; its name is relative
             to the job file.
-        unit: Unit of the lengths of meshes that the file names without a scale; metres by default.
+        unit: Unit of the lengths of meshes without a scale in the file; metres by default.
     """
 
     file: str
@@ -432,11 +443,11 @@ class SceneModel(BodiesModel):
     """Obstacles in the cell, and minimum distances of the arm to them and to itself.
 
     Args:
-        margins: Minimum distances of bodies, by the kinds of pairs.
-        files: Files of more obstacles, with or without their place and margin.
-        floor: Height of the floor in the frame of the arm's base, an obstacle; "none" if nothing
-            is below the base, as on a pedestal or a wall. By default a link below the base is a
-            warning.
+        margins: Minimum distances of bodies, by kind of pair.
+        files: Files of additional obstacles: a name, or a mapping with position, margin and so on.
+        floor: Height of the floor, which is an obstacle, in the frame of the arm's base; "none" if
+            there is no floor, for example on a pedestal or a wall. By default a link below the base
+            causes a warning.
     """
 
     margins: Margins = Margins()

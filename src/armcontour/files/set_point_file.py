@@ -1,4 +1,4 @@
-"""Set-points of a run and the learning results stored with them."""
+"""Reader of the set-points of a run, and files of learning results (lessons)."""
 
 from __future__ import annotations
 
@@ -23,22 +23,24 @@ from armcontour.jobs import Job, RunResult
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.robot.servo import ServoModel
 
-# Changes with the content of these files.
+# Version of lesson files; must increase if their content changes.
 VERSION = 3
-# Recomputed fields: plan and command limits from the job, the response model from the plan.
-LEFT_OUT = ("trajectory", "runs", "lifted", "servo", "misfits", "command_limits", "limit_cost")
-RUN = "run {}: {}"
-# Entry with everything that is no array.
-ABOUT = "about.json"
+# Fields that are not stored as arrays or plain values: they are computed again from the job and the
+# plan, or are stored separately.
+NOT_STORED = ("trajectory", "runs", "lifted", "servo", "misfits", "command_limits", "limit_cost")
+# Names of the arrays of a run: number of the run and name of the field.
+RUN_ARRAY = "run {}: {}"
+# Name of the JSON entry with all values that are not arrays.
+JSON_ENTRY = "about.json"
 
 
 def write_lesson(file: FilePath, lesson: LearningResult) -> None:
-    """Write a lesson with all its runs to a file, without the plan."""
-    arrays, plain = _split(lesson, LEFT_OUT)
+    """Write a lesson (result of learning) with all its runs, but without the plan, to a file."""
+    arrays, plain = _split_fields(lesson, NOT_STORED)
     runs = []
     for number, run in enumerate(lesson.runs, start=1):
-        run_arrays, plain_run = _split(run)
-        arrays |= {RUN.format(number, name): values for name, values in run_arrays.items()}
+        run_arrays, plain_run = _split_fields(run)
+        arrays |= {RUN_ARRAY.format(number, name): values for name, values in run_arrays.items()}
         runs.append(plain_run)
     about = {
         "version": VERSION,
@@ -52,31 +54,34 @@ def write_lesson(file: FilePath, lesson: LearningResult) -> None:
         "misfits": lesson.misfits,
         "runs": runs,
     }
-    # Equal lessons are equal files: neither numpy nor ZipInfo writes the present time.
+    # Equal lessons give identical files, because neither NumPy nor ZipInfo writes the present time.
     with file.open("wb") as stream:
         np.savez_compressed(stream, **arrays)
     with zipfile.ZipFile(file, "a") as target:
-        target.writestr(zipfile.ZipInfo(ABOUT), json.dumps(about, indent=1), zipfile.ZIP_DEFLATED)
+        target.writestr(
+            zipfile.ZipInfo(JSON_ENTRY), json.dumps(about, indent=1), zipfile.ZIP_DEFLATED
+        )
 
 
 def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
-    """Read a lesson that `write_lesson` wrote."""
-    content = read_bytes(file, "file of learning")
+    """Read a lesson that `write_lesson` wrote; `plan` is the plan of its set-points."""
+    content = read_bytes(file, "lesson file")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as source:
             if sum(x.file_size for x in source.zip.infolist()) > LARGE:
-                raise ValueError("its content is too large")
-            about = json.loads(source[ABOUT])
+                raise ValueError(f"the unpacked size must be at most {LARGE} bytes")
+            about = json.loads(source[JSON_ENTRY])
             if about["version"] != VERSION:
                 raise InvalidInput(
-                    f"it is of version {about['version']} of such files, by armcontour "
-                    f"{about['armcontour']}, and armcontour {__version__} reads version {VERSION}: "
-                    "learn with that one, or begin again with the set-points of the job."
+                    f"the lesson file has version {about['version']}, written by armcontour "
+                    f"{about['armcontour']}, but armcontour {__version__} requires version "
+                    f"{VERSION}. Continue learning with the former armcontour, or start again with "
+                    "the set-points of the job."
                 )
-            arrays: dict[str, Any] = {x: source[x] for x in source.files if x != ABOUT}
+            arrays: dict[str, Any] = {x: source[x] for x in source.files if x != JSON_ENTRY}
         runs = []
         for number, plain in enumerate(about["runs"], start=1):
-            start = RUN.format(number, "")
+            start = RUN_ARRAY.format(number, "")
             run_arrays = {
                 x.removeprefix(start): y for x, y in arrays.items() if x.startswith(start)
             }
@@ -93,17 +98,17 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
     except InvalidInput as error:
         raise error.with_location(str(file)) from None
     except Exception as error:
-        # A damaged zip file can raise almost anything.
+        # Reading a damaged zip file can raise almost any exception.
         raise InvalidInput(
-            f"{file} is no file of learning, or is damaged ({type(error).__name__}): begin again "
-            "with the set-points of the job."
+            f"{file} is not a lesson file, or is damaged ({type(error).__name__}). Start learning "
+            "again with the set-points of the job."
         ) from None
 
 
-def _split(
+def _split_fields(
     value: LearningResult | LearningRun, left_out: tuple[str, ...] = ()
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The fields of a dataclass that are arrays, and those that are numbers or text."""
+    """Fields of a dataclass by name: arrays, and other values; without the fields `left_out`."""
     named = {
         x.name: getattr(value, x.name) for x in dataclasses.fields(value) if x.name not in left_out
     }
@@ -111,58 +116,65 @@ def _split(
     return arrays, {name: x for name, x in named.items() if name not in arrays}
 
 
-# The file of the learning history, next to the set-points of the next run.
+# Name of the lesson file, next to the set-points of the next run.
 LESSON = "lesson.npz"
-# Recomputed set-points agree within this [rad]: versions of libraries round differently.
-SAME = 1e-9
+# Largest deviation of set-points that are computed again [rad] (or of times [s]), because versions
+# of libraries round differently.
+TOLERANCE = 1e-9
 
 
 def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
-    """The set-points in a file of set-points, with the learning history."""
-    # The set-points are those that the job makes, or those of the lesson in the same folder, exact
-    # to the last bit. The file is compared with them, within its printed digits. Set-points of a
-    # result folder with the plan of the job are valid also if the servo of the job has changed
-    # since.
+    """Set-points of a file or result folder; a `LearningResult` if a lesson is in its folder."""
+    # The result has the exact set-points of the job or of the lesson in the same folder. The file
+    # is compared with these set-points within its printed digits. If a result folder has the plan
+    # of the job, its set-points are valid even if the servo of the job has changed since.
     name = plan.run.name
     file = verify_file(location, f"{name}/set_points.csv") if location.is_dir() else location
     history = file.parent / LESSON
     same_plan = location.is_dir() and _has_same_plan(location, job, plan)
     if not history.exists():
-        if same_plan and (recorded := _recorded(file, job, plan)) is not None:
+        if same_plan and (recorded := _recorded_set_points(file, job, plan)) is not None:
             return recorded
-        again = f"the job {job.name} makes for its run {name}"
-        mend = "give the job that made this file, with the same options"
+        again = f"the run {name} of the job {job.name} has"
+        mend = "Specify the job that produced this file, with the same options"
         _check_same_set_points(file, job, plan.set_points, again, mend)
         return plan.set_points
     lesson = read_lesson(history, plan.trajectory)
     if not same_plan:
         _check_same_job(history, lesson, job, plan)
     _check_same_set_points(
-        file, job, lesson, f"{history.name} next to it has", "give both as learn wrote them"
+        file,
+        job,
+        lesson,
+        f"{history.name} in its folder has",
+        "Specify both files as learn wrote them",
     )
     return replace(lesson, command_limits=plan.set_points.command_limits)
 
 
 def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
-    """True if a result folder has the planned motion of a run."""
+    """True if the planned motion in a result folder equals the plan of a run."""
     file = verify_file(folder, f"{plan.run.name}/planned.csv")
     planned, duration = read_trajectory(file, job.arm.joint_names), plan.trajectory.duration
     if abs(planned.t[-1] - duration) > plan.set_points.cycle or planned.q.shape[1] != job.arm.dof:
         return False
     deviation = np.abs(planned.q - plan.trajectory.with_rests(planned.t)).max()
-    return bool(deviation <= planned.resolution["q"] + SAME)
+    return bool(deviation <= planned.resolution["q"] + TOLERANCE)
 
 
-def _recorded(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
-    """Set-points of the file for the plan of a job; None if the job makes the same ones."""
+def _recorded_set_points(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
+    """Set-points of a file, with the plan of a job; None if they equal those of the job.
+
+    Also None if the cycle of the file differs from that of the job.
+    """
     recorded, current = read_trajectory(file, job.arm.joint_names), plan.set_points
     steps = np.abs(np.diff(recorded.t) - current.cycle)
-    same = recorded.q.shape == current.q.shape and abs(recorded.t[0] - current.t[0]) <= _near(
-        recorded
-    )
-    if steps.max() > 2 * _near(recorded):
+    same = recorded.q.shape == current.q.shape and abs(
+        recorded.t[0] - current.t[0]
+    ) <= _time_tolerance(recorded)
+    if steps.max() > 2 * _time_tolerance(recorded):
         return None
-    if same and np.abs(recorded.q - current.q).max() <= recorded.resolution["q"] + SAME:
+    if same and np.abs(recorded.q - current.q).max() <= recorded.resolution["q"] + TOLERANCE:
         return None
     return replace(
         current,
@@ -176,44 +188,43 @@ def _recorded(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
 def _check_same_set_points(
     file: FilePath, job: Job, set_points: SetPoints, has: str, mend: str
 ) -> None:
-    """Check that a file has the given set-points."""
+    """Check that a file has the given set-points; `has` and `mend` are parts of the message."""
     stored = read_trajectory(file, job.arm.joint_names)
     problem = ""
     if stored.q.shape != set_points.q.shape:
         rows, dof = stored.q.shape
         count, joints = set_points.q.shape
-        problem = (
-            f"{rows} set-points of {dof} joints, not the {count} of {joints} joints that {has}"
-        )
+        problem = f"{rows} set-points of {dof} joints, but {has} {count} of {joints} joints"
     else:
         deviation = np.abs(stored.q - set_points.q)
         k, j = np.unravel_index(int(np.argmax(deviation)), deviation.shape)
-        if deviation[k, j] > stored.resolution["q"] + SAME:
+        if deviation[k, j] > stored.resolution["q"] + TOLERANCE:
             problem = (
-                f"other set-points than {has}: {job.arm.joint_names[j]} differs by "
+                f"other set-points than {has}; {job.arm.joint_names[j]} differs by "
                 f"{deviation[k, j]:.3g} rad at t = {stored.t[k]:.4g} s"
             )
-        # Exports begin at zero, set-points that lead their plan before it.
-        elif np.abs((stored.t - stored.t[0]) - (set_points.t - set_points.t[0])).max() > _near(
-            stored
-        ):
+        # Times are compared relative to the first set-point, because exports start at zero, but
+        # set-points that lead the plan start at a negative time.
+        elif np.abs(
+            (stored.t - stored.t[0]) - (set_points.t - set_points.t[0])
+        ).max() > _time_tolerance(stored):
             problem = f"set-points at other times than {has}"
     if problem:
-        raise InvalidInput(f"{file} has {problem}: {mend}, or begin again with run.")
+        raise InvalidInput(f"{file} has {problem}. {mend}, or start again with run.")
 
 
-def _near(stored: TrajectoryFile) -> float:
-    """Tolerance for equal times of a file [s]."""
-    return stored.resolution["t"] + SAME
+def _time_tolerance(stored: TrajectoryFile) -> float:
+    """Largest difference of equal times in a file [s]."""
+    return stored.resolution["t"] + TOLERANCE
 
 
 def _check_same_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
-    """Check that a learning history began with the set-points of the job."""
+    """Check that a lesson started with the set-points of the job."""
     first, current = lesson.runs[0].q, plan.set_points.q
     same = first.shape == current.shape and lesson.cycle == plan.set_points.cycle
-    if not same or np.abs(first - current).max() > SAME:
+    if not same or np.abs(first - current).max() > TOLERANCE:
         raise InvalidInput(
-            f"{history} was learned with other set-points at its beginning than the job "
-            f"{job.name} makes for its run {plan.run.name}: give the job as it was, with the same "
-            "options, or begin again with the set-points of run."
+            f"The learning of {history} started with other set-points than the run "
+            f"{plan.run.name} of the job {job.name} has. Specify the original job with the same "
+            "options, or start again with the set-points of run."
         )

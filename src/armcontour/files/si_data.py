@@ -1,4 +1,4 @@
-"""Data of files with their quantities in SI units, and the quantity that a key takes."""
+"""Conversion of the quantities in file data to SI units, and the quantity of a key."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from armcontour.core.quantities import PartialFields, Quantity
 from armcontour.files.file_keys import MappingKeys, Methods, SpecifiedKeys
-from armcontour.files.forms import FORMS, Form
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.units import read_quantity
 
-# A quantity, a dataclass, or a type of lists or mappings.
+# Kind of the value of a key: a `Quantity`, a dataclass, or a type of lists or mappings.
 Kind = Any
 
 
 def quantity_of(file_class: type, keys: Sequence[str | int]) -> Quantity | None:
-    """The quantity that a key of a file takes; None if it takes none."""
+    """Quantity that the value of a key represents; None if the value is not a quantity."""
     kinds: tuple[Kind, ...] = (file_class,)
     for key in keys:
-        # One value for all joints, or a list with one for each.
+        # A quantity may be one value for all joints, or a list with one value per joint.
         of_all = (x for x in kinds if isinstance(x, Quantity) and isinstance(key, int))
         kinds = (*of_all, *_inside(kinds, key))
     return next((x for x in kinds if isinstance(x, Quantity)), None)
 
 
 def in_si(data: Any, file_class: type) -> Any:
-    """The data of a file with plain numbers in SI units for all quantities."""
-    # Values that are no quantity of the required unit are not converted, and are refused later.
+    """Copy of the data of a file with plain numbers in SI units for all quantities."""
+    # Values that cannot be converted are unchanged; the validation of the keys rejects them later.
     return _convert(data, (file_class,))
 
 
 def _convert(value: Any, kinds: tuple[Kind, ...]) -> Any:
-    """A value in SI units, by the possible kinds of its key."""
+    """Value in SI units; `kinds` are the possible kinds of its key."""
     if isinstance(value, dict):
         return {key: _convert(x, _inside(kinds, key)) for key, x in value.items()}
     quantities = tuple(x for x in kinds if isinstance(x, Quantity))
     if isinstance(value, list):
-        # One value for all joints, or a list with one for each.
+        # A quantity may be one value for all joints, or a list with one value per joint.
         inner = (*quantities, *_inside(kinds, 0))
         return [_convert(x, inner) for x in value]
     for kind in quantities:
@@ -70,16 +70,16 @@ def _inside(kinds: Iterable[Kind], key: Any) -> tuple[Kind, ...]:
 @cache
 def _fields(owner: type) -> dict[str, tuple[Kind, ...]]:
     """Possible kinds of the keys of a dataclass."""
-    form = FORMS.get(owner, Form())
-    hints = {**get_type_hints(owner, include_extras=True), **form.types}
+    overrides = KEY_OVERRIDES.get(owner, KeyOverrides())
+    hints = {**get_type_hints(owner, include_extras=True), **overrides.types}
     return {
-        form.names.get(x.name, x.name): tuple(alternatives(hints[x.name]))
+        overrides.names.get(x.name, x.name): tuple(alternatives(hints[x.name]))
         for x in dataclasses.fields(owner)
     }
 
 
 def alternatives(hint: Any) -> Iterator[Kind]:
-    """Kinds that an annotation allows, if they can contain quantities."""
+    """Yield the kinds of values that an annotation allows, if they can contain quantities."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         mark = parts[1]

@@ -1,4 +1,4 @@
-"""Certificates and placements as JSON and CSV, and the job file of the best placement."""
+"""Files of certificates and placements (JSON and CSV), and the job file of the best placement."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import jsonable, plain, units
 from armcontour.files.job_arm import frame_of
-from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import model_of, read_data
 from armcontour.files.job_model import CellModel
+from armcontour.files.job_text_edits import REMOVE, move_files
 from armcontour.files.patch import Patch, write_patch
 from armcontour.files.result_folder import data_json, to_json
 from armcontour.robot import SerialArm
@@ -25,7 +25,7 @@ from armcontour.studies.placement import Placement
 
 
 def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str:
-    """A certificate as JSON: requirements, results, model, and the data to repeat the plan.
+    """JSON text of a certificate: requirements, results, model, and data to repeat the plan.
 
     Args:
         certificate: The certificate.
@@ -36,9 +36,9 @@ def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str
 
 
 def derating_csv(certificate: Certificate) -> str:
-    """The derating of a certificate as CSV: a row per interval of arc length with equal derating.
+    """CSV text of the derating of a certificate: a row per arc-length interval of equal derating.
 
-    A row has the share of every joint's acceleration limit that the plan uses, and the largest
+    A row has the share of each joint's acceleration limit that the plan may use, and the largest
     squared speed.
     """
     names = [f"acceleration left {x} [1]" for x in certificate.job.arm.joint_names]
@@ -55,7 +55,7 @@ def derating_csv(certificate: Certificate) -> str:
     return "\n".join(lines) + "\n"
 
 
-# Columns of verdicts in CSV, by their attributes.
+# Titles of the CSV columns of verdicts, by attribute.
 COLUMNS = {
     "duration": "duration [s]",
     "bound": "at least [s]",
@@ -67,7 +67,7 @@ COLUMNS = {
 
 
 def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
-    """The result of a placement as JSON, without the map, which is in the CSV.
+    """JSON text of the result of a placement, without the map, which `placement_csv` has.
 
     Args:
         placement: The placement.
@@ -77,7 +77,7 @@ def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
 
 
 def placement_csv(placement: Placement) -> str:
-    """The map as CSV: a row per candidate position. Cells that need a plan may be empty."""
+    """CSV text of the map: a row per candidate placement. Cells that need a plan may be empty."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow([*(f"{x.name} [{x.unit}]" for x in placement.axes), *COLUMNS.values()])
@@ -92,48 +92,48 @@ def placement_csv(placement: Placement) -> str:
 def placed_job_text(
     placement: Placement, text: str, *, folder: FilePath, to: FilePath, patch: Patch | None = None
 ) -> str:
-    """The job file with the part or the base in the best position; other keys do not change.
+    """Text of the job file with the part or the base at the best placement.
 
-    The key `placement` is removed, because its ranges begin from the previous position of the part.
+    The key `placement` is removed, because its ranges are relative to the previous placement.
 
     Args:
         placement: The placement.
-        text: The job file.
-        folder: Its folder.
-        to: The folder of the new file.
-        patch: Values by keys that replaced those of the file.
+        text: Text of the job file.
+        folder: Folder of the job file.
+        to: Folder of the new file.
+        patch: Values by key path that replaced values of the file.
 
     Raises:
-        InvalidInput: Obstacles would move, too.
+        InvalidInput: The base moves, and obstacles are fixed to the base.
     """
     values = {keys: x for keys, x in (patch or {}).items() if keys[0] != "placement"}
     text = write_patch(move_files(text, folder, to), {**values, ("placement",): REMOVE})
-    return write_patch(text, _placed(placement, text))
+    return write_patch(text, _placement_patch(placement, text))
 
 
-def _placed(placement: Placement, text: str) -> Patch:
-    """The keys that place the job."""
+def _placement_patch(placement: Placement, text: str) -> Patch:
+    """Patch that moves a job to the best placement: `path.frame`, or `arm.work`."""
     job = placement.job
     inside = [] if job.scene is None else [x.fixed_to for x in job.scene.obstacles]
     if placement.moved == BASE and BASE in inside:
         raise InvalidInput(
-            "Obstacles that are fixed to the base stay where they are when it moves, so no job "
-            "file is written: give them their new places by hand."
+            "No job file is written, because the base moves and its obstacles that are fixed to "
+            "the base do not move with it. Write their new positions by hand."
         )
     if isinstance(job.arm, SerialArm):
         chain = placement.placed().arm.chain
         assert chain is not None
-        return {("arm", "work"): _frame(chain.base.inverse)}
+        return {("arm", "work"): _frame_keys(chain.base.inverse)}
     model = model_of(CellModel, read_data(text, "job"), "job")
     path_frame = Frame() if model.path.frame is None else frame_of("path.frame", model.path.frame)
     frame = placement.frame()
     moved = frame if placement.moved == PART else frame.inverse
-    return {("path", "frame"): _frame(moved @ path_frame)}
+    return {("path", "frame"): _frame_keys(moved @ path_frame)}
 
 
-def _frame(frame: Frame) -> dict[str, list[float]]:
-    """A frame as keys of a job file."""
-    # To a picometre, so that 0.1 m is written so. Adding zero removes the sign of -0.
+def _frame_keys(frame: Frame) -> dict[str, list[float]]:
+    """Keys `position` [m] and `quaternion` of a frame in a job file."""
+    # Rounding to 1 pm removes rounding errors, for example of 0.1 m. Adding zero converts -0 to 0.
     return {
         "position": (frame.position.round(12) + 0.0).tolist(),
         "quaternion": (quaternions(frame.rotation) + 0.0).tolist(),

@@ -1,4 +1,4 @@
-"""Readers of joint trajectories (CSV, files of ROS) and of the runs in result folders."""
+"""Readers of joint trajectories (CSV and ROS files), and of the runs in result folders."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from armcontour.files.ros_files import is_ros_file, read_ros_motion
 from armcontour.motion import Samples, TimedEvent
 from armcontour.motion.log_checks import describe_match, match_joints
 
-# Columns of exports that are ignored without a note.
+# Beginnings of the titles of export columns that are ignored without a note.
 IGNORED = ("events", "torque ")
 EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions"
 
@@ -58,26 +58,26 @@ def read_trajectory(
 
     The first line of CSV names the columns: `t`, `q1` or `joint 1`, `dq1`, `ddq1`, ..., each with a
     unit in brackets (`t [ms]`, `joint 1 [deg]`) or as a suffix (`q1_deg`) if the unit is not SI.
-    The names of logs are known, too (see `read_log`): of measured positions and commands, the
-    measured ones are read. Other columns are omitted. Separators are commas, semicolons, tabs or
-    blanks. Lines that start with # are comments.
+    The column names of logs are also recognized (see `read_log`). If a file has commands and
+    measured positions, the measured positions are read. Other columns are ignored. Separators are
+    commas, semicolons, tabs or blanks. Lines that start with # are comments.
 
-    A bag, of storage mcap or sqlite3, is a folder or one file. Of its messages, a JointTrajectory
-    is read; else what a controller's state or JointStates have measured.
+    A bag (storage mcap or sqlite3) is a folder or one file. A JointTrajectory in the bag is read;
+    otherwise the measured motion in controller states or in JointStates.
 
     >>> samples = ac.read_trajectory("motion.csv")
     >>> samples.q.shape == (len(samples.t), 2)
     True
 
     Args:
-        file: The file: `.yaml`, `.mcap`, `.db3` or a folder for ROS, else CSV.
-        joint_names: Other names of joint 1, 2, ...: alone for positions, or after `q`, `dq`, `ddq`.
-            Joints are also found by these names with a prefix.
+        file: The file: `.yaml`, `.mcap`, `.db3` or a folder for ROS; any other file is read as CSV.
+        joint_names: Names of joint 1, 2, ... in titles: only the name for positions, or the name
+            after `q`, `dq`, `ddq`. Names with an additional prefix are also recognized.
         columns: As in `read_log`.
         topic: Topic of a bag; by default the only one of its type.
 
     Raises:
-        InvalidInput: A file of another form; names file and line.
+        InvalidInput: The file has another form; the message names file and line.
     """
     location = FilePath(file)
     if is_ros_file(location):
@@ -101,7 +101,7 @@ def parse_trajectory(
     joint_names = checks.check_names("joint_names", joint_names)
     title_of = partial(read_joint_title, joint_names=joint_names)
     table = read_table(text, source, title_of, example=EXAMPLE, columns=columns, option="--columns")
-    keys, notes = _keys(table, joint_names)
+    keys, notes = _select_columns(table, joint_names)
     samples = read_samples(table, keys)
     arrays, resolution = {}, {"t": samples.digit}
     for kind in QUANTITIES:
@@ -124,8 +124,10 @@ def parse_trajectory(
     )
 
 
-def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], list[str]]:
-    """The columns to read, and notes on how their joints were found."""
+def _select_columns(
+    table: CsvTable[Key], joint_names: Sequence[str]
+) -> tuple[list[Key], list[str]]:
+    """Keys of the columns to read, and notes on the assignment of joints and ignored columns."""
     notes = list[str]()
     roles = [x for x in ("measured", "command") if joints_of(table, "q", x)]
     role = roles[0] if roles else "measured"
@@ -141,12 +143,12 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
                 title = table.columns[Key("q", role, joints[0])].title
                 _raise_other_joints(table.heading, joints, joint_names, title)
         else:
-            joints = _numbers(table, role)
+            joints = _joint_numbers(table, role)
     if len(roles) > 1:
         notes.append(
-            f"{table.source} has commands and measured positions: the measured ones are read. To "
-            "read the commands, skip the others with --columns, such as "
-            f"'-={title_pattern(table.columns[Key('q', role, joints[0])].title)}'."
+            f"{table.source} has commands and measured positions. The measured positions are read. "
+            "To read the commands instead, skip the measured positions (--columns "
+            f"'-={title_pattern(table.columns[Key('q', role, joints[0])].title)}')."
         )
     keys = [Key("q", role, x) for x in joints]
     for kind in ("dq", "ddq"):
@@ -157,20 +159,21 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
         elif present:
             lacking = next(x.joint for x in needed if x not in table.columns)
             notes.append(
-                f"Joint {lacking} of {table.source} has no {QUANTITIES[kind]}: columns such as "
-                f"{show(table.columns[present[0]].title)} are left out."
+                f"Columns such as {show(table.columns[present[0]].title)} are ignored, because "
+                f"joint {lacking} of {table.source} has no {QUANTITIES[kind]}."
             )
     return keys, notes
 
 
-def _numbers(table: CsvTable[Key], role: str) -> list[str]:
-    """The numbers of the joints, from 1 on, or from 0 on if there is a joint 0."""
+def _joint_numbers(table: CsvTable[Key], role: str) -> list[str]:
+    """Numbers of the joints as texts, starting at 1, or at 0 if there is a joint 0."""
     numbers = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
     first = 0 if 0 in numbers else 1
     joints = []
-    # The largest number may be of any size, so the search ends at the first gap.
+    # `require_columns` raises an error at the first missing number, so that a huge number is
+    # no problem.
     for k in range(first, max(numbers, default=first) + 1):
-        table.need(Key("q", role, str(k)))
+        table.require_columns(Key("q", role, str(k)))
         joints.append(str(k))
     return joints
 
@@ -178,41 +181,41 @@ def _numbers(table: CsvTable[Key], role: str) -> list[str]:
 def _raise_other_joints(
     heading: str, joints: Sequence[str], joint_names: Sequence[str], title: str
 ) -> None:
-    """Raise the error for joints with names that the arm does not have."""
+    """Raise the error for a file whose joint names the arm does not have."""
     have, arm = (list_some([show(x) for x in y], MAX_NAMED) for y in (joints, joint_names))
-    fix = "give the arm of the file with --arm"
+    fix = "Specify the arm of the file (--arm)"
     if len(joints) >= len(joint_names):
         fix = (
-            "name its columns as the arm's joints with --columns, such as "
-            f"'{joint_names[0]}={title}' or 'q#=NAME_#', or give its arm with --arm"
+            "Rename its columns to the arm's joints (for example with --columns "
+            f"'{joint_names[0]}={title}'), or specify its arm (--arm)"
         )
     raise InvalidInput(
         f"{heading}: the file has positions of {count_noun(len(joints), 'joint')} ({have}), but "
-        f"the arm has {len(joint_names)} ({arm}): {fix}.",
+        f"the arm has {len(joint_names)} ({arm}). {fix}.",
         needed=len(joints),
         allowed=len(joint_names),
     )
 
 
-# Times that differ by less are equal, in cycles: they are printed with 12 digits.
+# Largest difference of equal times [cycles]; times are printed with 12 digits.
 SAME_TIME = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredRun:
-    """A run of a result folder, of `run`, `demo`, `certify` or `learn`."""
+    """A run in a result folder of the commands `run`, `demo`, `certify` or `learn`."""
 
-    folder: FilePath
-    name: str
-    title: str
+    folder: FilePath  # Result folder
+    name: str  # Name of the run
+    title: str  # Name of the job
     joint_names: tuple[str, ...]
-    cycle: float  # Cycle, which is also the time between rows of the plan [s]
-    events: tuple[TimedEvent, ...]  # Events with their times from the start of the plan
-    analog: tuple[str, ...] = ()  # Names of analog outputs, whose values a result does not have
-    plain: bool = False  # Whether set-points are those of the plan, without compensation
+    cycle: float  # Time between set-points, and between rows of the plan [s]
+    events: tuple[TimedEvent, ...]  # Events, with times since the start of the plan
+    analog: tuple[str, ...] = ()  # Names of analog outputs; the folder does not have their values
+    plain: bool = False  # Whether the set-points are those of the plan, without compensation
 
     def set_points(self, **options: Any) -> SetPointTable:
-        """The table of the set-points."""
+        """Table of the set-points; `options` are arguments of `tabulate`."""
         stored = self._read("set_points.csv")
         start = float(stored.t[0])
         return tabulate(
@@ -226,21 +229,23 @@ class StoredRun:
         )
 
     def reference(self, cycle: float | None = None, **options: Any) -> SetPointTable:
-        """The table of the plan, every `cycle`."""
+        """Table of the plan, sampled with the period `cycle` [s]; by default that of the run."""
         step = self.cycle if cycle is None else cycle
         every = round(step / self.cycle)
         if every < 1 or abs(step - every * self.cycle) > 1e-9 * step:
             example = max(1, int(step / self.cycle)) * self.cycle
             raise InvalidInput(
-                f"The result in {self.folder} has the plan every {self.cycle * 1e3:g} ms, so the "
-                f"cycle must be a multiple of that, such as {example * 1e3:g} ms, and not "
-                f"{step * 1e3:g} ms.",
+                f"The cycle must be a multiple of {self.cycle * 1e3:g} ms, the cycle of the plan "
+                f"in {self.folder}, such as {example * 1e3:g} ms, but is {step * 1e3:g} ms.",
                 needed=step,
                 allowed=example,
             )
         planned = self._read("planned.csv")
         if planned.dq is None or planned.ddq is None:
-            raise InvalidInput(f"{planned.source} has no velocities and accelerations.")
+            raise InvalidInput(
+                f"{planned.source} of {self.folder} must have velocities and accelerations. Run "
+                "the job again."
+            )
         check_export_cycle(step, float(planned.t[-1]), f"{self.title} reference")
         rows = np.unique(np.append(np.arange(0, len(planned.t), every), len(planned.t) - 1))
         return tabulate(
@@ -255,7 +260,7 @@ class StoredRun:
         )
 
     def _set_points(self, set_points: TrajectoryFile, derivatives: int) -> Samples:
-        """Set-points with their derivatives, as `make_table` gives them."""
+        """Samples of set-points with the same derivatives as in `make_table`."""
         if not self.plain or derivatives < 2:
             return differentiate(set_points.q, self.cycle)
         plan = self._read("planned.csv")
@@ -263,22 +268,22 @@ class StoredRun:
             return differentiate(set_points.q, self.cycle)
         dq, ddq = plan.dq.copy(), plan.ddq.copy()
         if abs(plan.t[-1] - set_points.t[-1]) > SAME_TIME * self.cycle:
-            # The plan ends between the last two set-points, and rests at the last one.
+            # The plan ends between the last two set-points, so that the last one is at rest.
             dq[-1], ddq[-1] = 0.0, 0.0
         return Samples(t=regular_times(len(dq), self.cycle), q=set_points.q, dq=dq, ddq=ddq)
 
     def _read(self, name: str) -> TrajectoryFile:
-        """Read a file of the run that did not change since it was written."""
+        """Read a file of the run; it must not have changed since armcontour wrote it."""
         return read_trajectory(verify_file(self.folder, f"{self.name}/{name}"), self.joint_names)
 
 
 def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
-    """Read a run of a result folder."""
+    """Read a run of a result folder; `name` is optional if the folder has only one run."""
     location = FilePath(folder)
     file = verify_file(location, SUMMARY)
     try:
         data = json.loads(read_text(file, "summary"))
-        run = _choose(location, data["runs"], name)
+        run = _choose_run(location, data["runs"], name)
         about = data["runs"][run]
         return StoredRun(
             folder=location,
@@ -297,17 +302,17 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InvalidInput(
-            f"{file} is not the summary of a run or a certificate: {type(error).__name__}."
+            f"{file} is not the summary of a run or a certificate ({type(error).__name__})."
         ) from None
 
 
-def _choose(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
-    """The name of the requested run, or of the only one."""
+def _choose_run(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
+    """Name of the requested run, or of the only run."""
     names = list_some([repr(x) for x in runs], 6)
     if name is None and len(runs) == 1:
         return next(iter(runs))
     if name is None:
-        raise InvalidInput(f"{folder} has the runs {names}: choose one with --run.")
+        raise InvalidInput(f"{folder} has the runs {names}. Choose one with --run.")
     if name not in runs:
-        raise InvalidInput(f"{folder} has no run {name!r}: its runs are {names}.")
+        raise InvalidInput(f"{folder} has no run {name!r}. Its runs are {names}.")
     return name

@@ -1,4 +1,4 @@
-"""Edits of YAML text that keep comments and layout."""
+"""Edits of values in YAML text that do not change comments and layout."""
 
 from __future__ import annotations
 
@@ -11,28 +11,30 @@ import yaml
 
 from armcontour.core.yaml_loader import INT, Loader
 
-# A value that would be longer on one line becomes a block of several lines.
+# Maximum length of a line [characters]; a longer mapping or list is written in block style.
 WIDTH = 100
+# Indentation of blocks [characters].
 INDENT = 2
-TEXT = "tag:yaml.org,2002:str"
+# YAML tag of texts.
+TEXT_TAG = "tag:yaml.org,2002:str"
 
 
 class Dumper(yaml.SafeDumper):
-    """Dumper for `Loader`, which has other numbers than PyYAML."""
+    """Dumper whose text `Loader` reads unchanged; `Loader` has other number formats than PyYAML."""
 
     def ignore_aliases(self, data: Any) -> bool:
-        """Equal values are written twice."""
+        """True, so that repeated values are written in full, without anchors and aliases."""
         return True
 
 
 def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
-    """A text, of which one with line breaks is written on one line."""
+    """YAML node of a text; a text with line breaks is quoted, so that it stays on one line."""
     lines = any(x in text for x in "\r\n\x85\u2028\u2029")
-    return dumper.represent_scalar(TEXT, text, style='"' if lines else None)
+    return dumper.represent_scalar(TEXT_TAG, text, style='"' if lines else None)
 
 
 Dumper.add_representer(str, _represent_text)
-# Text that either of them reads as a number is quoted.
+# The resolvers of both loaders, so that text which either reads as a number is quoted.
 Dumper.yaml_implicit_resolvers = {
     first: [
         *Loader.yaml_implicit_resolvers.get(first, []),
@@ -43,7 +45,7 @@ Dumper.yaml_implicit_resolvers = {
 
 
 def flow_text(value: Any, style: str | None = None) -> str:
-    """A value on one line, in flow style."""
+    """Text of a value on one line in flow style; `style` is the quote character of a text."""
     quoted = style if isinstance(value, str) else None
     text = yaml.dump(
         [value],
@@ -58,7 +60,7 @@ def flow_text(value: Any, style: str | None = None) -> str:
 
 
 def entry_text(value: Any, column: int, eol: str, *, in_list: bool) -> str:
-    """A value behind a key or a dash in a column: on its line if it fits, else below."""
+    """Text of a value after a key or dash in a column: on its line if it fits, else as a block."""
     line = flow_text(value)
     if not (isinstance(value, dict | list) and value and column + len(line) > WIDTH):
         return f" {line}"
@@ -68,7 +70,7 @@ def entry_text(value: Any, column: int, eol: str, *, in_list: bool) -> str:
 
 
 def block_text(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
-    """A mapping or list in separate lines, of which the first is not indented."""
+    """Text of a mapping or list in block style; its first line is not indented."""
     if isinstance(value, dict):
         lines = [
             flow_text(key) + ":" + entry_text(x, column, eol, in_list=False)
@@ -81,18 +83,18 @@ def block_text(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
 
 COMMENT = re.compile(r"#[^\r\n]*")
 ALIAS = re.compile(r"\*[^\s,\[\]{}]+")
-BREAK = re.compile(r"\r\n|\r|\n")
-# Blanks that align a comment to a column.
-GAP = re.compile(r" {4,}(?=#)")
-BLANK = " \t\r\n"
+LINE_BREAK = re.compile(r"\r\n|\r|\n")
+# Matches blanks that align a comment to a column.
+ALIGNMENT = re.compile(r" {4,}(?=#)")
+BLANKS = " \t\r\n"
 
 
-class Shared(Exception):  # noqa: N818
-    """The value to change is an alias."""
+class SharedValue(Exception):  # noqa: N818
+    """Error if the value to change is an alias, or has an anchor that an alias uses."""
 
 
 class Splice(NamedTuple):
-    """A part of a text, from `begin` to `end`, and what replaces it."""
+    """Replacement of the characters from `begin` to before `end` by `text`."""
 
     begin: int
     end: int
@@ -100,7 +102,7 @@ class Splice(NamedTuple):
 
 
 def equal_data(one: Any, other: Any) -> bool:
-    """True if data are equal; NaN equals NaN."""
+    """True if data are equal, where NaN equals NaN, and booleans do not equal numbers."""
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(
             equal_data(x, other[key]) for key, x in one.items()
@@ -117,64 +119,64 @@ class YamlText:
 
     def __init__(self, text: str, node: yaml.Node | None) -> None:
         self.text = text
-        line_break = BREAK.search(text)
+        line_break = LINE_BREAK.search(text)
         self.eol = "\n" if line_break is None else line_break[0]
         self.root = YamlPart(document=self, node=node, begin=0, end=len(text), outer=None, key=None)
         if node is not None:
             begin = node.start_mark.index
-            end = _end(self, node, begin)
+            end = _value_end(self, node, begin)
             self.root = YamlPart(
                 document=self, node=node, begin=begin, end=end, outer=None, key=None
             )
 
     def line_start(self, position: int) -> int:
-        """Start of the line of a position."""
+        """Position of the first character in the line of a position."""
         return max(self.text.rfind("\n", 0, position), self.text.rfind("\r", 0, position)) + 1
 
     def line_end(self, position: int) -> int:
-        """End of the line of a position, before its line break."""
-        line_break = BREAK.search(self.text, position)
+        """Position of the end of the line of a position, before the line break."""
+        line_break = LINE_BREAK.search(self.text, position)
         return len(self.text) if line_break is None else line_break.start()
 
     def is_first(self, position: int) -> bool:
-        """True if only blanks precede a position in its line."""
-        return not self.text[self.line_start(position) : position].strip(BLANK)
+        """True if only blanks are before a position in its line."""
+        return not self.text[self.line_start(position) : position].strip(BLANKS)
 
     def cut(self, begin: int, end: int) -> Splice:
-        """Remove a part of the text, and its lines where nothing else is left on them."""
+        """Splice that removes a part of the text, and its lines if they have no other content."""
         stop = self.line_end(end)
-        if self.is_first(begin) and not self.text[end:stop].strip(BLANK):
+        if self.is_first(begin) and not self.text[end:stop].strip(BLANKS):
             return self.cut_lines(begin, end)
         return Splice(begin, end, "")
 
     def cut_lines(self, begin: int, end: int) -> Splice:
-        """Remove whole lines, with the comments behind the last one."""
+        """Splice that removes all lines of a part, including comments at their ends."""
         start, stop = self.line_start(begin), self.line_end(end)
-        after = BREAK.match(self.text, stop)
+        after = LINE_BREAK.match(self.text, stop)
         if after is not None:
             return Splice(start, after.end(), "")
-        # Without a line break at the end of the text, the one before goes.
+        # The text does not end with a line break, so the line break before the lines is removed.
         return Splice(len(self.text[:start].rstrip("\r\n")), stop, "")
 
 
 @dataclass(kw_only=True, eq=False)
 class YamlPart:
-    """A value in a text."""
+    """A value in a YAML text, with its position."""
 
-    document: YamlText
-    node: yaml.Node | None  # Its node; None for an alias, or in a text without a document
-    # begin, end: range of the value in the text [characters], without the comments after it
+    document: YamlText  # Text that contains the value
+    node: yaml.Node | None  # Node of the value; None for an alias, or in an empty text
+    # begin, end: range of the value in the text [characters], without comments after the value
     begin: int
     end: int
-    outer: YamlPart | None  # The mapping or list that contains it; None for the root
-    key: Any  # Its key or its position
+    outer: YamlPart | None  # Mapping or list that contains the value; None for the root
+    key: Any  # Key of the value in its mapping, or index in its list
     head: int = 0  # Start of the key, or of the dash of an item; in a flow list start of the value
-    name_end: int = 0  # End of key and colon, or of the dash
-    column: int = 0  # The column of the key or the dash
+    name_end: int = 0  # End of the key with its colon, or of the dash
+    column: int = 0  # Column of the key or the dash
 
     @property
     def flow(self) -> bool:
-        """True if the value is a mapping or list in flow style, or inside of one."""
+        """True if the value is a mapping or list in flow style, or is inside one."""
         is_flow = isinstance(self.node, yaml.CollectionNode) and bool(self.node.flow_style)
         return is_flow or (self.outer is not None and self.outer.flow)
 
@@ -185,39 +187,39 @@ class YamlPart:
 
     @cached_property
     def parts(self) -> list[YamlPart]:
-        """The values in a mapping or a list, in their order."""
+        """Values in the mapping or list, in the order of the text; empty for other values."""
         if isinstance(self.node, yaml.MappingNode):
             return _values(self, self.node)
         return _items(self, self.node) if isinstance(self.node, yaml.SequenceNode) else []
 
-    def holds(self, key: Any) -> bool:
-        """True if the value is a list for a position, or a mapping for another key."""
+    def can_contain(self, key: Any) -> bool:
+        """True if the value can contain a key: it is a mapping, or for an index a list."""
         if self.node is None and self.outer is not None:
-            raise Shared
+            raise SharedValue
         if isinstance(self.node, yaml.SequenceNode):
             return isinstance(key, int)
         return isinstance(self.node, yaml.MappingNode)
 
     def part(self, key: Any) -> YamlPart | None:
-        """The value of a key or a position."""
+        """Value of a key, or of an index of a list; None if the key does not exist."""
         if isinstance(self.node, yaml.SequenceNode):
             return self.parts[int(key)]
         return next((x for x in self.parts if type(x.key) is type(key) and x.key == key), None)
 
     def replace(self, old: Any, new: Any) -> list[Splice]:
-        """Replace the value; lists of the same length and mappings of the same keys keep theirs."""
+        """Splices that replace the value `old` of this part by `new`; unchanged items remain."""
         if equal_data(old, new):
             return []
         if self.node is None and self.outer is not None:
-            raise Shared
+            raise SharedValue
         keys = _keys(old)
         alike = type(old) is type(new) and set(keys) == set(_keys(new))
         if keys and alike and [x.key for x in self.parts] == keys:
             return [y for x in self.parts for y in x.replace(old[x.key], new[x.key])]
-        return self._write(new)
+        return self._replace_value(new)
 
     def add(self, key: Any, value: Any) -> list[Splice]:
-        """Add a key to a mapping, as its last one."""
+        """Splices that add a key at the end of the mapping."""
         name = flow_text(key)
         if self.flow:
             return [self._append_inline(f"{name}: {flow_text(value)}")]
@@ -225,7 +227,7 @@ class YamlPart:
         return [self._append_line(self.parts[-1], column, name + ":", value)]
 
     def insert(self, index: int, value: Any) -> list[Splice]:
-        """Insert an item into a list."""
+        """Splices that insert an item into the list before an index."""
         if index == len(self.parts) and self.flow:
             return [self._append_inline(flow_text(value))]
         if self.flow:
@@ -237,22 +239,22 @@ class YamlPart:
         if index > 0:
             return [self._append_line(self.parts[index - 1], self.parts[0].column, "-", value)]
         first = self.parts[0]
-        line = "-" + self.child(value, first.column) + self.document.eol + " " * first.column
+        line = "-" + self.child_text(value, first.column) + self.document.eol + " " * first.column
         return [Splice(first.head, first.head, line)]
 
     def remove(self, key: Any) -> list[Splice]:
-        """Remove a key, or an item of a list."""
+        """Splices that remove a key, or the item at an index of the list."""
         gone = self.part(key)
         assert gone is not None
         k = self.parts.index(gone)
         if len(self.parts) == 1:
-            return self._empty()
+            return self._remove_only_item()
         following = self.parts[k + 1].head if k + 1 < len(self.parts) else None
         if self.flow and following is None and not self.document.is_first(gone.head):
             return [Splice(self.parts[k - 1].end, gone.end, "")]
         if self.flow and following is None:
-            comma = _skip(self.document.text, gone.end, ",")
-            trailing = self.document.text[comma : self.document.line_end(comma)].strip(BLANK)
+            comma = _skip_mark(self.document.text, gone.end, ",")
+            trailing = self.document.text[comma : self.document.line_end(comma)].strip(BLANKS)
             if trailing.startswith("#"):
                 return [self.document.cut_lines(gone.head, comma)]
             return [self.document.cut(gone.head, comma)]
@@ -260,16 +262,16 @@ class YamlPart:
             return [Splice(gone.head, following, "")]
         return [self.document.cut_lines(gone.head, gone.end)]
 
-    def _empty(self) -> list[Splice]:
-        """Remove all that is in a mapping or a list, with the comments behind it."""
+    def _remove_only_item(self) -> list[Splice]:
+        """Splices that remove the only item of the mapping or list, with comments after it."""
         empty: Any = {} if isinstance(self.node, yaml.MappingNode) else []
-        splices = self._write(empty)
+        splices = self._replace_value(empty)
         if len(splices) > 1:
             splices[1] = self.document.cut_lines(self.begin, self.end)
         return splices
 
-    def _write(self, new: Any) -> list[Splice]:
-        """Write another value in the place of this one."""
+    def _replace_value(self, new: Any) -> list[Splice]:
+        """Splices that write another value in place of this value."""
         if self.outer is None:
             return self._write_root(new)
         style = self.node.style if isinstance(self.node, yaml.ScalarNode) else None
@@ -279,14 +281,14 @@ class YamlPart:
             column = _column(self.document, self.begin)
             return [Splice(self.begin, self.end, block_text(new, column, self.document.eol))]
         if long and not self.outer.flow:
-            return [Splice(self.name_end, self.end, self.outer.child(new, self.column))]
+            return [Splice(self.name_end, self.end, self.outer.child_text(new, self.column))]
         if self.begin == self.end:
             of_mapping = isinstance(self.outer.node, yaml.MappingNode)
             colon = ":" if of_mapping and self.document.text[self.name_end - 1] != ":" else ""
             return [Splice(self.name_end, self.end, f"{colon} {line}")]
         if not self.is_block:
             return [self._in_column(line)]
-        if BREAK.search(self.document.text, self.name_end, self.begin) is None:
+        if LINE_BREAK.search(self.document.text, self.name_end, self.begin) is None:
             return [Splice(self.begin, self.end, line)]
         return [
             Splice(self.name_end, self.name_end, f" {line}"),
@@ -294,15 +296,15 @@ class YamlPart:
         ]
 
     def _in_column(self, line: str) -> Splice:
-        """Write a value on its line; a comment behind it stays in its column if it can."""
-        gap = GAP.match(self.document.text, self.end)
+        """Splice that writes a value on its line; a comment after it stays in its column."""
+        gap = ALIGNMENT.match(self.document.text, self.end)
         if gap is None:
             return Splice(self.begin, self.end, line)
         blanks = len(gap[0]) - len(line) + self.end - self.begin
         return Splice(self.begin, gap.end(), line + " " * max(blanks, 2))
 
     def _write_root(self, new: Any) -> list[Splice]:
-        """Write another document; comments before it stay."""
+        """Splices that replace the whole document, but not comments before it."""
         if self.node is None:
             gap = (
                 self.document.eol
@@ -320,36 +322,36 @@ class YamlPart:
         return [Splice(self.begin, self.end, text)]
 
     def _append_inline(self, entry: str) -> Splice:
-        """Add an entry at the end of a mapping or list between braces or brackets."""
+        """Splice that adds an entry at the end of the mapping or list in flow style."""
         if self.parts:
             return Splice(self.parts[-1].end, self.parts[-1].end, f", {entry}")
         return Splice(self.end - 1, self.end - 1, entry)
 
     def _append_line(self, after: YamlPart, column: int, name: str, value: Any) -> Splice:
-        """Add a line, or several, after those of a part."""
+        """Splice that adds a key or dash with its value in a new line after a part."""
         position = self.document.line_end(after.end)
-        line = self.document.eol + " " * column + name + self.child(value, column)
+        line = self.document.eol + " " * column + name + self.child_text(value, column)
         return Splice(position, position, line)
 
-    def child(self, value: Any, column: int) -> str:
-        """A value after a key or a dash in a column."""
+    def child_text(self, value: Any, column: int) -> str:
+        """Text of a value after a key or dash in a column of this mapping or list."""
         return entry_text(
             value, column, self.document.eol, in_list=isinstance(self.node, yaml.SequenceNode)
         )
 
 
 def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
-    """The values of a mapping."""
+    """Parts of the values of a mapping, in the order of the text."""
     text, parts = outer.document.text, []
     for name, value in node.value:
         name_end = name.end_mark.index
-        colon = _skip(text, name_end, ":")
+        colon = _skip_mark(text, name_end, ":")
         begin, value_node = value.start_mark.index, value
         if begin < name_end:
-            begin, end, value_node = *_alias(text, colon), None
+            begin, end, value_node = *_find_alias(text, colon), None
         else:
-            end = _end(outer.document, value, begin)
-        # A missing value begins at the end of its key.
+            end = _value_end(outer.document, value, begin)
+        # A missing value starts at the end of its key.
         begin, end = max(begin, colon), max(end, colon)
         part = YamlPart(
             document=outer.document,
@@ -357,7 +359,7 @@ def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
             begin=begin,
             end=end,
             outer=outer,
-            key=_key(name),
+            key=_data_key(name),
         )
         part.head, part.name_end = name.start_mark.index, colon
         part.column = name.start_mark.column
@@ -366,21 +368,21 @@ def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
 
 
 def _keys(value: Any) -> list[Any]:
-    """The keys of a mapping, or the positions in a list; none of another value."""
+    """Keys of a mapping, or indices of a list; empty for other values."""
     if isinstance(value, list):
         return list(range(len(value)))
     return list(value) if isinstance(value, dict) else []
 
 
 def _items(outer: YamlPart, node: yaml.SequenceNode) -> list[YamlPart]:
-    """The items of a list."""
+    """Parts of the items of a list."""
     text, parts, position = outer.document, [], outer.begin
     for k, value in enumerate(node.value):
         begin, value_node = value.start_mark.index, value
         if begin < position:
-            begin, end, value_node = *_alias(text.text, position), None
+            begin, end, value_node = *_find_alias(text.text, position), None
         else:
-            end = _end(text, value, begin)
+            end = _value_end(text, value, begin)
         part = YamlPart(
             document=text, node=value_node, begin=begin, end=end, outer=outer, key=k, head=begin
         )
@@ -394,38 +396,38 @@ def _items(outer: YamlPart, node: yaml.SequenceNode) -> list[YamlPart]:
     return parts
 
 
-def _key(node: yaml.Node) -> Any:
-    """A key as data have it; None if it is neither text nor a whole number."""
+def _data_key(node: yaml.Node) -> Any:
+    """Key of a node as in the data; None if it is neither a text nor an integer."""
     if node.tag == INT:
         return int(node.value)
-    return node.value if node.tag == TEXT else None
+    return node.value if node.tag == TEXT_TAG else None
 
 
-def _end(text: YamlText, node: yaml.Node, begin: int) -> int:
-    """End of the text of a value, without blanks and comments after it."""
+def _value_end(text: YamlText, node: yaml.Node, begin: int) -> int:
+    """Position of the end of a value, before blanks and comments after it."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style:
         part = YamlPart(document=text, node=node, begin=begin, end=begin, outer=None, key=None)
         return part.parts[-1].end
     end = node.end_mark.index
-    return begin + len(text.text[begin:end].rstrip(BLANK))
+    return begin + len(text.text[begin:end].rstrip(BLANKS))
 
 
-def _alias(text: str, position: int) -> tuple[int, int]:
-    """Begin and end of the next alias."""
+def _find_alias(text: str, position: int) -> tuple[int, int]:
+    """Start and end positions of the next alias after a position."""
     masked = COMMENT.sub(lambda x: " " * len(x[0]), text[position:])
     match = ALIAS.search(masked)
     assert match is not None
     return position + match.start(), position + match.end()
 
 
-def _skip(text: str, position: int, mark: str) -> int:
-    """The position after a mark that follows, or the same position if another mark follows."""
+def _skip_mark(text: str, position: int, mark: str) -> int:
+    """Position after `mark` if it is the next character except blanks, else `position`."""
     stop = position
-    while stop < len(text) and text[stop] in BLANK:
+    while stop < len(text) and text[stop] in BLANKS:
         stop += 1
     return stop + 1 if text.startswith(mark, stop) else position
 
 
 def _column(text: YamlText, position: int) -> int:
-    """The column of a position."""
+    """Column of a position, from 0."""
     return position - text.line_start(position)

@@ -3,7 +3,7 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "corner_curves": "corner_error",
+    "line_corners": "corner_error",
     "projection": "Projection",
     "orientation": "Orientation",
     "path": "Path",

@@ -1,5 +1,5 @@
 from armcontour.core.frames import angle_between as angle_between
-from armcontour.geometry.corner_curves import corner_error as corner_error
+from armcontour.geometry.line_corners import corner_error as corner_error
 from armcontour.geometry.orientation import Orientation as Orientation
 from armcontour.geometry.path import Path as Path
 from armcontour.geometry.primitives import Arc as Arc

@@ -19,7 +19,7 @@ from armcontour.core.quantities import Tolerance
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.connections import bound_deviation, connect, draw_connections
-from armcontour.geometry.corner_curves import fit_lengths, replace_vertices
+from armcontour.geometry.line_corners import fit_lengths, replace_vertices
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounded_orientation import find_kinks, follow_rounded, round_orientation

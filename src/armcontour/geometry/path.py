@@ -24,7 +24,7 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segm
 PLANAR_PATH = (
     "A tool orientation requires a path in space. Give the points of the path three coordinates."
 )
-EVERY_VERTEX = checks.lock_copy(np.empty(0, dtype=np.intp))
+EVERY_VERTEX = checks.freeze_copy(np.empty(0, dtype=np.intp))
 # A break of an orientation within this distance of a vertex of its path, in metres plus the same
 # fraction of the path length, is moved to the vertex. The differences come from remainders that
 # corner rounding discards, and from rounding errors of summed lengths.
@@ -511,7 +511,7 @@ def _check_waypoints(waypoints: npt.ArrayLike, n: int) -> IntArray:
         raise InvalidInput(
             f"waypoints of a path must be indices of vertices that increase from 0 to {n}."
         )
-    return checks.lock_copy(indices)
+    return checks.freeze_copy(indices)
 
 
 def _describe_range(values: FloatArray, unit: str) -> str:

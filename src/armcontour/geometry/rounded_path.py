@@ -4,7 +4,7 @@ The *corner error* is the gap between the corner point and the arc, as in the pa
 `gap = r (1 - cos h) / cos h` for radius r and half the turn h. Other texts call two other lengths
 tolerance: the arc's distance from the path, `r (1 - cos h) = gap cos h`, and the tangent length,
 `r tan h`, which is the part of each line that the arc replaces. Two tangent arcs replace a corner
-next to an arc (blends.py). Parabolas are in corner_curves.py. See docs/concepts/rounding.md.
+next to an arc (arc_corners.py). Parabolas are in line_corners.py. See docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, short_repr
-from armcontour.geometry.corner_curves import (
+from armcontour.geometry.line_corners import (
     ARC,
     PARABOLA,
     SMOOTH,
@@ -361,7 +361,7 @@ def _round(
     # Where a connection is too short or not possible, a pair of arcs replaces the corner.
     kinds: list[tuple[CornerKind, float]] = [(curve, 0.0)]
     if (free & bent).any():
-        from armcontour.geometry.blends import CONNECTION, PAIR
+        from armcontour.geometry.arc_corners import CONNECTION, PAIR
 
         kinds += [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
         kinds.append((PAIR, 0.0))

@@ -31,7 +31,7 @@ COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
 # second derivative.
 SECOND_DERIVATIVE = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
 NOT_GIVEN = checks.frozen_array([])
-NO_TAGS = checks.lock_copy(np.empty(0, dtype=object))
+NO_TAGS = checks.freeze_copy(np.empty(0, dtype=object))
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False)
@@ -83,7 +83,7 @@ class Segments(Value):
             array = np.asarray(getattr(self, name), dtype=object if name == "tags" else np.float64)
             # Read-only arrays that own their data are shared; other arrays are copied.
             if array.flags.writeable or not array.flags.owndata:
-                object.__setattr__(self, name, checks.lock_copy(array))
+                object.__setattr__(self, name, checks.freeze_copy(array))
 
     @classmethod
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:

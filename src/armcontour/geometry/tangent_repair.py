@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.frames import angle_between
+from armcontour.geometry.arc_corners import WIDEST
 from armcontour.geometry.biarcs import biarc_distance, make_biarcs, unit
-from armcontour.geometry.blends import WIDEST
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounded_path import blend_vertices
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANCE, Segments

@@ -1,4 +1,4 @@
-"""Jobs, and `run`, which does all steps of a job and returns a study."""
+"""Jobs, and the function `run`, which executes all steps of a job and returns a study."""
 
 from armcontour.core.lazy import lazy_names
 
@@ -9,7 +9,7 @@ _HOME = {
     "goal": "CertificateGoal",
     "improvements": "Advice Improvement",
     "job": "Job Rounding Run",
-    "place_search": "PlaceSearch",
+    "placement_options": "PlaceSearch",
     "planned_run": "Planned ShapingGain",
     "run_plan": "plan_one prepare_and_round",
     "job_result": "ExperimentResult JobResult RunResult warnings_of",

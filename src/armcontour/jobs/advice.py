@@ -1,4 +1,4 @@
-"""`advise`: changes of a run that save most time, or that lead to a positive verdict."""
+"""`advise`: finds changes of a run that save most time or lead to a positive verdict."""
 
 from __future__ import annotations
 
@@ -28,44 +28,45 @@ from armcontour.planning.explanation import DWELLS, NAMES, RAPIDS
 from armcontour.robot.limits import UNITS
 from armcontour.verification import evaluate
 
-# Changes that are listed, and changes that are planned to find them.
+# Maximum number of listed changes, and maximum number of changes that are planned to find them.
 MAX_LISTED, MAX_PLANNED = 3, 6
-# Factor for limits, and factor for corner tolerances.
-RAISED, WIDER = 1.2, 2.0
-# Changes that save a smaller share of the duration are not listed.
-LEAST = 2e-3
-# Repairs: factors of the speed, and reserves, smallest changes first.
-SLOWER, RESERVES = (0.8, 0.6, 0.4, 0.2), (0.1, 0.2, 0.4)
-# Smallest reserve for the servo [share of the acceleration].
+# Factors by which limits and corner tolerances are increased.
+LIMIT_FACTOR, TOLERANCE_FACTOR = 1.2, 2.0
+# Minimum share of the duration that a listed change saves.
+MIN_SAVING = 2e-3
+# Speed factors and reserves that are tried to repair a run, the smallest change first.
+SPEED_FACTORS, RESERVES = (0.8, 0.6, 0.4, 0.2), (0.1, 0.2, 0.4)
+# Minimum reserve for the servo, as a share of acceleration.
 LEAST_RESERVE = 0.02
-# Share of the accuracy that a repair uses, so that rounding errors are not decisive.
-OF_ACCURACY = 0.98
-# Jobs with more segments in all runs are planned again on request only.
+# Share of the accuracy that a repair uses, so that rounding errors do not determine the verdict.
+ACCURACY_SHARE = 0.98
+# Maximum number of segments in all runs of a job for which advice is computed by default.
 SMALL = 50
-# Conditions of changes: limits of drives, and limits set by the user.
+# Conditions of changes: for limits of drives, for limits that the user has set, and for tolerances.
 IF_DRIVE, IF_PROCESS = "the drive allows it", "the process allows it"
 IF_PART = "the part allows it"
+# Name of the step in the progress.
 STEP = "changes"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Candidate:
-    """A change that may help."""
+    """A change that may be an improvement; `label`, `edits`, `condition`: see `Improvement`."""
 
-    label: str  # As in `Improvement`, as are `edits` and `condition`
+    label: str
     edits: tuple[tuple[str, Any], ...]
-    job: Job
-    run: Run
-    worth: float = 0.0  # Approximate share of the duration that it may save
+    job: Job  # Changed job
+    run: Run  # Changed run
+    expected_saving: float = 0.0  # Estimated share of the duration that the change saves
     condition: str = ""
 
 
 def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Advice:
-    """Find changes that save most time or, for a run with a negative verdict, that repair it.
+    """Find the changes of a run that save most time, or that repair a run with a negative verdict.
 
     Each change is planned and simulated.
     """
-    report, steps = subprogress(progress), advising(job, result)
+    report, steps = subprogress(progress), advice_steps(job, result)
     while True:
         try:
             report(Step((STEP,), done=next(steps)))
@@ -74,18 +75,24 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
             return advice
 
 
-def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
-    """The steps of `advise`, each of which plans one change; yields the share that is done."""
+def advice_steps(job: Job, result: RunResult) -> Generator[float, None, Advice]:
+    """Compute the advice in steps of one change; yields the completed share, returns the advice."""
     reuse, helpful = Reuse(2), list[Improvement]()
     repairs = result.kept is False
     if repairs:
         groups = list(_repairs(job, result))
-        none = "No single change of tolerance, compensation, reserve and speed makes the run kept."
+        none = (
+            "No single change of tolerance, compensation, reserve or speed leads to a run that "
+            "keeps its accuracy."
+        )
     else:
-        likely = sorted(_savings(job, result), key=lambda x: -x[0].worth)[:MAX_PLANNED]
+        likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)[:MAX_PLANNED]
         groups = list(map(iter, likely))
-        none = "No single change of a limit, the corners or the order makes the motion faster."
-    smallest = -inf if repairs else LEAST * result.trajectory.duration
+        none = (
+            "No single change of a limit, of the corners or of the contour order makes the motion "
+            "faster."
+        )
+    smallest = -inf if repairs else MIN_SAVING * result.trajectory.duration
     for k, group in enumerate(groups):
         for candidate in group:
             yield k / len(groups)
@@ -97,8 +104,8 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     return Advice(improvements=suggestions, note="" if suggestions else none)
 
 
-def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
-    """A study with the advice on each of its runs."""
+def with_advice(study: JobResult, progress: Progress | None = None) -> JobResult:
+    """Study with the advice on each of its runs."""
     runs = {
         name: replace(x, advice=advise(study.job, x, subprogress(progress, name)))
         for name, x in study.runs.items()
@@ -107,13 +114,13 @@ def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
 
 
 def is_small(job: Job, maximum: int = SMALL) -> bool:
-    """True if changes of a job are planned within a few seconds."""
+    """True if changes of a job can be planned within a few seconds."""
     segments = sum(len(x.path) for x in job.program.contours)
     return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
 
 
 def _try(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
-    """Plan and simulate a change; None if it is not possible."""
+    """Plan and simulate a change; None if that is not possible."""
     try:
         planned = plan_one(candidate.job, candidate.run, reuse)
         errors = _contour_errors(candidate.job, planned)
@@ -132,7 +139,7 @@ def _try(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Improvement 
 
 
 def _contour_errors(job: Job, planned: Planned) -> list[float]:
-    """Largest contour error of each contour of a plan, with the plant that judges its run [m]."""
+    """Largest contour error of each contour [m], simulated with the plant that judges the run."""
     run = planned.run
     set_points = compute_set_points(job, run, planned.trajectory)
     plant = None
@@ -143,13 +150,13 @@ def _contour_errors(job: Job, planned: Planned) -> list[float]:
 
 
 def _rounded(value: float, digits: int = 3) -> float:
-    """The value, rounded down to few digits."""
+    """Round a value down to `digits` significant digits."""
     step = 10.0 ** (floor(log10(value)) - digits + 1)
     return float(f"{floor(value / step * (1 + 1e-12)) * step:.{digits}g}")
 
 
 def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
-    """Changes that may shorten the motion, in groups whose first successful change counts."""
+    """Yield groups of changes that may shorten the motion; the first successful one counts."""
     run, why = result.run, result.explanation
     if why is None or run.duration is not None:
         return
@@ -163,7 +170,7 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     cornering = 1 - sum(kinds.get(x, 0.0) for x in free)
     yield from ([x] for x in _wider_corners(job, result, cornering))
     if run.timing.reserve > LEAST_RESERVE:
-        # The smallest reserve saves most, if the servo can follow.
+        # The smallest reserve is tried first, because it saves most if the servo can follow.
         reserves = sorted({LEAST_RESERVE, max(_rounded(run.timing.reserve / 2), LEAST_RESERVE)})
         share = (1 - kinds.get(free[0], 0.0)) / 2
         yield [_reserve(job, run, x, (run.timing.reserve - x) * share) for x in reserves]
@@ -175,24 +182,24 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
                 edits=(("process.order", "shortest"),),
                 job=replace(job, process=process),
                 run=run,
-                worth=kinds.get(RAPIDS, 0.0) / 3,
+                expected_saving=kinds.get(RAPIDS, 0.0) / 3,
             )
         ]
 
 
 def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
-    """A higher travel speed of the weave, if this is the assigned velocity."""
+    """Yield a higher travel speed of the weave, if it is the assigned velocity of the run."""
     weave = job.process.weave
     if weave is None or weave.speed is None or weave_speed(result) is None:
         return
-    new = _rounded(weave.speed * RAISED)
+    new = _rounded(weave.speed * LIMIT_FACTOR)
     process = replace(job.process, weave=replace(weave, speed=new))
     yield _Candidate(
-        label=f"Raise the travel speed of the weave {_steps(weave.speed, new, 'm/s')}",
+        label=f"Raise the travel speed of the weave {_describe_change(weave.speed, new, 'm/s')}",
         edits=(("process.weave.speed", new),),
         job=replace(job, process=process),
         run=result.run,
-        worth=share * (1 - 1 / RAISED),
+        expected_saving=share * (1 - 1 / LIMIT_FACTOR),
         condition=IF_PROCESS,
     )
 
@@ -200,83 +207,85 @@ def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candid
 def _raised_limit(
     job: Job, run: Run, kind: str, joint: int | None, share: float
 ) -> Iterator[_Candidate]:
-    """A limit that is raised, that of one joint for a limit of joints."""
+    """Yield the increase of a kind of limit; of a joint limit, only for one joint."""
     fields = {name: x for x, name in NAMES.items()}
     name = fields.get(kind)
     value = None if name is None else getattr(run.limits, name)
     if name is None or value is None:
         return
-    # The time along a path is proportional to 1 / sqrt(acceleration).
-    worth = share * (1 - (1 / RAISED if "speed" in name or "velocity" in name else RAISED**-0.5))
+    # Estimated saving: time is proportional to 1 / speed, or to 1 / sqrt(acceleration).
+    expected_saving = share * (
+        1 - (1 / LIMIT_FACTOR if "speed" in name or "velocity" in name else LIMIT_FACTOR**-0.5)
+    )
     words, condition = f"the {kind}", IF_PROCESS
     raised = np.array(value, dtype=np.float64)
     bounds = raised.reshape(raised.size if joint is None else len(raised), -1)
     limit = bounds[joint or 0]
     old = float(np.abs(limit).min())
-    limit[:] = [np.sign(x) * _rounded(abs(x) * RAISED) for x in limit]
+    limit[:] = [np.sign(x) * _rounded(abs(x) * LIMIT_FACTOR) for x in limit]
     if joint is not None:
         words, condition = f"joint {joint + 1} {kind}", IF_DRIVE
     yield _Candidate(
-        label=f"Raise {words} {_steps(old, float(np.abs(limit).min()), UNITS[name])}",
+        label=f"Raise {words} {_describe_change(old, float(np.abs(limit).min()), UNITS[name])}",
         edits=((f"limits.{name}", raised.tolist()),),
         job=job,
         run=replace(run, limits=run.limits.replace(**{name: raised if raised.ndim else limit[0]})),
-        worth=worth,
+        expected_saving=expected_saving,
         condition=condition,
     )
 
 
-def _steps(old: float, new: float, unit: str) -> str:
-    """Both values of a change, such as "from 0.25 to 0.5 mm"."""
+def _describe_change(old: float, new: float, unit: str) -> str:
+    """Text with both values of a change, such as "from 0.25 to 0.5 mm"."""
     (before, its), (after, unit) = split(old, unit), split(new, unit)
     return f"from {before if its == unit else f'{before} {its}'} to {after} {unit}"
 
 
 def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
-    """A larger corner tolerance within the accuracy."""
+    """Yield a larger corner tolerance that the required accuracy allows."""
     old, accuracy = result.tolerance, result.run.accuracy
     if old is None or result.rounding_error is None:
         return
-    new = old * WIDER
+    new = old * TOLERANCE_FACTOR
     if accuracy is not None:
         assert result.judged is not None
-        new = min(new, OF_ACCURACY * accuracy - 2 * result.judged.contour_error.max)
-    if new > old * (1 + LEAST):
+        new = min(new, ACCURACY_SHARE * accuracy - 2 * result.judged.contour_error.max)
+    if new > old * (1 + MIN_SAVING):
         yield _tolerance(job, result.run, _rounded(new), share / 5)
 
 
-def _tolerance(job: Job, run: Run, new: float, worth: float = 0.0) -> _Candidate:
-    """Another corner tolerance."""
+def _tolerance(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
+    """Change of the corner tolerance to a new value [m]."""
     rounding = run.rounding
     assert rounding is not None and rounding.tolerance is not None
     verb = "Raise" if new > rounding.tolerance else "Lower"
     return _Candidate(
-        label=f"{verb} the corner tolerance {_steps(rounding.tolerance, new, 'm')}",
+        label=f"{verb} the corner tolerance {_describe_change(rounding.tolerance, new, 'm')}",
         edits=(("corners.tolerance", new),),
         job=job,
         run=replace(run, rounding=replace(rounding, tolerance=new)),
-        worth=worth,
+        expected_saving=expected_saving,
         condition=IF_PART if verb == "Raise" else "",
     )
 
 
-def _reserve(job: Job, run: Run, new: float, worth: float = 0.0) -> _Candidate:
-    """Another reserve for the servo."""
+def _reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
+    """Change of the reserve for the servo to a new share."""
     old = run.timing.reserve
     return _Candidate(
-        label=f"{'Raise' if new > old else 'Lower'} the reserve {_steps(old, new, '1')}",
+        label=f"{'Raise' if new > old else 'Lower'} the reserve {_describe_change(old, new, '1')}",
         edits=(("timing.reserve", new),),
         job=job,
         run=replace(run, timing=replace(run.timing, reserve=new)),
-        worth=worth,
+        expected_saving=expected_saving,
     )
 
 
 def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
-    """Changes that may repair a run, in groups whose first successful change counts."""
+    """Yield groups of changes that may repair a run; the first successful one counts."""
     run, e = result.run, result.judged
     if run.accuracy is not None and result.tolerance is not None and e is not None:
-        room = OF_ACCURACY * run.accuracy - 2 * e.contour_error.max
+        room = ACCURACY_SHARE * run.accuracy - 2 * e.contour_error.max
         if 0 < room < result.tolerance:
             yield iter([_tolerance(job, run, _rounded(room))])
     if run.compensation.method != INVERSE.method:
@@ -296,10 +305,10 @@ def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
         yield (_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve)
     speed = run.limits.speed
     if speed is not None:
-        new = [_rounded(speed * x) for x in SLOWER]
+        new = [_rounded(speed * x) for x in SPEED_FACTORS]
         yield (
             _Candidate(
-                label=f"Lower the assigned velocity {_steps(speed, x, 'm/s')}",
+                label=f"Lower the assigned velocity {_describe_change(speed, x, 'm/s')}",
                 edits=(("limits.speed", x),),
                 job=job,
                 run=replace(run, limits=run.limits.replace(speed=x)),

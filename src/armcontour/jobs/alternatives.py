@@ -1,4 +1,4 @@
-"""`alternatives`: collision-free joint paths of a program."""
+"""`alternatives`: joint paths of a program without collisions."""
 
 from __future__ import annotations
 
@@ -25,62 +25,67 @@ from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS
 from armcontour.verification.clearance import Cell, Clearance
 from armcontour.verification.clearance.distances import can_measure
 
-# Retract distances along the tool axis for rapids with a collision [m]; the first free one is used.
+# Retract distances along the tool axis that are tried for rapids with a collision [m].
 RETRACTS = (0.02, 0.05, 0.1, 0.2)
-# Points of the retract move, which is straight for the tool but not for the joints.
+# Number of points of a retract move, which is a straight line of the tool but not of the joints.
 RETRACT_POINTS = 8
-# Number of turns about a free tool axis that are tried in each configuration.
+# Number of rotations about a free tool axis that are tried.
 TURNS = 8
 REST = "at rest"
-OTHER = "another configuration is taken, in which the contours are collision-free"
-# If the tool point is nearer to the flange than this [m], there is no tool.
-SHORT = 1e-3
-# Position and orientation, with the turn about the tool axis.
+OTHER_CONFIGURATION = (
+    "the arm uses another configuration, because the contours are collision-free in it"
+)
+# If the tool point is nearer to the flange than this [m], the arm has no tool.
+MIN_TOOL_LENGTH = 1e-3
+# Task dimension of position and orientation, including the rotation about the tool axis.
 WHOLE_POSE = 6
 
-# For arms in space; in the plane, only neighbouring links could touch.
+# Notes for arms in space. A planar arm needs no note, because only its adjacent links could touch.
 NOT_CHECKED = (
-    "self-collision is not checked: this requires pip install 'armcontour[dynamics]' (there are no "
-    "wheels for Windows)."
+    "self-collision is not checked, because a library is missing. Install it with pip install "
+    "'armcontour[dynamics]' (no wheels for Windows)."
 )
 NO_SHAPES = (
-    "self-collision is not checked: the shapes of the arm's links are unknown; give its "
-    "description <collision> elements, or the job arm.shapes."
+    "self-collision is not checked, because the shapes of the arm's links are unknown. Add "
+    "<collision> elements to the description of the arm, or arm.shapes to the job."
 )
 
 
 def alternatives(
     job: Job, run: Run, traced: Tracing, progress: Progress
 ) -> Iterator[tuple[Tracing, tuple[str, ...]]]:
-    """Yield joint paths, the fastest first, then collision-free ones, and sentences on them."""
-    # Contours are followed in another configuration, or with another turn about a free tool axis.
-    # Rapids retract along the tool axis, move, and approach along it; or they pass through
-    # configurations from a search. Take the next ones if the plan along these has a collision. The
-    # last ones are those with the longest collision-free part.
+    """Yield joint paths and notes on them: the fastest, then alternatives without collisions.
+
+    Use the next alternative if the plan along the previous joint paths has a collision. If no
+    alternative is free of collisions, the last one has the longest collision-free part.
+    """
+    # Alternatives for contours: another configuration, or another rotation about a free tool axis.
+    # Alternatives for rapids: retract along the tool axis, move, and approach along it; or pass
+    # through configurations that a search finds.
     if not _is_checked(job):
         yield traced, _explain_unchecked(job.arm)
         return
     if not _has_pairs(job):
         yield traced, ()
         return
-    notes = ((OTHER,) if traced.faster_rejected else ()) + _about_tool(job.arm)
+    notes = ((OTHER_CONFIGURATION,) if traced.faster_rejected else ()) + _about_tool(job.arm)
     yield traced, notes
     cell, others = job.cell, list[str]()
-    if (reached := _reach(traced, cell)) < np.inf:
+    if (reached := _count_clear(traced, cell)) < np.inf:
         other = _other_start(job, run, traced, reached, progress)
         if other is None:
             return
-        if _reach(other, cell) < np.inf:
-            # No rapid helps; the first contour of these that comes too near is refused.
+        if _count_clear(other, cell) < np.inf:
+            # Other rapids cannot avoid a collision of a contour. The check of the plan reports it.
             yield other, notes
             return
         traced = other
-        others.append(OTHER)
+        others.append(OTHER_CONFIGURATION)
     around = _rapids_around(job, run, traced, cell, progress)
     count = sum(x is not y for x, y in zip(around.steps, traced.steps, strict=True))
     if count:
-        message = "1 rapid goes" if count == 1 else f"{count} rapids go"
-        others.append(f"{message} around obstacles of the direct move")
+        message = "1 rapid avoids" if count == 1 else f"{count} rapids avoid"
+        others.append(f"{message} obstacles of the direct move by a detour")
     if others:
         yield around, tuple(dict.fromkeys((*others, *notes)))
 
@@ -91,19 +96,22 @@ def clearance_of(job: Job, motion: Trajectory) -> Clearance | None:
 
 
 def below_base(job: Job, motion: Trajectory) -> str | None:
-    """A sentence on links below the base; None if there are none, or they are not checked."""
+    """Warning about links below the base; None if there are none or they are not checked."""
     if not _is_checked(job):
         return None
     return Clearance(pairs=(), below=job.cell.below(motion)).below_base
 
 
 def _has_pairs(job: Job) -> bool:
-    """True if there are pairs of shapes that may collide."""
+    """True if there are pairs of bodies that may collide."""
     return job.scene is not None or bool(job.cell.pairs)
 
 
 def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
-    """Test that a contour is collision-free and above the base; None for a given start."""
+    """Function that tests if the joint path of a contour is collision-free and above the base.
+
+    None if the start configuration is given or collisions are not checked.
+    """
     chosen = job.seed is None and isinstance(job.arm, SerialArm)
     if not chosen or not _is_checked(job):
         return None
@@ -111,40 +119,43 @@ def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
 
 
 def _is_checked(job: Job) -> bool:
-    """True if distances are computed: with a scene always, otherwise if shapes are known."""
+    """True if distances are computed: with a scene, or if the shapes of the links are known."""
     return job.scene is not None or (job.arm.knows_shapes and can_measure())
 
 
 def _explain_unchecked(arm: Arm) -> tuple[str, ...]:
-    """Reason why self-collision is not checked, unless notes of the arm state it."""
+    """Note with the reason why self-collision is not checked; empty if other notes contain it."""
     if arm.dimension != 3:
         return ()
     try:
         return (NO_SHAPES,) if arm.shapes is None else (NOT_CHECKED,)
     except InvalidInput:
-        # Notes of the arm list the missing meshes.
+        # No note is needed, because the notes of the arm list its missing meshes.
         return ()
 
 
 def _about_tool(arm: Arm) -> tuple[str, ...]:
-    """Note on the assumed shape of the tool, if none is given."""
-    if arm.chain is None or not np.linalg.norm(arm.chain.tool.position) > SHORT:
+    """Note on a missing or assumed shape of the tool; empty if the shape is specified."""
+    if arm.chain is None or not np.linalg.norm(arm.chain.tool.position) > MIN_TOOL_LENGTH:
         return ()
     tools = [] if arm.shapes is None else [x for x in arm.shapes.shapes if x.tool]
     if not tools:
-        return ("the tool has no shape, so its clearance is not checked: arm.tool.shapes",)
+        return (
+            "the clearance of the tool is not checked, because the tool has no shape. Specify it "
+            "with arm.tool.shapes",
+        )
     if not tools[0].assumed:
         return ()
     return (
-        f"the tool is taken as a capsule with a radius of {number(ASSUMED_RADIUS, 'm')}, from the "
-        f"flange to {number(ASSUMED_GAP, 'm')} before the tool point: arm.tool.shapes gives its "
-        "own shapes",
+        f"the shape of the tool is assumed to be a capsule with a radius of "
+        f"{number(ASSUMED_RADIUS, 'm')}, from the flange to {number(ASSUMED_GAP, 'm')} before the "
+        "tool point. Specify its real shape with arm.tool.shapes",
     )
 
 
 def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
-    """Raise the collision of the first contour that has one, else of the first other move."""
-    # Contours come first because a rapid may find a way around obstacles, but a contour may not.
+    """Raise Collision for the first contour with a collision, else for the first other move."""
+    # Contours have priority, because rapids can avoid obstacles by a detour, but contours cannot.
     contours = iter(enumerate(program.contours))
     moves: list[tuple[str, Span]] = []
     called = contour_called(program.contours[0], 0)
@@ -162,7 +173,7 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
 
 
 def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
-    """Joint paths with detours for rapids that have a collision, if detours are found."""
+    """Joint paths in which rapids with a collision are replaced by detours, if any are found."""
     steps = []
     for k, step in enumerate(traced.steps):
         progress(Step(("clearance",), k / len(traced.steps)))
@@ -178,8 +189,10 @@ def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Pr
 def _other_start(
     job: Job, run: Run, traced: Tracing, reached: float, progress: Progress
 ) -> Tracing | None:
-    """Joint paths from another start that are collision-free or get farthest, by `_reach`."""
-    # None if no start gets farther than the first joint paths.
+    """Joint paths from another start that are collision-free, or have the largest `_count_clear`.
+
+    None if no start has a larger `_count_clear` than the first joint paths (`reached`).
+    """
     if job.seed is not None or not isinstance(job.arm, SerialArm):
         return None
     program, farthest, cell = traced.program, None, job.cell
@@ -187,7 +200,7 @@ def _other_start(
     bounds = run.limits.for_joints(job.arm.dof)
     for starts in _starts(job.arm.with_limits(bounds), first):
         best: tuple[float, Tracing | None] = (np.inf, None)
-        clear = [x for x in starts if cell.keeps(_rest(x))]
+        clear = [x for x in starts if cell.keeps(_rest_at(x))]
         for k, q in enumerate(clear):
             progress(Step(("clearance",), k / len(clear)))
             try:
@@ -197,7 +210,7 @@ def _other_start(
             bound = sum(bound_duration(x, bounds) for x in tracing.joint_paths)
             if bound >= best[0]:
                 continue
-            reach = _reach(tracing, cell)
+            reach = _count_clear(tracing, cell)
             if reach == np.inf:
                 best = bound, tracing
             elif reach > reached:
@@ -207,9 +220,11 @@ def _other_start(
     return farthest
 
 
-def _reach(traced: Tracing, cell: Cell) -> float:
-    """Number of collision-free contours, plus the share of the first one with a collision."""
-    # Infinite if all are collision-free.
+def _count_clear(traced: Tracing, cell: Cell) -> float:
+    """Number of collision-free contours before the first collision, infinite without a collision.
+
+    The collision-free share of the contour with the collision is added.
+    """
     contours = [x.joint_path for x in traced.steps if traced.is_contour(x)]
     for k, path in enumerate(x for x in contours if x is not None):
         if not cell.keeps(path):
@@ -219,8 +234,10 @@ def _reach(traced: Tracing, cell: Cell) -> float:
 
 
 def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
-    """Joint positions at the start of a path: its configurations, then other turns of the tool."""
-    # Other turns about a free axis are only needed if no configuration is collision-free.
+    """Yield joint positions at the start of a path: all configurations, then with other rotations.
+
+    The rotations are about a free tool axis; use them if no configuration is collision-free.
+    """
     try:
         yield find_starts(path, arm)
     except ArmContourError:
@@ -238,11 +255,11 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
 
 
 def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath | None:
-    """A collision-free joint path with the same ends; None if none is found."""
+    """Collision-free joint path with the same ends as a rapid; None if none is found."""
     from armcontour.verification.clearance.clear_path import connect, path_through
 
     first, last = ends_of(path)
-    if not (cell.keeps(_rest(first)) and cell.keeps(_rest(last))):
+    if not (cell.keeps(_rest_at(first)) and cell.keeps(_rest_at(last))):
         return None
     if isinstance(arm, SerialArm):
         for height in RETRACTS:
@@ -255,13 +272,13 @@ def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath 
     return connect(cell, first, last, ranges)
 
 
-def _rest(q: FloatArray) -> Trajectory:
-    """Rest at joint positions [rad], (dof,)."""
+def _rest_at(q: FloatArray) -> Trajectory:
+    """Trajectory that rests at joint positions [rad], (dof,), for 1 s."""
     return Trajectory(laws=(dwell_law(q, 1.0),), method=REST)
 
 
 def _retract(arm: SerialArm, run: Run, q: FloatArray, height: float) -> FloatArray | None:
-    """Joint positions of a retract along the tool axis, (n, dof); None if out of reach."""
+    """Joint positions of a retract along the tool axis [rad], (n, dof); None if out of reach."""
     point, rotation = (x[0] for x in arm.pose(q[None]))
     line = Path.polyline([point, point - height * rotation[:, 2]])
     try:

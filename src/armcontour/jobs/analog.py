@@ -1,4 +1,4 @@
-"""Values of analog outputs over the time of a plan, from the planned tool speed."""
+"""Values of analog outputs over time, computed from the planned tool speed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from armcontour.program import Analog, Contour, Process, Program, contour_called
 from armcontour.robot import Limits
 
 Values = Callable[[FloatArray], FloatArray]
-# Outputs of G-code that are not the process.
+# Names of G-code outputs that do not belong to the process.
 COOLANT = {"coolant"}
 
 
@@ -44,12 +44,12 @@ def analog_outputs(
 
 
 def _output(process: Process, name: str) -> Analog | None:
-    """The analog output of a name, if the process has one."""
+    """Analog output of a process with a name; None if the process has none."""
     return next((x for x in process.analog if x.name == name), None)
 
 
 def check_speeds(program: Program, process: Process, limits: Limits) -> None:
-    """Check that contours have an assigned velocity if an analog output depends on it."""
+    """Raise InvalidInput if an analog output depends on an assigned velocity that is missing."""
     if limits.speed is not None or not process.analog_names:
         return
     for k, contour in enumerate(program.contours):
@@ -59,9 +59,9 @@ def check_speeds(program: Program, process: Process, limits: Limits) -> None:
         for output in process.of_layer(contour.layer).analog:
             if output.speed is None and output.rest != output.full:
                 raise InvalidInput(
-                    f"The analog output {output.name} follows the assigned velocity, which "
-                    f"{contour_called(contour, k)} does not have: give limits.speed, or the output "
-                    "a speed."
+                    f"The analog output {output.name} depends on the assigned velocity, but "
+                    f"{contour_called(contour, k)} has none. Specify limits.speed, or a speed for "
+                    "the output."
                 )
 
 
@@ -74,7 +74,7 @@ def _values(
     idle: float,
     t: FloatArray,
 ) -> FloatArray:
-    """Values of an output at increasing times [s]; `outputs` has it for each contour, or None."""
+    """Values of an output at increasing times t [s], (n,); `outputs`: the output per contour."""
     times = np.asarray(t, dtype=np.float64)
     values = np.full(len(times), float(idle))
     spans = trajectory.contour_spans
@@ -83,21 +83,21 @@ def _values(
             continue
         process = states.process.of_layer(contour.layer)
         begin, end = _times_on(span, process)
-        # The output leads the tool by its lead time.
+        # The output is switched earlier than the tool arrives, by the lead time.
         lead = output.lead_time
         first, last = np.searchsorted(times, [begin - lead, end - lead])
         inside = np.clip(times[first:last] + lead, begin, end)
         if len(inside):
             s = trajectory.s(inside) - span.s[0]
             speeds = _tool_speeds(contour, s, trajectory.s(inside, 1))
-            worth = _worth(output, speeds, _full_speeds(contour, s, limits, output))
+            active = _values_at_speeds(output, speeds, _full_speeds(contour, s, limits, output))
             on = states.on(contour.layer, output, np.clip(inside, *span.t))
-            values[first:last] = np.where(on, worth, output.off)
+            values[first:last] = np.where(on, active, output.off)
     return values
 
 
 def _times_on(span: Span, process: Process) -> tuple[float, float]:
-    """Times at which the process of a contour goes on and off [s]."""
+    """Times at which the process of a contour is switched on and off [s]."""
     assert span.work is not None
     begin, end = span.work
     if process.begins_on:
@@ -106,16 +106,19 @@ def _times_on(span: Span, process: Process) -> tuple[float, float]:
 
 
 def _tool_speeds(contour: Contour, s: FloatArray, rates: FloatArray) -> FloatArray:
-    """Tool speeds at arc lengths of a contour [m], given their rates of change [m/s], (n,)."""
+    """Tool speeds at arc lengths s of a contour [m/s], (n,); `rates`: derivatives of s [m/s]."""
     path = contour.path
     if not isinstance(path, ShapedPath) or path.curve is None:
         return rates
-    # Arc lengths of a smooth curve are those of its arcs, to a few parts of a million.
+    # s of a smooth curve is the arc length of the arcs that approximate it, so the norm of the
+    # derivative differs from 1 by a few parts per million.
     return np.asarray(rates * np.linalg.norm(path(s, 1), axis=1))
 
 
-def _worth(output: Analog, speed: FloatArray, full: FloatArray | float) -> FloatArray | float:
-    """Values of an output at tool speeds [m/s], whose full speeds are given [m/s]."""
+def _values_at_speeds(
+    output: Analog, speed: FloatArray, full: FloatArray | float
+) -> FloatArray | float:
+    """Values of an output at tool speeds [m/s]; `full`: speed at which the value is full [m/s]."""
     if output.rest == output.full:
         return output.full
     return output.rest + (output.full - output.rest) * np.minimum(speed / full, 1.0)
@@ -124,7 +127,7 @@ def _worth(output: Analog, speed: FloatArray, full: FloatArray | float) -> Float
 def _full_speeds(
     contour: Contour, s: FloatArray, limits: Limits, output: Analog
 ) -> FloatArray | float:
-    """Tool speeds at which an output has its full value, at arc lengths of a contour [m/s]."""
+    """Tool speed at which an output has its full value, at arc lengths s of a contour [m/s]."""
     if output.speed is not None:
         return output.speed
     fastest = np.inf if limits.speed is None else limits.speed
@@ -132,14 +135,14 @@ def _full_speeds(
 
 
 class _States:
-    """On/off outputs over the time of a plan, by the position of the tool, without lead times."""
+    """States of on/off outputs over the time of a plan, without lead times."""
 
     def __init__(self, trajectory: Trajectory, process: Process) -> None:
         events: dict[str, list[TimedEvent]] = {}
         for event in sorted(trajectory.events, key=lambda x: x.due):
             events.setdefault(event.name, []).append(event)
-        # Times of the events of each output, and whether it is on before, between and after them;
-        # before its first event, an output has the opposite value.
+        # By output: times of its events [s], (n,), and its state before, between and after the
+        # events, (n + 1,). The state before the first event is the opposite of its value.
         self.outputs = {
             name: (
                 np.array([x.due for x in own]),
@@ -162,7 +165,7 @@ class _States:
             names = names - self.switches | {switch.name}
         on = np.ones(len(t), dtype=np.bool_)
         for name in names:
-            # An output without events is never on.
+            # An output without events is off at all times.
             dues, values = self.outputs.get(name, ((), np.array([False])))
             on &= values[np.searchsorted(dues, t, side="right")]
         return on

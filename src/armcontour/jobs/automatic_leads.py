@@ -1,4 +1,4 @@
-"""Leads of automatic length: the shortest ones with full tool speed at the contour."""
+"""Leads of automatic length: the shortest leads with full tool speed at the contour."""
 
 from __future__ import annotations
 
@@ -18,25 +18,28 @@ from armcontour.planning import Optimal
 from armcontour.program import Contour, Leads, Process, Program, arrange_contours, prepare
 from armcontour.robot import PlanarTwoLink
 
-# The first length that is tried [m], and the shortest and longest ones.
+# Length of a lead that is tried first, minimum and maximum length [m].
 FIRST_LEAD, SHORTEST_LEAD, LONGEST_LEAD = 32e-3, 2e-3, 16.0
-# With limits of jerk, the speed increases slowly with the radius of the lead's arc: a lead is not
-# doubled for a smaller relative increase than this.
+# Relative increase of the speed below which a lead is not doubled again. With jerk limits, the
+# speed increases only slowly with the radius of the arc of the lead.
 LEAST_GAIN = 0.05
-# A lead is short enough if this share of its length is not sufficient; factor of the next tried
-# length over its estimate; number of points along a lead at which the speed is known.
+# SHORT_ENOUGH: the search ends when this share of the length is not sufficient. LONGER: ratio of
+# the next tried length and its estimate. PLACES: number of points of the speed along a lead.
 SHORT_ENOUGH, LONGER, PLACES = 0.98, 1.005, 401
-# Values of the process without which automatic leads are found.
+# Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 
 PlanOne = Callable[..., Planned]
 
 
 def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
-    """Shortest lead-in and lead-out per contour [m] with full speed at the process's switches."""
-    # Full speed is the assigned velocity, or the largest speed that a lead within the arm's reach
-    # gives; the lengths are 0 where not automatic. Corners of the shape free count as arcs here,
-    # because several leads are tried, and shaping takes long.
+    """Shortest leads of each contour with full speed where the process is switched on and off.
+
+    Full speed is the assigned velocity, or the largest speed that is possible with a lead within
+    the reach of the arm. Lengths of leads that are not automatic are 0.
+    """
+    # Corners of shape free are replaced by arcs here, because several leads are tried and shaping
+    # takes long.
     rounding = None if run.rounding is None else run.rounding.with_arcs
     assert isinstance(run.timing, Optimal)
     timing = dataclasses.replace(run.timing, duration=None)
@@ -55,7 +58,7 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
     leads = []
     contours = prepare(arrange_contours(job.program, process), plain).contours
     if isinstance(job.arm, PlanarTwoLink) and job.configuration is None:
-        # The first contour chooses the branch for all of them.
+        # The branch of the inverse kinematics that is best for the first contour is used for all.
         first = plan(job, run, objective=Program(moves=contours[:1]))
         job = dataclasses.replace(
             job, configuration=job.arm.configuration_of(first.trajectory(0.0))
@@ -80,9 +83,11 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
 def _lead_speeds(
     plan: PlanOne, job: Job, run: Run, contour: Contour, name: str, length: float
 ) -> FloatArray | None:
-    """Speeds along the lead "before" or "after" a contour that is planned alone [m/s]."""
-    # They are at evenly spaced places, from the end where the tool rests to the contour. None if
-    # the arm does not reach that end, but may reach that of a shorter lead.
+    """Speeds along the lead "before" or "after" a contour that is planned alone [m/s], (PLACES,).
+
+    They are at evenly spaced points from the end at which the tool rests to the contour. None if
+    the arm does not reach this end, but may reach the end of a shorter lead.
+    """
     process = job.process.of_layer(contour.layer)
     used = "lead_in" if name == "before" else "lead_out"
     ends = Process(begin="drawn", up=process.up, **{used: getattr(process, used)})
@@ -103,15 +108,15 @@ def _lead_speeds(
 def _shortest_lead(
     speeds: Callable[[float], FloatArray | None], assigned: float, gain: float
 ) -> float:
-    """The shortest lead [m] with the assigned velocity, or with the largest speed of any lead."""
-    # A long lead shows in which share of it the tool gets fast enough, which is the next length.
-    # Half of the tolerance of `slow_ends`, so that no warning is given for the result.
+    """Shortest lead [m] with the assigned velocity, or with the largest speed of any lead."""
+    # The sufficient speed is reduced by half of the tolerance of `slow_ends`, so that the result
+    # causes no warning.
     enough = assigned * (1 - SAME_SPEED / 2)
     long, beyond = FIRST_LEAD, LONGEST_LEAD
     while (lead_speeds := speeds(long)) is None:
         long, beyond = long / 2, long
-    # A longer lead, until the speed suffices, does not grow or the arm does not reach: `short` has
-    # a speed that is too low.
+    # The lead is lengthened until its speed is sufficient or stops increasing, or the arm does not
+    # reach its end (`beyond`). `short` is the longest lead with insufficient speed.
     short, low = 0.0, enough
     while lead_speeds[-1] < enough and long < SHORT_ENOUGH * beyond:
         length = min(2 * long, (long + beyond) / 2)
@@ -123,8 +128,10 @@ def _shortest_lead(
         else:
             short, low, long, lead_speeds = long, lead_speeds[-1], length, longer
     enough = min(enough, lead_speeds[-1] * (1 - SAME_SPEED / 2))
-    # A shorter one: along lines and on arcs, speeds grow with the root of the length. Where they
-    # grow less, as at the end of an acceleration with a limit of jerk, steps are doubled.
+    # The lead is shortened. The next length is the larger of two estimates: the part of the long
+    # lead after which the speed is sufficient, and `short` extrapolated with speeds proportional to
+    # the square root of the length. Where speeds grow less, as at the end of an acceleration with a
+    # jerk limit, the steps are doubled.
     step = 0.0
     while True:
         share = np.argmax(lead_speeds >= enough) / (PLACES - 1)

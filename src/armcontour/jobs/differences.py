@@ -1,4 +1,4 @@
-"""Differences of two results: figures, and times by active limit."""
+"""Differences of two results: figures, and times of active limits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 
 
 def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other")) -> Table:
-    """Main figures and times of limits: label, values of two runs, and first minus second."""
+    """Table of main figures and limit times: label, both values, and first minus second value."""
     columns = ("figure", *names, "difference")
     rows = [
         (before.label or after.label, figure(before), figure(after), _difference(before, after))
@@ -19,7 +19,7 @@ def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other"
 
 
 def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
-    """Pairs of rows with the same name, and pairs of times with the same cause."""
+    """Yield pairs of rows: figures with the same name, and times of the same active limit."""
     others = {x.name: x for x in other.shown(FIRST)}
     for row in one.shown(FIRST):
         if row.name in others:
@@ -34,7 +34,7 @@ def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
 
 
 def _difference(one: Row, other: Row) -> str:
-    """The difference of two figures with its sign; "" for texts and judgements."""
+    """Difference of two figures with its sign; empty for texts, verdicts and unknown values."""
     before, after = one.figure, other.figure
     if any(isinstance(x, bool | str) or x is None for x in (before, after)):
         return ""

@@ -1,4 +1,4 @@
-"""`Experiment`: a simulated robot of rigid bodies, with properties unknown to its controller."""
+"""`Experiment`: simulation with rigid bodies whose properties the controller does not know."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant
 from armcontour.simulation.rigid_body_plant import DriveCycle, PositionNoise, check_damping
 
-# Properties per joint, with unit and name in sentences.
+# Properties per joint, with their unit and their name in sentences.
 PER_JOINT = {
     "armature": ("kg m²", "drive inertias of"),
     "viscous": ("N m s/rad", "viscous friction of"),
@@ -37,7 +37,7 @@ PER_JOINT = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Experiment(Checked):
-    """Options of a simulation of the arm as rigid bodies, by `RigidBodyPlant`.
+    """Options of a simulation of the arm as rigid bodies with `RigidBodyPlant`.
 
     The simulated robot can have another payload, friction or drive inertia than the arm, and joints
     that are not rigid. Values given here replace those of the arm. Plans, compensation and the
@@ -85,8 +85,8 @@ class Experiment(Checked):
         check_damping(self.joint_stiffness, self.joint_damping)
         if not self.friction and (self.viscous is not None or self.coulomb is not None):
             raise InvalidInput(
-                "The experiment has friction (viscous or coulomb) and switches it off (friction: "
-                "false): remove one of them."
+                "The experiment specifies friction (viscous or coulomb), but friction: false "
+                "disables it. Remove one of them."
             )
 
     def for_joints(self, dof: int) -> Experiment:
@@ -104,7 +104,7 @@ class Experiment(Checked):
 
     @property
     def unknown(self) -> str:
-        """Text on properties of the robot that its controller does not model; may be empty."""
+        """Text about properties of the robot that its controller does not model; may be empty."""
         parts = [] if self.payload is None else [f"a payload of {self.payload.mass:g} kg"]
         for name, (unit, words) in PER_JOINT.items():
             values = getattr(self, name)

@@ -26,7 +26,7 @@ class CertificateGoal(Checked):
 
     Args:
         tolerance: Largest distance of the tool from the objective path [m]. The part that servo and
-            cycle do not use goes to the corners. None keeps the corners of the run.
+            cycle do not use is available to the corners. None keeps the corners of the run.
         servo_error: Largest contour error from servo and cycle [m], over the whole box if there is
             one. None sets no limit of its own; then a tolerance is needed.
         rms: Largest root mean square of the contour error over time, of the nominal robot [m].
@@ -34,7 +34,7 @@ class CertificateGoal(Checked):
             "rigid_body" is the arm's rigid bodies, for jobs of one contour, with or without dwells.
         saturation: "refuse" certifies only plans that saturate no joint; "report" allows
             saturation, simulates it and reports how long it lasts.
-        box: Uncertainty of the robot's parameters; None takes the model as exact.
+        box: Uncertainty of the robot's parameters; None assumes that the model is exact.
         samples: Number of robots drawn from the box, in addition to the corners of the box, that
             are executed with servos.
         bodies: Number of robots drawn from the box that are executed as rigid bodies.
@@ -67,25 +67,25 @@ class CertificateGoal(Checked):
     def _check_together(self) -> None:
         if self.tolerance is None and self.servo_error is None:
             raise InvalidInput(
-                "A certificate needs a tolerance, the largest distance from the objective path, "
-                "or servo_error, the largest contour error of the execution, or both: give them by "
+                "A certificate requires a tolerance (largest distance from the objective path), "
+                "servo_error (largest contour error of the execution), or both. Specify them in "
                 "the key `certificate` of the job, such as certificate: {servo_error: 0.05 mm}, or "
-                "on the command line by --servo-error (certify takes --total-tolerance too)."
+                "on the command line with --servo-error (certify takes --total-tolerance too)."
             )
         if self.tolerance is not None and (self.servo_error or 0.0) >= self.tolerance:
             raise InvalidInput(
                 f"servo_error is {self.servo_error:g} m, but must be below the tolerance of "
-                f"{self.tolerance:g} m: the corners need a part of the tolerance."
+                f"{self.tolerance:g} m, because the corners need a part of the tolerance."
             )
         checks.raise_if(
             self.plant == "rigid_body" and self.saturation == "report",
-            "A certificate on rigid bodies does not allow drives to saturate: leave saturation "
-            "out, or certify with plant: servo.",
+            "A certificate with plant: rigid_body does not support saturation: report. Remove "
+            "saturation, or use plant: servo.",
         )
         if self.plant == "servo" and self.box is not None and self.box.of_bodies:
             raise InvalidInput(
-                f"The box has {', '.join(self.box.of_bodies)}, which only rigid bodies have: leave "
-                "them out, or certify with plant: rigid_body."
+                f"The box has {', '.join(self.box.of_bodies)}, which require plant: rigid_body. "
+                "Remove them from the box, or use plant: rigid_body."
             )
         if self.slowest <= 1:
             raise InvalidInput(f"slowest must be above 1, but is {self.slowest:g}.")

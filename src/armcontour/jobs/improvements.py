@@ -35,12 +35,12 @@ class Improvement:
     def effect(self) -> str:
         """Effect of the change, such as "saves 0.5 s"."""
         time = number(abs(self.saved), "s")
-        return f"saves {time}" if self.saved >= 0 else f"kept, takes {time} more"
+        return f"saves {time}" if self.saved >= 0 else f"keeps the accuracy, takes {time} more"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advice(Result):
-    """At most three suggested changes, those with the largest effect first.
+    """Suggested changes of a run, in order of decreasing effect.
 
     Args:
         improvements: The changes.
@@ -51,12 +51,12 @@ class Advice(Result):
     note: str
 
     def to_data(self) -> Data:
-        """A table of the changes."""
+        """Result with the table of the changes, or with the note."""
         return Data("What to change", tables=(self.table,), notes=(self.note,) if self.note else ())
 
     @property
     def table(self) -> Table:
-        """The changes as a table for report, page, print and files."""
+        """Table of the changes for reports, the Studio, the terminal and files."""
         columns = (
             *(Row("change", None, "", "what to change"), Row("saved", None, "s", "saves")),
             *(Row("off_drawing", None, "m", "off the drawing"), Row("kept", None, JUDGED, "then")),

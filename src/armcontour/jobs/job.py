@@ -34,7 +34,7 @@ from armcontour.geometry.rounded_path import CONTINUITIES, Continuity
 from armcontour.jobs.analog import check_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import CertificateGoal
-from armcontour.jobs.place_search import PlaceSearch
+from armcontour.jobs.placement_options import PlaceSearch
 from armcontour.jobs.single_corners import check_corners
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
 from armcontour.planning import Optimal, PlanOptions, Shaped, check_duration
@@ -46,11 +46,11 @@ from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
 from armcontour.verification.clearance import Cell, cell_of
 
-# A title is a line of a report.
+# Maximum length of a title, which is a line in reports [characters].
 LONGEST_TITLE = 200
 
 
-# Shapes of corners: arcs, or whatever is the fastest within the tolerance.
+# Shapes of corners: arcs, or the fastest shape within the tolerance.
 ARC, FREE = "arc", "free"
 SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
@@ -66,23 +66,23 @@ class Rounding(Checked):
 
     Args:
         shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
-            path whose points are all within the tolerance of the objective, corners and lines
-            alike, and needs `tolerance` and the timing optimal.
+            path whose points are all within the tolerance of the objective, at corners and along
+            lines, and requires `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
         at: For the shape arc, the largest errors of single corners instead of `tolerance` [m], by
             the numbers of their waypoints from 1, such as `{2: 1 mm}`: points of a polyline or a
             spline, ends of segments. For a path of one contour.
         line_tolerance: For the shape free, the largest distance from the objective farther than
-            `zone` from its corners [m]; by default the tolerance holds everywhere.
-        zone: For the shape free, the distance from a corner within which `tolerance` holds [m].
+            `zone` from its corners [m]; by default the tolerance applies everywhere.
+        zone: For the shape free, the distance from a corner within which `tolerance` applies [m].
         iterations: For the shape free, the largest number of steps of the search; by default 60.
         speed: Lowest corner speed [m/s] (case I).
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
         angular_tolerance: Largest angle between the tool and its required orientation [rad].
-        continuity: For the shape arc, what is continuous along the rounded path: its "tangent", as
-            with arcs alone, or its "curvature" too, so that the tool goes on where jerk is limited.
-            By default the curvature for runs with limits of jerk, and the tangent for others.
+        continuity: For the shape arc, continuity of the rounded path: "tangent" with arcs alone, or
+            "curvature" with transitions, so that jerk limits do not require stops. By default
+            "curvature" for runs with jerk limits, and "tangent" for others.
         transition_tolerance: With a continuous curvature, the largest distance of the path from the
             objective where lines and arcs meet without a corner [m]; by default 10 µm, but not more
             than `tolerance`.
@@ -90,7 +90,7 @@ class Rounding(Checked):
 
     shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
     tolerance: Annotated[Distance | None, About("--tolerance", usual=(1e-5, 2e-2))] = None
-    # Not part of the hash: mappings have none.
+    # This field is excluded from the hash, because mappings are not hashable.
     at: Mapping[int, Distance] | None = field(default=None, hash=False)
     line_tolerance: Annotated[Distance | None, About("--line-tolerance")] = None
     zone: Annotated[Tolerance | None, About("--zone")] = None
@@ -115,13 +115,13 @@ class Rounding(Checked):
 
     @property
     def least_tolerance(self) -> float | None:
-        """The smallest tolerance of a corner [m]; None without a tolerance."""
+        """Smallest tolerance of all corners [m]; None if no tolerance is specified."""
         single = (self.at or {}).values()
         return None if self.tolerance is None else min([self.tolerance, *single])
 
     @property
     def shaping_options(self) -> dict[str, float | None]:
-        """The specified tolerances and iterations of the shape free, by name."""
+        """Specified tolerances and iterations of shape free, by name."""
         names = {x.name for x in fields(self)} & {x.name for x in fields(Shaped)}
         values = {name: getattr(self, name) for name in names}
         specified = {name: x for name, x in values.items() if x is not None}
@@ -129,7 +129,7 @@ class Rounding(Checked):
 
     @property
     def options(self) -> Shaped:
-        """Options of `shape` for the shape free."""
+        """Options of the function `shape` for corners of shape free."""
         return Shaped(**cast(Any, self.shaping_options))
 
     def check(self, timing: str, key: str = "corners") -> None:
@@ -148,66 +148,66 @@ class Rounding(Checked):
             for name in OF_FREE:
                 if getattr(self, name) is not None:
                     raise InvalidInput(
-                        f"{key}.{name} is for the shape free, but the shape is {self.shape}: write "
-                        f"shape: free, or leave {name} out."
+                        f"{key}.{name} requires shape: free, but the shape is {self.shape}. Set "
+                        f"shape: free, or remove {name}."
                     )
             return
         if timing != Method.OPTIMAL:
             raise InvalidInput(
-                f"{key}.shape is free, which goes with the timing method optimal, but this run has "
-                f"the method {timing}: give the run corners of its own, such as corners: "
-                "{tolerance: 1 mm}, or timing: {method: optimal}."
+                f"{key}.shape: free requires the timing method optimal, but this run has the "
+                f"method {timing}. Add corners to the run, such as corners: {{tolerance: 1 mm}}, "
+                "or set timing: {method: optimal}."
             )
         for name in ("speed", "acceleration"):
             if getattr(self, name) is not None:
                 raise InvalidInput(
-                    f"{key}.{name} sets the radius of arcs, but the shape is free: leave {name} "
-                    "out and give tolerance, the largest distance from the objective."
+                    f"{key}.{name} determines the radius of arcs, but the shape is free. Remove "
+                    f"{name} and specify tolerance, the largest distance from the objective."
                 )
         if self.tolerance is None:
             raise InvalidInput(
-                f"{key}.tolerance is missing: the shape free needs the largest distance from the "
+                f"{key}.tolerance is missing. Shape free requires the largest distance from the "
                 "objective, such as tolerance: 1 mm."
             )
         with error_context(key):
             _ = self.options
 
     def _check_single(self, key: str) -> None:
-        """Check `at`: it needs a tolerance for the other corners, and arcs as the shape."""
+        """Check that `at` is used with arcs and with a tolerance for the other corners."""
         if not self.at:
             return
         if self.free:
             raise InvalidInput(
-                f"{key}.at is for corners with arcs, but the shape is free, whose tolerance holds "
-                "everywhere: leave at out, or write shape: arc."
+                f"{key}.at requires shape: arc, but the shape is free, whose tolerance applies to "
+                "the whole path. Remove at, or set shape: arc."
             )
         if self.tolerance is None:
             raise InvalidInput(
-                f"{key}.at needs {key}.tolerance, too, the tolerance of all other corners."
+                f"{key}.at also requires {key}.tolerance, the tolerance of all other corners."
             )
 
     def _check_continuity(self, timing: str, key: str) -> None:
         """Check that shape and timing support the continuity of the corners."""
         if self.transition_tolerance is not None and (self.free or self.continuity == TANGENT):
             raise InvalidInput(
-                f"{key}.transition_tolerance is for corners with continuity: curvature: leave it "
-                "out, or write shape: arc and continuity: curvature."
+                f"{key}.transition_tolerance requires corners with continuity: curvature. Remove "
+                "it, or set shape: arc and continuity: curvature."
             )
         if self.continuity is None:
             return
         if self.free:
             raise InvalidInput(
-                f"{key}.continuity is for the shape arc, but the shape is free: leave continuity "
-                "out, or write shape: arc."
+                f"{key}.continuity requires shape: arc, but the shape is free. Remove continuity, "
+                "or set shape: arc."
             )
         if self.continuity == CURVATURE and timing == Method.PAPER:
             raise InvalidInput(
-                f"{key}.continuity is curvature, but the method paper has rules for lines and arcs "
-                "only: write continuity: tangent, or timing: {method: optimal}."
+                f"{key}.continuity is curvature, but the timing method paper supports only lines "
+                "and arcs. Set continuity: tangent, or timing: {method: optimal}."
             )
 
 
-# Largest distance of transitions from the objective, by default [m].
+# Default of the maximum distance of transitions from the objective [m].
 TRANSITION_TOLERANCE = 1e-5
 # Keys of `Rounding` that only the shape free has.
 OF_FREE = ("line_tolerance", "zone", "iterations")
@@ -229,11 +229,12 @@ class Run(Checked):
         compensation: Options of `compensate`.
         rounding: How corners are rounded; None keeps sharp corners.
         cycle: Cycle [s].
-        end_time: End of the time over which errors are evaluated [s]; None is when all joints rest.
-        experiment: Options of a simulation on rigid bodies; None simulates none.
-        accuracy: Largest distance of the tool from the drawing with which the run counts as kept
-            [m]. By default corners may take their tolerances, and the contour error a tenth of the
-            smallest one.
+        end_time: End of the time over which errors are evaluated [s]; None: when all joints are at
+            rest.
+        experiment: Options of a simulation with rigid bodies; None for no such simulation.
+        accuracy: Largest allowed distance of the tool from the drawing [m]. By default, corners may
+            have errors up to their tolerances, and the contour error may be a tenth of the smallest
+            tolerance.
 
     Raises:
         InvalidInput: A cycle out of range, a time that is not above zero, or a rounding
@@ -266,35 +267,35 @@ class Run(Checked):
         """
         if self.end_time is not None and program.single_path is None:
             raise InvalidInput(
-                "end_time is for a job with a single path: errors of a program are evaluated while "
-                "the process is on."
+                "end_time requires a job with a single path, because errors of a program are "
+                "evaluated while the process is on. Remove end_time."
             )
 
     @property
     def for_bodies(self) -> bool:
-        """True if the set-points are for the arm's bodies, which the servo model does not have."""
+        """True if compensation uses the dynamics of the arm, which the servo model lacks."""
         return isinstance(self.compensation, InverseDynamics)
 
     @property
     def judge(self) -> Experiment | None:
-        """The experiment that judges the run; None if the servo model does."""
+        """Experiment with which the run is judged; None if it is judged with the servo model."""
         return self.experiment if self.for_bodies else None
 
     @property
     def is_shaped(self) -> bool:
-        """True if corners have the shape free, which is optimized together with the timing."""
+        """True if corners have shape free, which is optimized together with the timing."""
         return self.rounding is not None and self.rounding.free
 
     @property
     def continuity(self) -> Continuity | None:
-        """Continuity of rounded corners; None without corners that arcs replace."""
+        """Continuity of rounded corners; None if corners are not rounded with arcs."""
         if self.rounding is None or self.rounding.free:
             return None
         return self.rounding.continuity or (CURVATURE if self.limits.jerk_limits else TANGENT)
 
     @property
     def transition_tolerance(self) -> float:
-        """Largest distance of transitions from the objective [m]; 0 makes none."""
+        """Maximum distance of transitions from the objective [m]; 0 if there are no transitions."""
         if self.continuity != CURVATURE or self.rounding is None:
             return 0.0
         specified, maximum = self.rounding.transition_tolerance, self.rounding.tolerance
@@ -304,14 +305,14 @@ class Run(Checked):
 
     @property
     def duration(self) -> float | None:
-        """The given time of the motion from start to end [s]; None is the shortest."""
+        """Specified duration of the motion [s]; None if the motion is as fast as possible."""
         return self.timing.duration if isinstance(self.timing, Optimal) else None
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job(Checked):
-    """A path, an arm, a servo, and the runs to compare.
+    """A path, an arm, a servo, and the runs that are compared.
 
     Its `program` is the path as a program; runs add leads, overlaps and events of the process.
 
@@ -336,7 +337,7 @@ class Job(Checked):
         scene: Obstacles in the cell; None if they are unknown.
         ignore_collisions: Whether runs continue if the arm comes too near to itself or to its cell;
             results report this.
-        part: The frame of the part: path, file or points are placed by it already.
+        part: Part frame, with which the path is already transformed.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
@@ -383,7 +384,7 @@ class Job(Checked):
             check_process(program, self.process)
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
-            raise InvalidInput("A job needs at least one run, and every run its own name.")
+            raise InvalidInput("A job must have at least one run, and runs must differ in name.")
         if self.placement is not None:
             with error_context("placement"):
                 self.placement.check(self.arm.dimension)
@@ -392,7 +393,7 @@ class Job(Checked):
             object.__setattr__(self, "seed", checks.frozen_array(seed))
 
     def __str__(self) -> str:
-        """Arm, path and runs."""
+        """Table with arm, path, runs and further parts of the job."""
         program = self.program
         summary = f"{count_noun(len(program.contours), 'contour')}, {digits(program.length)} m"
         return format_table(
@@ -411,15 +412,15 @@ class Job(Checked):
 
     @staticmethod
     def _words(run: Run) -> str:
-        """Timing, compensation and interval of a run."""
+        """Text with timing, compensation, cycle and speed of a run."""
         speed = run.limits.speed
         fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
         methods = f"{run.timing.method}, {run.compensation.method}"
-        return f"{methods}, every {number(run.cycle, 's')}{fast}"
+        return f"{methods}, cycle {number(run.cycle, 's')}{fast}"
 
     @property
     def cell(self) -> Cell:
-        """The arm and its obstacles, for checks of the clearance.
+        """Arm and obstacles, with which the clearance is checked.
 
         Raises:
             InvalidInput: As `check_clearance`.
@@ -428,23 +429,23 @@ class Job(Checked):
 
 
 def find_run(job: Job, name: str) -> Run:
-    """The run of a name."""
+    """Find the run of a job by its name."""
     for run in job.runs:
         if run.name == name:
             return run
     names = ", ".join(x.name for x in job.runs)
-    raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
+    raise InvalidInput(f"The job {job.name} has no run {name!r}. Its runs are {names}.")
 
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
-    """The run of a name, or the only run."""
+    """Run with a name, or the only run; `done`: participle for the message, such as "certified"."""
     if name is not None:
         return find_run(job, name)
     able = among or job.runs
     if len(able) > 1:
         names = ", ".join(x.name for x in able)
         raise InvalidInput(
-            f"The job {job.name} has several runs: choose the one to be {done}, with --run "
-            f"({names})."
+            f"The job {job.name} has several runs, but only one can be {done}. Choose it with "
+            f"--run ({names})."
         )
     return able[0]

@@ -41,19 +41,19 @@ from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
-# Prefix of labels of figures of the simulated rigid bodies.
-ON_BODIES = "on rigid bodies: "
-# Prefix of the names of these figures.
-BODIES = "experiment."
-# Figures of rigid bodies that are shown, even if the servo model judges the run.
+# Prefix of labels of figures from the rigid-body simulation.
+BODIES_LABEL = "on rigid bodies: "
+# Prefix of names of figures from the rigid-body simulation.
+EXPERIMENT_PREFIX = "experiment."
+# Figures from the rigid-body simulation that are shown even if the servo model judges the run.
 SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
-# Figures of the verdict, in its order; those of the clearance are a part of their own.
+# Figures of the verdict, in the displayed order. Figures of the clearance are in a separate part.
 OF_VERDICT = ("kept", "off_drawing", "duration", "time_limit", "saturated", "warning_count")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExperimentResult:
-    """Result of a run on the simulated rigid bodies of the arm.
+    """Result of a run that is simulated with rigid bodies.
 
     Args:
         plant: The bodies and drives.
@@ -69,7 +69,7 @@ class ExperimentResult:
     uncompensated: Evaluation | None = None
 
     def __str__(self) -> str:
-        """The evaluation."""
+        """The evaluation of the experiment."""
         return f"Experiment on rigid bodies. {self.evaluation}"
 
     __repr__ = short_repr
@@ -100,7 +100,7 @@ class RunResult(Planned, Result):
     advice: Advice | None = None
 
     def to_data(self) -> Data:
-        """The verdict on the run and its figures."""
+        """Verdict on the run, its figures, tables, notes and warnings."""
         return run_data(self)
 
     __repr__ = short_repr
@@ -118,22 +118,22 @@ class RunResult(Planned, Result):
 
     @property
     def _errors(self) -> list[float] | None:
-        """The contour errors that judge the run [m]; None without a simulation."""
+        """Largest error of each contour that judges the run [m]; None without simulation."""
         return None if self.judged is None else [x.max for x in self.judged.contours]
 
     @property
     def _failure(self) -> str:
-        """Reason why the run was not completed; "" if it was."""
+        """Reason why the simulation was not completed; empty if it was completed."""
         return "" if self.failure is None else "the simulated robot does not complete the motion"
 
     @property
     def arm(self) -> Arm:
-        """The arm."""
+        """Arm of the execution, or of the plan."""
         return self.trajectory.require_arm() if self.execution is None else self.execution.arm
 
     @cached_property
     def motion(self) -> Execution:
-        """The executed motion; without a simulation that of joints that follow the plan exactly."""
+        """Executed motion; without a simulation, joints follow the plan exactly."""
         if self.execution is not None:
             return self.execution
         return Execution.from_plan(self.trajectory, self.arm)
@@ -156,7 +156,7 @@ class RunResult(Planned, Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences on plan and execution, with the name of the run, which are no warnings."""
+        """Notes about plan and execution that are not warnings, with the name of the run."""
         remarks = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
         remarks += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
         if used := self.set_points.command_note:
@@ -169,15 +169,15 @@ class RunResult(Planned, Result):
         if e is not None and e.model_error is not None:
             along, across = (number(x, "m") for x in e.model_error)
             remarks.append(
-                f"Run {self.run.name}: contour error {number(e.contour_error.max, 'm')}, and at "
-                f"most {across} more across the path ({along} along it) that the servo model does "
-                "not explain."
+                f"Run {self.run.name}: the contour error is {number(e.contour_error.max, 'm')}. "
+                f"Errors that the servo model does not explain add at most {across} across the "
+                f"path and {along} along the path."
             )
         return tuple(remarks)
 
     @property
     def judged(self) -> Evaluation | None:
-        """The evaluation that judges the run: that on rigid bodies, or that of the servo.
+        """Evaluation that judges the run: of the rigid-body simulation, or with the servo model.
 
         None without a simulation.
         """
@@ -185,7 +185,7 @@ class RunResult(Planned, Result):
         return self.evaluation if bodies is None else bodies.evaluation
 
 
-# Columns of `JobResult.to_dict`, and the figures of a run that they have.
+# Columns of `JobResult.to_dict`, and the names of the figures in them.
 COLUMNS = {
     "motion": "duration",
     "settled": "settled",
@@ -217,7 +217,7 @@ class JobResult:
         return any(x.execution is not None for x in self.runs.values())
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """A row for every run as columns that `pandas.DataFrame` takes, by name.
+        """Figures of all runs as columns by name, for example for `pandas.DataFrame`.
 
             pandas.DataFrame(study.to_dict()).sort_values("largest")
 
@@ -233,14 +233,14 @@ class JobResult:
 
     @cached_property
     def figures(self) -> dict[str, Data]:
-        """Data of each run, for print, summary and report."""
+        """Data of each run by name, for the terminal, the summary and reports."""
         return {name: run_data(x, self.job) for name, x in self.runs.items()}
 
     @checked
     def to_data(
         self, files: Sequence[str] = (), parts: Mapping[str, Data] = MappingProxyType({})
     ) -> Data:
-        """The job, its arm and its runs, as the summary of a result has them.
+        """Data of the job, its arm and its runs, for the summary of a result.
 
         Args:
             files: The files of the result, relative to its folder.
@@ -271,7 +271,7 @@ class JobResult:
         )
 
     def __str__(self) -> str:
-        """A row for every run."""
+        """Table with a row for every run."""
         data = self.to_data()
         return lay_out(data.title, compare(data.parts["runs"].parts))
 
@@ -279,7 +279,7 @@ class JobResult:
 
 
 def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
-    """Warnings of several runs; equal warnings of several runs are merged."""
+    """Warnings of several runs with the names of the runs; equal warnings are merged."""
     messages: dict[str, list[str]] = {}
     for plan in plans:
         for sentence in plan.warnings:
@@ -291,7 +291,7 @@ def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
 
 
 def run_data(result: RunResult, job: Job | None = None) -> Data:
-    """Data of one run; without figures of its execution if it was not simulated."""
+    """Data of a run; without figures of the execution if the run was not simulated."""
     e = result.evaluation
     parts: dict[str, Data] = {}
     if result.clearance is not None:
@@ -306,7 +306,7 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
     why = result.explanation
     if why is not None:
         parts["explanation"] = why.to_data()
-        # The split of the time is a table of the run.
+        # The table of time shares is listed with the tables of the run.
         time, *others = parts["explanation"].tables
         parts["explanation"] = replace(parts["explanation"], tables=tuple(others))
     rows = [
@@ -333,19 +333,23 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
 
 
 def promoted(rows: Iterable[Row]) -> tuple[Row, ...]:
-    """Rows with those of the verdict first, in its order."""
+    """Rows in a new order: rows of the verdict first, in the order of OF_VERDICT."""
     ranks = {name: k for k, name in enumerate(OF_VERDICT)}
 
     def rank(row: Row) -> int:
-        return ranks.get(row.name.removeprefix(BODIES) if row.level <= TABLE else "", len(ranks))
+        return ranks.get(
+            row.name.removeprefix(EXPERIMENT_PREFIX) if row.level <= TABLE else "", len(ranks)
+        )
 
     ordered = sorted(rows, key=rank)
     return tuple(replace(x, level=VERDICT) if rank(x) < len(ranks) else x for x in ordered)
 
 
 def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[Row, ...]:
-    """Rows of a run, where figures of its evaluation are those that judge it."""
-    # Where rigid bodies judge the run, their figures have the names without "experiment." too.
+    """Rows of a run in which figures of the evaluation are those that judge the run.
+
+    If the rigid-body simulation judges the run, its figures replace the figures of the servo model.
+    """
     if rows is None:
         rows = [*_plan(result, None), *_set_points(result)]
         if result.evaluation is None:
@@ -354,20 +358,31 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
             rows += [*_executed(result, result.evaluation), *_experiment(result)]
     named = {x.name: x for x in rows}
     if result.judged is not result.evaluation:
-        bodies = [x for x in named.values() if x.name.startswith(BODIES) and x.value is not None]
-        named |= {name: replace(x, name=name) for x in bodies if (name := x.name[len(BODIES) :])}
+        bodies = [
+            x
+            for x in named.values()
+            if x.name.startswith(EXPERIMENT_PREFIX) and x.value is not None
+        ]
+        named |= {
+            name: replace(x, name=name)
+            for x in bodies
+            if (name := x.name[len(EXPERIMENT_PREFIX) :])
+        }
     return tuple(named.values())
 
 
 def _verdict(result: RunResult) -> Iterator[Row]:
-    """Verdict, deviation from the drawing, limit of the duration, and warnings."""
+    """Yield rows of verdict, deviation from the drawing, longest active limit, and warnings."""
     yield from verdict_rows(result, result._errors, result._failure)
     yield from time_limit_row(result)
     yield from warning_rows(result.warnings)
 
 
 def _executed(result: RunResult, evaluation: Evaluation) -> Iterator[Row]:
-    """Figures of the execution by the servo; for files only if the rigid bodies judge the run."""
+    """Yield figures of the execution with the servo model.
+
+    They are only written to files if the rigid-body simulation judges the run.
+    """
     for row in evaluation.to_data().rows:
         judges = result.judged is evaluation or row.name == "limit_ratios"
         yield row if judges else replace(row, level=FILE)
@@ -376,14 +391,14 @@ def _executed(result: RunResult, evaluation: Evaluation) -> Iterator[Row]:
 
 
 def _planned(result: RunResult) -> Iterator[Row]:
-    """Figures of a plan that was not executed."""
+    """Yield figures of a plan that was not simulated."""
     yield duration_row(result.trajectory.duration)
     if result.trajectory.arm is not None:
         yield Row("speed", result.motion.tool_speed.max(), "m/s", "tool speed, largest")
 
 
 def _clearance(result: RunResult) -> Data:
-    """The clearance of a plan, with the measures against collisions."""
+    """Data of the planned clearance, with the notes on avoided collisions."""
     assert result.clearance is not None
     data = result.clearance.to_data()
     rows = (replace(x, level=VERDICT) if x.name == "low" else x for x in data.rows)
@@ -391,9 +406,11 @@ def _clearance(result: RunResult) -> Data:
 
 
 def _experiment(result: RunResult) -> Iterator[Row]:
-    """Figures of the execution on rigid bodies; if these judge the run, figures of the run."""
+    """Yield figures of the rigid-body simulation; they are main figures if they judge the run."""
     if result.failure is not None:
-        yield Row("experiment.failed", str(result.failure), "", f"{ON_BODIES}failed", level=FIRST)
+        yield Row(
+            "experiment.failed", str(result.failure), "", f"{BODIES_LABEL}failed", level=FIRST
+        )
     experiment = result.experiment
     if experiment is None:
         return
@@ -402,11 +419,11 @@ def _experiment(result: RunResult) -> Iterator[Row]:
     limit = result.run.limits.joint_torque
     rows += torque_rows(applied_torques(experiment.execution), limit, result.arm, "applied")
     for row in rows:
-        row = replace(row, name=f"{BODIES}{row.name}")
+        row = replace(row, name=f"{EXPERIMENT_PREFIX}{row.name}")
         if result.run.for_bodies:
             yield row
         elif row.label and row.name.startswith(SHOWN_OF_BODIES):
-            yield replace(row, label=f"{ON_BODIES}{row.label}", level=TABLE)
+            yield replace(row, label=f"{BODIES_LABEL}{row.label}", level=TABLE)
         else:
             yield replace(row, level=FILE)
     (cornering,) = data.tables
@@ -414,7 +431,7 @@ def _experiment(result: RunResult) -> Iterator[Row]:
 
 
 def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
-    """Stretches, corners, weaves, moves and events of a plan."""
+    """Yield tables of stretches, corners, weaves, moves and events of a plan."""
     trajectory, path = result.trajectory, result.path
     yield Table(
         "stretches",
@@ -441,10 +458,10 @@ def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
 
 
 def _set_points(result: RunResult) -> Iterator[Row]:
-    """Number of set-points, and command limits with the resulting error."""
+    """Yield rows of set-points and of command limits with their effect on the error."""
     set_points = result.set_points
     if result.servo is None and result.execution is None:
-        # The joints of a plan without a servo follow it exactly.
+        # Set-points are not reported, because joints without a servo follow the plan exactly.
         return
     every = f"every {number(set_points.cycle, 's')}"
     yield Row("set_points", len(set_points.q), "", "set-points", every)
@@ -465,7 +482,7 @@ def _set_points(result: RunResult) -> Iterator[Row]:
 
 
 def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
-    """Path, methods and corners of the plan."""
+    """Yield rows of path, methods, stops and shaping of a plan."""
     run, trajectory, path = result.run, result.trajectory, result.path
     yield Row("length", path.length, "m", "path")
     if path.single_path is None:
@@ -499,7 +516,7 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
 
 
 def unknown_notes(study: JobResult) -> tuple[str, ...]:
-    """Sentences on properties of simulated robots that their controllers do not model."""
+    """Notes about properties of simulated robots that plan and controller do not model."""
     notes: dict[str, list[str]] = {}
     for name, result in study.runs.items():
         if result.run.experiment is not None and (unknown := result.run.experiment.unknown):

@@ -1,4 +1,4 @@
-"""Quantities of a run's plan: jerk-limited stops, weaves, torques, angular tool speeds."""
+"""Quantities of the plan of a run: stops due to jerk limits, weaves, torques, angular speeds."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from armcontour.planning import Tracing, find_jerk_stops
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, SerialArm
 
-# The reason of these stops.
+# Reason of stops due to jerk limits, in the list of full stops.
 CURVATURE_JUMPS = "curvature jumps"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JerkStop:
-    """A full stop inside a contour, at a jump of the curvature."""
+    """A full stop inside a contour due to jerk limits, at a jump of the curvature."""
 
     contour: str  # Name of the contour in messages; empty for a single path
     s: float  # Arc length from the start of the contour [m]
@@ -32,7 +32,7 @@ class JerkStop:
 def jerk_stops(
     program: Program, traced: Tracing | None, trajectory: Trajectory, run: Run
 ) -> tuple[JerkStop, ...]:
-    """Full stops inside contours that limits of jerk force, in order."""
+    """Full stops inside contours that jerk limits require, in path order."""
     if traced is None or not run.limits.jerk_limits:
         return ()
     paths = {x.move: x.joint_path for x in traced.steps}
@@ -50,18 +50,18 @@ def jerk_stops(
     return tuple(stops)
 
 
-# Samples of the planned path per wave.
+# Number of samples of the planned path per wave.
 PER_WAVE = 64
-# Largest relative difference of a weave from the requested one.
+# Maximum relative difference between the planned and the requested weave.
 ALLOWED = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weaving:
-    """Weave of a contour as planned, where the weave has its full width."""
+    """Planned weave of a contour, evaluated where the weave has its full width."""
 
     contour: str  # Name of the contour in messages
-    # Smallest and largest distance between neighbouring crests, across the seam [m].
+    # Smallest and largest distance between adjacent crests, perpendicular to the seam [m].
     width: tuple[float, float]
     frequency: tuple[float, float]  # Smallest and largest number of waves per second [1/s]
     # Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned velocity.
@@ -70,14 +70,14 @@ class Weaving:
 
     @property
     def differs(self) -> bool:
-        """True if corner rounding, limits or short parts change the weave."""
+        """True if the planned weave differs from the requested weave by more than ALLOWED."""
         width, frequency = self.requested
         narrow = max(abs(x - width) for x in self.width) > ALLOWED * width
         return narrow or self.frequency[0] < (1 - ALLOWED) * frequency or self.left_out > 0
 
     @property
     def sentence(self) -> str:
-        """Widths and frequencies, and those requested if they differ."""
+        """Sentence with planned widths and frequencies; if different, also the requested ones."""
         width, frequency = self.requested
         text = f"{self.contour} weaves {number_range(self.width, 'm')} wide at "
         text += number_range(self.frequency, "Hz")
@@ -86,16 +86,16 @@ class Weaving:
         requested = number(width, "m") + (
             "" if np.isnan(frequency) else f" at {number(frequency, 'Hz')}"
         )
-        missing = f", and not along {number(self.left_out, 'm')}" if self.left_out else ""
+        missing = f", and omits {number(self.left_out, 'm')} of the seam" if self.left_out else ""
         return (
-            f"{text} instead of {requested}{missing}: the corner tolerance, the assigned velocity "
+            f"{text} instead of {requested}{missing}. The corner tolerance, the assigned velocity "
             "and the limits must allow the weave, and parts of the seam must be longer than half "
             "a pitch."
         )
 
 
 def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
-    """The weaves of a program as planned, of contours with waves of full width."""
+    """Yield the planned weave of each contour that has waves of full width."""
     for i, (contour, span) in enumerate(
         zip(program.contours, trajectory.contour_spans, strict=True)
     ):
@@ -107,7 +107,7 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
         count = int(PER_WAVE * woven.seam.length / woven.pitch) + 2
         t = np.linspace(begin - offset, end - offset, count).clip(0.0, plan.duration)
         near = woven.seam.project(contour.path(plan.s(t).clip(0.0, contour.path.length)))
-        # The tool may stop or turn, but it only moves forward along the seam.
+        # The projection is made monotonic, because the tool only moves forward along the seam.
         s = np.maximum.accumulate(near.s)
         first, last = (np.searchsorted(s, woven.crests + y * woven.pitch / 4) for y in (-1, 1))
         heights = np.array(
@@ -115,7 +115,7 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
         )
         crossed = np.interp(woven.crests, s, t)
         widths, times = heights[:-1] + heights[1:], crossed[2:] - crossed[:-2]
-        # Crests of two parts of the seam belong to no common wave.
+        # Pairs of crests that belong to different parts of the seam are ignored.
         same = np.diff(woven.crests) < 0.75 * woven.pitch
         widths, times = widths[same], times[same[:-1] & same[1:]]
         if len(times):
@@ -134,29 +134,29 @@ SAMPLES = 4000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Torques(Checked):
-    """Torques of the drives over time."""
+    """Drive torques over time."""
 
     t: FloatArray  # Times [s], (n,)
     values: FloatArray  # Torques [N m], (n, dof)
 
     @property
     def peak(self) -> FloatArray:
-        """Largest amount of each joint's torque [N m], (dof,)."""
+        """Largest absolute torque of each joint [N m], (dof,)."""
         return np.asarray(np.abs(self.values).max(axis=0))
 
 
 def assumed_numbers(arm: Arm) -> str:
-    """Text on assumed parameters of an arm's bodies and their rule; empty without any."""
+    """Text about the assumed mass parameters of an arm; empty if nothing is assumed."""
     return "" if arm.chain is None else arm.chain.assumed
 
 
 def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
-    """Torques of a plan over time; None if the arm has no bodies."""
-    # Every time appears twice, with the torques before and after a jump.
+    """Torques of a plan over time; None if the masses of the arm are unknown."""
+    # Every inner time occurs twice, with the torques before and after a possible jump.
     if not arm.has_bodies:
         return None
     t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)
-    # The first time has no left side, the last time has no right side.
+    # Torques from the left do not exist at the first time, torques from the right not at the last.
     before = torques_at(arm, plan, t[1:], side="left")
     right = torques_at(arm, plan, t[:-1])
     values = np.empty((2 * len(before), arm.dof))
@@ -165,12 +165,12 @@ def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
 
 
 def applied_torques(executed: Execution) -> Torques | None:
-    """Torques of the drives in an experiment; None if it has none."""
+    """Drive torques in a simulation; None if the simulation has no torques."""
     return None if executed.torque is None else Torques(t=executed.t, values=executed.torque)
 
 
 def torques_at(arm: Arm, plan: Trajectory, t: FloatArray, *, side: str = "right") -> FloatArray:
-    """Torques of a plan at the times t [s], (n,); returns (n, dof) [N m]."""
+    """Torques of a plan at times t [s], (n,), from one side of jumps [N m], (n, dof)."""
     return arm.torque(*(plan(t, order, side=side) for order in (0, 1, 2)))
 
 

@@ -28,13 +28,13 @@ from armcontour.program import Program
 from armcontour.robot import Arm, compare_limits
 from armcontour.verification.clearance import Clearance
 
-# The clearance of the arm from itself is reported where it is below this [m].
+# Clearance of the arm from itself below which it is reported [m].
 NEAR = 10e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShapingGain:
-    """Gain by shaping the contours of a program, without rapids and dwells between them.
+    """Time saved by shaping the contours of a program, without rapids and dwells between them.
 
     Args:
         starts: Number of contours for which each start was best, by name of the start.
@@ -49,7 +49,7 @@ class ShapingGain:
 
     @staticmethod
     def of(program: Program) -> ShapingGain | None:
-        """The gain of a program; None if it has no shaped contour."""
+        """Gain of a program; None if no contour is shaped."""
         outcomes = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
         if not outcomes:
             return None
@@ -65,12 +65,12 @@ class ShapingGain:
 
     @property
     def gain(self) -> float:
-        """Share of the duration of the fastest start that the shapes save."""
+        """Share of the duration of the fastest initial shape that shaping saves."""
         starts = [x for name, x in self.durations.items() if name != SHAPED]
         return 1 - self.durations[SHAPED] / min(starts)
 
     def __str__(self) -> str:
-        """The durations, such as "shaped: 4.74 s (arcs 5.33 s, stops 5.23 s)"."""
+        """Text with the durations, such as "shaped: 4.74 s (arcs 5.33 s, stops 5.23 s)"."""
         others = sorted(name for name in self.durations if name != SHAPED)
         text = ", ".join(f"{name} {self.durations[name]:.4g} s" for name in others)
         return f"shaped: {self.durations[SHAPED]:.4g} s ({text})"
@@ -105,12 +105,12 @@ class Planned:
 
     @classmethod
     def of(cls, planned: Planned, **changes: Any) -> Self:
-        """A plan with more values, which may replace its own."""
+        """Create an instance of this class from a plan and further or changed fields."""
         return cls(**{x.name: getattr(planned, x.name) for x in fields(Planned)} | changes)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on deviations of the result from the request, without the run's name."""
+        """Warnings about deviations of the result from the request, without the run's name."""
         return tuple(filter(None, self._warnings()))
 
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
@@ -119,7 +119,7 @@ class Planned:
         yield from run_warnings.capped(self.objective, run)
         yield compare_limits(run.limits, self.arm)
         yield from run_warnings.stops(self.jerk_stops)
-        # In a given duration contours are slower than assigned on purpose.
+        # If a duration is specified, contours are slower than assigned on purpose.
         if run.duration is None:
             ends_only = bool(self.jerk_stops)
             yield from run_warnings.slow(self.path, trajectory, run, ends_only=ends_only)
@@ -129,29 +129,29 @@ class Planned:
 
     @property
     def rounding_error(self) -> float | None:
-        """Largest distance of the path from the objective, at corners [m]; None as drawn."""
+        """Largest distance of the path from the objective [m]; None if corners are as drawn."""
         deviations = (getattr(x.path, "deviation", None) for x in self.path.contours)
         return max((x for x in deviations if x is not None), default=None)
 
     @property
     def tolerance(self) -> float | None:
-        """The largest corner error that the run allows [m]; None without a tolerance."""
+        """Largest corner error that the run allows [m]; None if not specified."""
         rounding = self.run.rounding
         return None if rounding is None else rounding.tolerance
 
     @property
     def arm(self) -> Arm:
-        """The arm."""
+        """Arm of the plan."""
         return self.trajectory.require_arm()
 
     @cached_property
     def torques(self) -> Torques | None:
-        """Torques of the plan over time; None if the arm has no bodies."""
+        """Torques of the plan over time; None if the masses of the arm are unknown."""
         return planned_torques(self.arm, self.trajectory)
 
     @cached_property
     def jerk_stops(self) -> tuple[JerkStop, ...]:
-        """Stops inside contours at jumps of the curvature, due to limits of jerk."""
+        """Full stops inside contours at jumps of the curvature, due to jerk limits."""
         return jerk_stops(self.path, self.traced, self.trajectory, self.run)
 
     @property
@@ -162,9 +162,9 @@ class Planned:
 
     @cached_property
     def _stops_of_path(self) -> dict[str, int]:
-        """Number of full stops that the path requires for any limits, by reason."""
+        """Number of full stops that the path requires regardless of limits, by reason."""
         if isinstance(self.run.timing, Conventional):
-            # This method passes corners at its uniform speed.
+            # This method does not stop, because it passes corners at its uniform speed.
             return {}
         stops: Counter[str] = Counter()
         for contour in self.path.contours:
@@ -173,7 +173,10 @@ class Planned:
 
     @property
     def stops_note(self) -> str | None:
-        """A sentence on full stops inside contours; None if all are due to jerk (see warnings)."""
+        """Note about full stops inside contours; None if there are none except due to jerk limits.
+
+        Stops due to jerk limits are reported by a warning.
+        """
         stops = self._stops_of_path
         count = sum(stops.values())
         if not count:
@@ -184,14 +187,14 @@ class Planned:
 
     @cached_property
     def weaves(self) -> tuple[Weaving, ...]:
-        """Width and frequency of each weave in the plan."""
+        """Planned width and frequency of each weave."""
         return tuple(weavings(self.path, self.trajectory))
 
     @property
     def clearance_note(self) -> str | None:
-        """A sentence on the clearance; None if shapes are unknown or a margin is violated.
+        """Note about the clearance; None if it was not checked or a margin is violated.
 
-        Violations are reported by a warning.
+        A warning reports violations.
         """
         if self.clearance is None or not self.clearance.satisfied:
             return None
@@ -200,19 +203,19 @@ class Planned:
 
     @property
     def _far_from_itself(self) -> bool:
-        """True if only self-collision was checked, and all distances are large."""
+        """True if only self-collision was checked and all distances exceed NEAR."""
         if self.clearance is None or self.avoided:
             return False
         return all(x.kind != "environment" and x.low > NEAR for x in self.clearance.nearest)
 
     @property
     def shaped(self) -> ShapingGain | None:
-        """The gain by shaping; None if the run shapes no contour."""
+        """Time saved by shaping; None if no contour is shaped."""
         return ShapingGain.of(self.path)
 
     @property
     def shape_note(self) -> str | None:
-        """A sentence on the gain by shaping; None if the run shapes no contour."""
+        """Note about the time saved by shaping; None if no contour is shaped."""
         gain = self.shaped
         if gain is None:
             return None

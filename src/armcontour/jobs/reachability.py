@@ -1,4 +1,4 @@
-"""`explain`: points of a job that are out of reach, their distances, and a remedy."""
+"""`explain`: error with the farthest unreachable point of a job, its distance, and a remedy."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ from armcontour.program import Contour, Program, Rapid, contour_called, prepare
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 from armcontour.robot.arm import FAR_OUT, unit_hint
 
-# Number of points on each path, and on all paths; each takes a few milliseconds.
+# Approximate number of points on each path, and on all paths; a point takes a few milliseconds.
 MAX_ALONG = 60
 MAX_PLACES = 400
-# Number of initial configurations, and number of the worst points with more of them.
+# Number of initial configurations of a search, and number of the worst points for which more
+# initial configurations are tried.
 FEW_SEEDS = 12
 WORST = 6
-# Search for a shift that brings all points into reach: number of steps and of points; margin inside
-# the reach [m], because arms are singular at its edge; resolution of the reported shift [m].
+# Search for a shift of the part with which all points are in reach: maximum number of steps, number
+# of points, margin inside the reach [m] (arms are singular at the limit of their reach), and
+# resolution of the reported shift [m].
 MAX_STEPS = 40
 MAX_MOVED = 80
 INSIDE = 5e-3
@@ -39,12 +41,12 @@ class _PathPoints(NamedTuple):
     paths: list[tuple[str, Path]]  # Names of the paths in messages, and the paths
     owner: IntArray  # Index of the path of each point, (n,)
     s: FloatArray  # Arc lengths [m], (n,)
-    points: FloatArray  # Required positions of the tool [m], (n, dimension)
-    rotations: FloatArray  # Its orientation, (n, 3, 3); the unit matrix where none is required
+    points: FloatArray  # Required tool positions [m], (n, dimension)
+    rotations: FloatArray  # Tool orientations, (n, 3, 3); identity where none is required
 
     @classmethod
     def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
-        """Points along paths: ends of segments and points between them, or a subset."""
+        """Sample paths at ends of segments and evenly spaced points, or at a subset of these."""
         maximum, rows = int(np.clip(MAX_PLACES // len(paths), 2, MAX_ALONG)), []
         for k, (_, path) in enumerate(paths):
             s = np.union1d(np.linspace(0, path.length, maximum), path.breaks)
@@ -57,7 +59,7 @@ class _PathPoints(NamedTuple):
         return cls(paths, *map(np.concatenate, zip(*rows, strict=True)))
 
     def some(self, selection: IntArray) -> _PathPoints:
-        """Only these points."""
+        """The points with the given indices."""
         paths, indices, s, points, rotations = self
         return _PathPoints(
             paths, indices[selection], s[selection], points[selection], rotations[selection]
@@ -65,8 +67,11 @@ class _PathPoints(NamedTuple):
 
 
 def explain(error: Unreachable, job: Job) -> Unreachable:
-    """The refusal by the point of a job that is farthest out of reach, contours before rapids."""
-    # Tracing refuses a program by the move that comes first, which may be a rapid.
+    """Error about the point of a job that is farthest out of reach; else the given error.
+
+    Points of contours have priority over points of rapids.
+    """
+    # The given error is about the first unreachable move, which may be a rapid.
     program = job.program
     if not job.process.automatic:
         program = prepare(program, job.process)
@@ -82,7 +87,7 @@ def explain(error: Unreachable, job: Job) -> Unreachable:
 
 
 def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
-    """Names and paths of all contours, or of all rapids that have a path."""
+    """Yield names and paths of all contours, or if `rapid`, of all rapids that have a path."""
     contours, done = program.contours, 0
     for move in program.moves:
         if isinstance(move, Contour):
@@ -98,7 +103,7 @@ def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
 
 
 def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
-    """Subset of very many points: those farthest from the base of the arm, and nearest to it."""
+    """Reduce many points to those that are farthest from the base of the arm or nearest to it."""
     if len(points.s) <= 2 * MAX_PLACES:
         return points
     assert isinstance(arm, PlanarTwoLink | SerialArm)
@@ -110,13 +115,17 @@ def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
 def _reached(
     arm: Arm, points: _PathPoints, closely: int, starts: FloatArray | None = None
 ) -> FloatArray:
-    """The tool points nearest to places that the arm reaches [m], (n, dimension)."""
+    """Reachable tool position nearest to each point [m], (n, dimension).
+
+    `closely`: number of the worst points for which more initial configurations are tried. `starts`:
+    initial joint positions [rad], (n, dof), which the result replaces.
+    """
     goals = points.points
     if isinstance(arm, PlanarTwoLink):
         near, far = arm.reach
         along = goals - [arm.base, 0.0]
         distance = np.linalg.norm(along, axis=1, keepdims=True)
-        # The direction of a point at the base is arbitrary.
+        # A point at the base has no direction, so an arbitrary direction is used.
         ways = np.where(distance > 0, along / np.where(distance > 0, distance, 1.0), [1.0, 0.0])
         return np.asarray([arm.base, 0.0] + ways * np.clip(distance, near, far))
     assert isinstance(arm, SerialArm)
@@ -131,7 +140,7 @@ def _reached(
     away = np.linalg.norm(arm.tool_position(positions) - goals, axis=1)
     for i in np.argsort(-away)[:closely]:
         if away[i] > OUT_OF_REACH:
-            # Another configuration may come nearer.
+            # A search from another configuration may result in a nearer position.
             start = np.vstack([positions[i], many[:REACH_SEEDS]])
             positions[i] = nearest_reached(arm, poses[i], task, start)
     if starts is not None:
@@ -140,7 +149,7 @@ def _reached(
 
 
 def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: bool) -> Unreachable:
-    """The error for point `k`, which is the farthest out of reach."""
+    """Error about point `k`, which is farthest out of reach; `away`: distances of points [m]."""
     called, path = points.paths[points.owner[k]]
     point, s, gap = points.points[k], float(points.s[k]), float(away[k])
     far = gap >= FAR_OUT
@@ -165,9 +174,9 @@ def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: boo
 
 
 def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str:
-    """Remedy that brings all points into reach, as the end of a sentence."""
-    shift = _way(job.arm, points, away)
-    lower = "all contours are in reach: take a smaller approach or retract, or " if rapid else ""
+    """Remedy with which all points are in reach, as the end of a sentence."""
+    shift = _find_shift(job.arm, points, away)
+    lower = "all contours are in reach: use a smaller approach or retract, or " if rapid else ""
     free = suggest_remedy(points.paths[0][1]).removeprefix("move the path or the arm")
     if shift is None:
         return f"{lower}move the part or the arm{free}; armcontour place finds a position"
@@ -178,9 +187,8 @@ def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str
     )
 
 
-def _way(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
-    """A way of the part that brings all places into reach [m], (3,); None if none is found."""
-    # Parts stay on their table, as far as that helps.
+def _find_shift(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
+    """Shift of the part with which all points are in reach [m], (dimension,); None if not found."""
     worst = np.argsort(-away)[: MAX_MOVED // 4]
     even = np.linspace(0, len(away) - 1, MAX_MOVED).astype(np.intp)
     sample = points.some(np.union1d(worst, even))
@@ -197,11 +205,12 @@ def _way(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
         k = int(np.argmax(gaps))
         if gaps[k] <= OUT_OF_REACH:
             return shift
+        # A shift that is mainly horizontal stays horizontal, because the part lies on a table.
         step = missing[k].copy()
         if len(step) == 3 and np.linalg.norm(step[:2]) > np.abs(step[2]):
             step[2] = 0.0
         long = float(np.linalg.norm(step))
-        # Only the component along the missing distance helps.
+        # The step is lengthened so that its component along the missing distance is sufficient.
         required = gaps[k] ** 2 / long if long > 0 else 0.0
         shift = (
             np.round((shift + step / max(long, OUT_OF_REACH) * (required + INSIDE)) / RESOLUTION)
@@ -211,7 +220,7 @@ def _way(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
 
 
 def _place(point: FloatArray, far: bool = False) -> str:
-    """Coordinates in millimetres to the micrometre, or in metres."""
+    """Text with coordinates in millimetres, rounded to a micrometre; if `far`, in metres."""
     scale, digits, unit = (1.0, 6, "m") if far else (1e3, 3, "mm")
     shown = (f"{x:.{6 if far else 10}g}" for x in np.round(point * scale, digits) + 0.0)
     return f"({', '.join(shown)}) {unit}"

@@ -1,4 +1,4 @@
-"""`Reuse`: cache of the results of planning steps by their inputs."""
+"""`Reuse`: cache for the results of planning steps, by their inputs."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 T = TypeVar("T")
-# Number of results of each step in the cache: those of a few runs that a user compares.
+# Default number of results of each step in the cache, for a few runs that a user compares.
 RESULTS = 4
-# Number of sampled results in the cache: 2, or 1 above 200,000 samples.
+# Number of results with samples in the cache, and number of samples above which only one stays.
 LARGE_RESULTS, MAX_SAMPLES = 2, 200_000
 
 
 class Reuse:
-    """A cache of the results of steps: a step with the same inputs is not repeated."""
+    """Cache of results, so that a step with the same inputs is not repeated."""
 
     def __init__(self, size: int = RESULTS) -> None:
         self.size = size
@@ -31,7 +31,10 @@ class Reuse:
         maximum: int | None = None,
         samples: Callable[[T], int] = lambda value: 0,
     ) -> T:
-        """The result of a step: that of an earlier call with the same inputs, or a new one."""
+        """Result of a step: the cached result for equal inputs `made_of`, or that of `make`.
+
+        `maximum`: number of results in the cache; `samples`: number of samples of a result.
+        """
         entries = self._known.setdefault(step, [])
         for k, (before, value) in enumerate(entries):
             if before == made_of:
@@ -47,7 +50,7 @@ class Reuse:
 
 
 def comparable(value: Any) -> Any:
-    """A comparable form of a value whose fields are numbers and arrays."""
+    """Convert a value with arrays or mappings in its fields to a form that `==` can compare."""
     if isinstance(value, np.ndarray):
         return value.shape, value.tobytes()
     if dataclasses.is_dataclass(value):

@@ -25,14 +25,14 @@ from armcontour.verification import ErrorProfile
 
 
 def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
-    """The number of warnings, and all of them."""
+    """Yield rows with the number of warnings and with the warnings."""
     if warnings:
         yield Row("warning_count", len(warnings), "", "warnings", level=VERDICT)
     yield Row("warnings", warnings)
 
 
 def field_rows(name: str, value: Any) -> Iterator[Row]:
-    """The fields of a dataclass for files, with the units of their annotations."""
+    """Yield a row for files for each field of a dataclass, with the unit of its annotation."""
     if value is None:
         yield Row(name, None)
         return
@@ -49,7 +49,7 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
 def torque_rows(
     torques: Torques | None, limit: FloatArray | None, arm: Arm, kind: str
 ) -> Iterator[Row]:
-    """Largest torques, their limits, and assumed parameters of the bodies."""
+    """Yield rows of the largest torques, their limits, and assumed mass parameters."""
     if torques is None:
         return
     peak = torques.peak
@@ -67,7 +67,7 @@ def torque_rows(
 
 
 def plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
-    """Parameters of the simulated robot, and of the model in its controller."""
+    """Yield rows of parameters of the simulated robot and of the model in its controller."""
     yield Row("plant", type(plant).__name__)
     yield Row("step", plant.step, "s")
     yield Row("gravity_feedforward", plant.gravity_feedforward)
@@ -82,7 +82,7 @@ def plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
 
 
 def _robot(name: str, chain: Chain) -> Iterator[Row]:
-    """Load, drive inertias and friction of a robot or of the model in its controller."""
+    """Yield rows of payload, drive inertias and friction of a chain."""
     yield Row(f"{name}.payload", 0.0 if chain.payload is None else chain.payload.mass, "kg")
     yield Row(f"{name}.armature", chain.armature, "kg m^2")
     yield Row(f"{name}.viscous", chain.viscous, "N m s/rad")
@@ -90,19 +90,19 @@ def _robot(name: str, chain: Chain) -> Iterator[Row]:
 
 
 def angular_rows(execution: Execution) -> Iterator[Row]:
-    """Largest angular speed of the tool of an arm in space."""
+    """Yield the row of the largest angular speed of the tool; nothing for a planar arm."""
     speed = angular_speed(execution)
     if speed is not None:
         yield Row("angular_speed", speed.max(), "rad/s", "tool's angular speed, largest")
 
 
 def columns(**units: str) -> tuple[Row, ...]:
-    """Columns of a table of files, by their units."""
+    """Columns of a table for files, from the unit of each column by name."""
     return tuple(Row(name, None, unit) for name, unit in units.items())
 
 
 def corner_table(path: RoundedPath) -> Table:
-    """The rounded corners of a path."""
+    """Table of the rounded corners of a path."""
     c = path.corners
     return Table(
         "corners",
@@ -127,7 +127,7 @@ def move_table(
     starts: Sequence[tuple[float, float]],
     errors: Sequence[ErrorProfile],
 ) -> Table:
-    """The moves of a program with their times; columns of contours are null for other moves."""
+    """Table of the moves of a program with times; values of contours are None for other moves."""
     contours = iter(zip(path.contours, starts, strict=True))
     remaining = iter(errors)
     rows = []
@@ -166,7 +166,7 @@ def pierce_length(contour: Contour) -> float:
 
 
 def program_rows(trajectory: Trajectory, path: Program, objective: Program) -> Iterator[Row]:
-    """Lengths and times of a program with and without the process on."""
+    """Yield rows of lengths and times of a program, with the process on and off."""
     spans = trajectory.spans
     works = [x.work for x in trajectory.contour_spans if x.work is not None]
     rapids, dwells = ([x for x in spans if x.kind == kind] for kind in ("rapid", "dwell"))
@@ -188,19 +188,19 @@ def program_rows(trajectory: Trajectory, path: Program, objective: Program) -> I
 
 
 def _duration(spans: Sequence[Span]) -> float:
-    """Total duration of moves [s]."""
+    """Total duration of spans [s]."""
     return float(sum(x.t[1] - x.t[0] for x in spans))
 
 
 def _outcome(path: ShapedPath) -> dict[str, Any]:
-    """Outcome of the shape search of one contour."""
+    """Outcome of the shape search of a contour, by name."""
     outcome = path.outcome
     data = {x: getattr(outcome, x) for x in ("start", "durations", "gain")}
     return data | {"iterations": max(len(outcome.history) - 1, 0)}
 
 
 def resume_intervals(begin: float, objective: Program) -> list[tuple[float, float]]:
-    """Start and end of every contour, in the arc length of `resume_at` [m]."""
+    """Start and end of every contour as values of `resume_at`: cumulated working length [m]."""
     lengths = [end - start for start, end in (x.at_work for x in objective.contours)]
     ends = begin + np.concatenate([[0.0], np.cumsum(lengths)])
     return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Learning of a job's run from logs of a robot."""
+"""Learning of the set-points of a run from logs of a robot, and evaluation of logs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.control.compensation import InverseDynamics
 from armcontour.control.learning import LearningResult, LearningRun, Recording, judge_run, learn
-from armcontour.control.learning.alignment import fit_to
+from armcontour.control.learning.alignment import fit_clock
 from armcontour.control.learning.error_estimate import smooth_error
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
@@ -26,21 +26,22 @@ from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.set_point_check import describe_excess
 from armcontour.program import contour_called
 from armcontour.verification import ErrorProfile
-from armcontour.verification.contour_execution import ContourExecution, pieces_of
+from armcontour.verification.contour_errors import ContourExecution, pieces_of
 from armcontour.verification.error_profile import Coverage, error_rows
 
-# Smallest dead time [s] and clock error that are reported.
+# Minimum further dead time [s] and minimum relative clock error that are reported.
 REPORTED_DELAY, REPORTED_RATE = 1e-4, 1e-5
-# A log belongs to an earlier run if that run's set-points reduce the misfit below this share.
+# A log belongs to an earlier run if the misfit of the earlier set-points is below this share of the
+# misfit of the current set-points.
 NEARER = 0.5
-# Set-points of a log are reported as different if they differ from those of the run by more than
-# printing rounds [rad], and by more than this share of the errors.
+# Minimum RMS difference between set-points in a log and set-points of the run that is reported: an
+# absolute value above the rounding of printed logs [rad], and a share of the error.
 REPORTED_DIFFERENCE, DIFFERENCE_SHARE = 2e-5, 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LearningStudy:
-    """A run of a job, and the result of learning from its executions on a robot."""
+    """Run of a job, and the result of learning from its executions on a robot."""
 
     job: Job
     plan: RunResult  # Plan and set-points before learning
@@ -48,27 +49,29 @@ class LearningStudy:
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """Summary of the plan and of learning."""
+        """Data of the plan and of learning, for the summary of a result."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"learning": self.result})
 
     @property
     def result(self) -> Data:
-        """Result of learning."""
+        """Data of learning: errors of the runs, next step and notes."""
         name, data = self.plan.run.name, self.lesson.to_data()
         rows = (Row("run", name), *data.rows, Row("notes", self.notes))
         return replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
 
     def errors(self, k: int) -> tuple[float, float]:
-        """RMS and largest error of the tool in a run [m]."""
-        # It is the contour error that the encoders show, or the distance from the planned position
-        # if the plan has no path.
+        """RMS and largest error of the tool in run k, from 0 [m].
+
+        The error is the contour error according to the log, or the distance from the planned
+        position if the plan has no path.
+        """
         run = self.lesson.runs[k]
         largest = run.tool_max if run.contour_max is None else run.contour_max
         return run.rms, largest
 
     def profile(self, k: int) -> ErrorProfile:
-        """Measured contour error over time in a run, with noise, until the end of the plan."""
+        """Measured contour error over time in run k, with noise, until the end of the plan."""
         assert self.lesson.lifted is not None
         t = self.lesson.lifted.t
         q = self.planned(t) + self.lesson.runs[k].error
@@ -82,65 +85,67 @@ class LearningStudy:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on the next step, and on the findings from the runs."""
+        """Notes about the next step and about the findings from the runs."""
         lesson = self.lesson
-        timing = _on_time(0.0, lesson.runs[-1])
-        notes = [self._verdict, *(f"{x}; learning allows for it." for x in timing)]
+        timing = _timing_clauses(0.0, lesson.runs[-1])
+        notes = [self._verdict, *(f"{x}; learning takes this into account." for x in timing)]
         if any(lesson.misfits):
             before, after = (x * 1e3 for x in lesson.misfits)
             notes.append(
-                f"The log of run 1 deviates by {before:.3g} mrad RMS from the servo of the job. "
-                f"Learning uses a servo from which it deviates by {after:.3g} mrad: {lesson.servo}."
+                f"The log of run 1 deviates by {before:.3g} mrad RMS from the simulation with the "
+                f"servo of the job. Learning uses another servo model, from which the log deviates "
+                f"by {after:.3g} mrad: {lesson.servo}."
             )
         notes += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
         if describe_excess(self.plan.set_points):
             notes.append(
-                "The set-points exceed limits of the joints already before learning, so learning "
-                "does not keep these limits either."
+                "The set-points before learning already exceed joint limits, so the learned "
+                "set-points can exceed these limits too."
             )
         return notes
 
     @property
     def _verdict(self) -> str:
-        """Sentence on the benefit of another run."""
+        """Sentence about the next step: learning is finished, or another run is useful."""
         lesson = self.lesson
         noise = (
-            f"{number(lesson.repeats, 'm')} RMS repeats, {number(lesson.noise, 'm')} RMS does not"
+            f"the repeating error is {number(lesson.repeats, 'm')} RMS, the non-repeating error "
+            f"{number(lesson.noise, 'm')} RMS"
         )
         if lesson.finished:
-            whose = f"those of run {lesson.best + 1}, the best"
+            origin = f"those of the best run, run {lesson.best + 1}"
             if not np.array_equal(lesson.q, lesson.runs[lesson.best].q):
-                whose = "learned from all runs"
-            return f"Finished: {lesson.reason}; the set-points are {whose}, and {noise}."
+                origin = "learned from all runs"
+            return f"Finished: {lesson.reason}; the set-points are {origin}; {noise}."
         because = f" ({lesson.reason})" if lesson.reason else ""
-        expected = f"the next run should have about {number(lesson.predicted, 'm')} RMS"
-        return f"Go on{because}: {expected}; {noise}."
+        expected = f"the expected error of the next run is {number(lesson.predicted, 'm')} RMS"
+        return f"Continue with another run{because}: {expected}; {noise}."
 
     def planned(self, t: FloatArray) -> FloatArray:
-        """Planned joint positions [rad], (n, dof); at rest before and after the motion."""
+        """Planned joint positions at times [rad], (n, dof); at rest before and after the motion."""
         return self.plan.trajectory.with_rests(t)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JudgedStudy:
-    """A run of a job, and its errors according to a log."""
+    """Run of a job, and its errors according to a log."""
 
     job: Job
     plan: RunResult  # Plan and set-points of the run
-    judged: LearningResult  # The run, as `judge_run` gives it
-    # Time by which its plan begins earlier than that of the set-points, as the robot has more dead
-    # time than its model [s].
+    judged: LearningResult  # Result of `judge_run`
+    # Time by which the plan in `judged` begins earlier than the plan of the set-points [s], because
+    # the robot has more dead time than its model.
     early: float = 0.0
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """Summary of the plan, and the errors according to the log."""
+        """Data of the plan and of the errors according to the log, for the summary of a result."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"judged": self.result})
 
     @property
     def result(self) -> Data:
-        """Errors according to the log."""
+        """Data of the errors according to the log."""
         name, run = self.plan.run.name, self.judged.runs[0]
         errors = [
             Data(
@@ -185,7 +190,7 @@ class JudgedStudy:
 
     @cached_property
     def contours(self) -> list[tuple[str, ErrorProfile, Coverage]]:
-        """Names of the contours, their errors without noise, and their coverage errors."""
+        """Name, contour error without noise and coverage error of each contour."""
         names = [contour_called(x, k) for k, x in enumerate(self.plan.path.contours)]
         pairs = zip(names, self.pieces, strict=True)
         return [(name, x.contour_error, x.coverage_error) for name, x in pairs]
@@ -197,7 +202,7 @@ class JudgedStudy:
 
     @cached_property
     def pieces(self) -> Sequence[ContourExecution]:
-        """The measured motion along each contour, without noise."""
+        """Measured motion along each contour, without noise."""
         lifted, run = self.judged.lifted, self.judged.runs[0]
         assert lifted is not None
         q = lifted.planned + smooth_error(lifted, run.error, run.noise)
@@ -205,13 +210,13 @@ class JudgedStudy:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on the clock of the log, and on its limitations."""
-        run = self.judged.runs[0]
-        notes = [f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, run)]
+        """Notes about dead time, the clock and the set-points of the log, and its limitations."""
+        run, delay = self.judged.runs[0], self.judged.delay
+        notes = [f"{x}; the errors take this into account." for x in _timing_clauses(delay, run)]
         notes += _other_set_points(run)
         notes.append(
-            "The errors are those measured by the encoders, or by the tracker if its file was "
-            "given. Other deviations are not included."
+            "The errors include only deviations that the encoders measure, or the tracker if its "
+            "file was specified."
         )
         return notes
 
@@ -219,7 +224,7 @@ class JudgedStudy:
 def _measured_pieces(
     job: Job, plan: RunResult, t: FloatArray, q: FloatArray
 ) -> Sequence[ContourExecution]:
-    """The contours of a measured motion, without demands, until the end of the plan."""
+    """Measured motion along each contour until the end of the plan; velocities and demand are 0."""
     still = np.zeros_like(q)
     executed = Execution(
         arm=job.arm,
@@ -235,39 +240,39 @@ def _measured_pieces(
     return pieces_of(executed, plan.path, None, plan.trajectory.duration)
 
 
-def _on_time(delay: float, run: LearningRun) -> list[str]:
-    """Clauses on dead time that the model lacks, and on the clock of the log."""
+def _timing_clauses(delay: float, run: LearningRun) -> list[str]:
+    """Clauses about dead time [s] in addition to the model's, and about the clock of the log."""
     sentences = []
     if delay >= REPORTED_DELAY:
-        sentences.append(f"The robot has {number(delay, 's')} more delay than its servo model")
+        sentences.append(f"The robot has {number(delay, 's')} more dead time than its servo model")
     if abs(run.rate - 1) >= REPORTED_RATE:
         sentences.append(
-            "The clock of the log differs from that of the set-points by "
+            "The clock of the log differs from the clock of the set-points by "
             f"{(run.rate - 1) * 100:+.3f} %"
         )
     return sentences
 
 
 def _other_set_points(run: LearningRun) -> list[str]:
-    """A sentence on a log whose set-points are not those of the run."""
+    """List with a warning if the set-points in a log differ from those of the run; else empty."""
     deviation = float(np.sqrt(np.mean(run.error**2)))
     if run.set_points_off <= max(REPORTED_DIFFERENCE, DIFFERENCE_SHARE * deviation):
         return []
     return [
         f"The set-points in {run.source} differ from those of the run by "
-        f"{number(run.set_points_off, 'rad')} RMS, and the joints from the plan by "
-        f"{number(deviation, 'rad')} RMS: if the robot executed other set-points, all figures of "
-        "this run are wrong, so give those as --set-points."
+        f"{number(run.set_points_off, 'rad')} RMS, and the joints deviate from the plan by "
+        f"{number(deviation, 'rad')} RMS. If the robot executed other set-points, all figures of "
+        "this run are wrong; in this case, specify the executed set-points (--set-points)."
     ]
 
 
 def _corrections(run: LearningRun) -> list[str]:
-    """Sentences on outliers and encoder offsets in the log of a run."""
+    """Notes about outliers and encoder offsets in the log of a run."""
     corrections = []
     if run.outliers:
         corrections.append(
-            f"{run.source} has {run.outliers} outliers, which learning ignores: samples far from "
-            "those before and after them."
+            f"{run.source} has {run.outliers} outliers (samples far from their neighbours), which "
+            "learning ignores."
         )
     if run.encoder_shift is not None and run.encoder_shift.any():
         shown = ", ".join(
@@ -275,14 +280,15 @@ def _corrections(run: LearningRun) -> list[str]:
             for j in np.flatnonzero(run.encoder_shift)
         )
         corrections.append(
-            f"Positions in {run.source} are shifted against the runs before: {shown}. Learning "
-            "takes this for an offset of the encoders; if the arm itself has shifted, begin again."
+            f"Positions in {run.source} are shifted relative to the previous runs: {shown}. "
+            "Learning assumes an offset of the encoders. If the arm itself has shifted, restart "
+            "learning."
         )
     return corrections
 
 
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:
-    """Plan and set-points of one run of a job."""
+    """Plan a run of a job and compute its set-points, without simulation."""
     chosen = choose_run(job, name, "learned")
     alone = replace(job, runs=(chosen,))
     return run(alone, simulate=False, progress=progress).runs[chosen.name]
@@ -296,8 +302,10 @@ def learn_run(
     *,
     tool: tuple[FloatArray, FloatArray] | None = None,
 ) -> LearningResult:
-    """Learn from a run of a job, with the job's arm and servo."""
-    # Set-points satisfy the limits of the run, unless those before learning exceed them.
+    """Learn from an executed run, with the arm and servo of the job.
+
+    The learned set-points satisfy the limits of the run, unless the executed ones exceed them.
+    """
     try:
         lesson = learn(
             set_points,
@@ -308,7 +316,7 @@ def learn_run(
             tool=tool,
         )
     except InvalidInput as error:
-        # If the set-points are those of an earlier run, that run is named instead.
+        # If the log has the set-points of an earlier run, `check_run` raises a clearer error.
         if error.limit == "set_points" and isinstance(executed, Log):
             check_run(set_points, executed)
         raise
@@ -320,7 +328,7 @@ def learn_run(
 def learn_logs(
     job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
 ) -> LearningStudy:
-    """Learn from logs of successive runs, which execute the set-points learned before them."""
+    """Learn from logs of successive runs; each run executes the set-points learned before it."""
     plan = plan_run(job, run, progress)
     lesson = _learned(job, plan, logs, progress)
     assert isinstance(lesson, LearningResult)
@@ -330,7 +338,7 @@ def learn_logs(
 def judge_last(
     job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
 ) -> JudgedStudy:
-    """Determine the errors of the last of successive runs; arguments as in `learn_logs`."""
+    """Determine the errors of the last one of successive runs; arguments as in `learn_logs`."""
     plan = plan_run(job, run, progress)
     set_points = _learned(job, plan, logs[:-1], progress)
     subprogress(progress)(Step((f"judging {logs[-1].source}",)))
@@ -340,7 +348,7 @@ def judge_last(
 def _learned(
     job: Job, plan: RunResult, logs: Sequence[Log | Recording], progress: Progress | None
 ) -> SetPoints:
-    """The set-points after runs of a plan."""
+    """Set-points that are learned from logs of successive runs of a plan."""
     set_points = plan.set_points
     for log in logs:
         subprogress(progress)(Step((f"learning from {log.source}",)))
@@ -356,7 +364,7 @@ def judge_log(
     *,
     tool: tuple[FloatArray, FloatArray] | None = None,
 ) -> JudgedStudy:
-    """Determine the errors of a run from its log, with the job's arm and servo."""
+    """Determine the errors of a run from its log, with the arm and servo of the job."""
     judged = judge_run(
         set_points,
         log,
@@ -372,7 +380,7 @@ def judge_log(
 
 
 def feeds_gravity_forward(run: Run) -> bool:
-    """True if the controller adds the gravity torque, by the compensation or the experiment."""
+    """True if the controller adds the gravity torque, according to compensation or experiment."""
     options = run.compensation
     if isinstance(options, InverseDynamics) and options.gravity_feedforward is not None:
         return options.gravity_feedforward
@@ -380,20 +388,20 @@ def feeds_gravity_forward(run: Run) -> bool:
 
 
 def check_run(set_points: SetPoints, log: Log) -> None:
-    """Refuse the log of an earlier run, by the set-points in it."""
+    """Raise InvalidInput if a log contains the set-points of an earlier run."""
     if not isinstance(set_points, LearningResult):
         return
     times = set_points.times(len(set_points.q), set_points.cycle)
     misfits = []
     for q in (*(x.q for x in set_points.runs), set_points.q):
-        offset, rate = fit_to(log.t, log.command, times, q)
+        offset, rate = fit_clock(log.t, log.command, times, q)
         commanded = interpolate(offset + rate * log.t, times, q)
         misfits.append(float(np.sqrt(np.mean((log.command - commanded) ** 2))))
     k = int(np.argmin(misfits))
     if misfits[k] < NEARER * misfits[-1]:
         raise InvalidInput(
-            f"{log.source} has the set-points of run {k + 1} ({set_points.runs[k].source}), and "
-            f"not those that were to be executed: give the log of the last run, or the set-points "
-            "that the robot executed.",
+            f"{log.source} contains the set-points of run {k + 1} ({set_points.runs[k].source}), "
+            f"but must contain the specified set-points. Specify the log of the last run, or the "
+            "set-points that the robot executed.",
             index=k,
         )

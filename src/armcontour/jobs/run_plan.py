@@ -1,4 +1,4 @@
-"""`plan_one`: the only pipeline from the program of a run to its plan."""
+"""`plan_one`: all steps from the program of a run to its plan."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from armcontour.planning import (
 from armcontour.program import Program, prepare, round_corners, smooth_curvature
 from armcontour.verification.clearance import Clearance
 
-# The first step of a run; the other where corners have the shape free.
+# Names of the first step of a run: rounding of corners, or shaping for corners of shape free.
 ROUNDING, SHAPING = "rounding", "shaping"
 
 
@@ -86,7 +86,7 @@ def trace_one(
     clear: bool = True,
     first_only: bool = False,
 ) -> tuple[Program, Tracing]:
-    """The prepared program of a run, and the joint paths of the rounded one."""
+    """Prepared program of a run (with sharp corners), and joint paths of the rounded program."""
     report = subprogress(progress)
     try:
         prepared, path = prepare_and_round(job, run, reuse, progress, objective)
@@ -110,7 +110,7 @@ def prepare_and_round(
     progress: Progress | None = None,
     objective: Program | None = None,
 ) -> tuple[Program, Program]:
-    """The program of a run, prepared, before and after its corners are rounded or shaped.
+    """Prepared program of a run, before and after its corners are rounded or shaped.
 
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
@@ -133,7 +133,7 @@ def prepare_and_round(
 
 
 def path_inputs(job: Job, run: Run) -> tuple[Any, ...]:
-    """All that the path of a run depends on, comparable."""
+    """All inputs on which the path of a run depends, in a comparable form."""
     program, timing = job.program, run.timing
     moves = [[getattr(x, y.name) for y in dataclasses.fields(x)] for x in program.moves]
     by_limits = job.process.automatic or run.is_shaped
@@ -149,25 +149,25 @@ def path_inputs(job: Job, run: Run) -> tuple[Any, ...]:
 
 
 def explain_plan(job: Job, trajectory: Trajectory, reuse: Reuse) -> Explanation | None:
-    """Active limits along a plan; None for methods without such limits."""
+    """Active limits along a plan; None if its timing method is not optimal."""
     if trajectory.method is not Method.OPTIMAL:
         return None
     return reuse.get("explanation", trajectory, lambda: explain(trajectory, job.arm))
 
 
 def _arm_inputs(job: Job) -> tuple[Any, ...]:
-    """All of the arm and its cell that joint paths depend on, comparable."""
+    """Inputs of arm and cell on which joint paths depend, in a comparable form."""
     return job.arm, job.configuration, comparable(job.seed), job.scene, job.ignore_collisions
 
 
 def _prepare(job: Job, run: Run) -> Program:
-    """The program of a job with leads, overlaps and events of the process, and sharp corners."""
+    """Program of a job with leads, overlaps and events of the process, and with sharp corners."""
     leads = None
     if job.process.automatic:
         if not isinstance(run.timing, Optimal):
             raise InvalidInput(
-                f"Run {run.name}: leads of automatic length need the timing optimal, not "
-                f"{run.timing.method}: give their lengths."
+                f"Run {run.name}: leads of automatic length require the timing method optimal, but "
+                f"the method is {run.timing.method}. Specify the lengths of the leads."
             )
         from armcontour.jobs.automatic_leads import automatic_leads
 
@@ -179,7 +179,7 @@ def _prepare(job: Job, run: Run) -> Program:
 def round_program(
     job: Job, run: Run, program: Program, progress: Progress | None = None
 ) -> Program:
-    """Round or shape the corners of a program as a run does; a run may keep them sharp."""
+    """Round or shape the corners of a program as the run specifies; they can stay sharp."""
     rounding = run.rounding
     if rounding is None:
         return program
@@ -211,7 +211,7 @@ def round_program(
 
 
 def _tolerance(job: Job, rounding: Rounding) -> float | None | Callable[[Path], npt.ArrayLike]:
-    """The largest corner error [m], with tolerances of single corners as a function."""
+    """Largest corner error [m]; if single corners have tolerances, a function of a path."""
     single, tolerance = rounding.at, rounding.tolerance
     if not single or tolerance is None:
         return tolerance
@@ -220,9 +220,9 @@ def _tolerance(job: Job, rounding: Rounding) -> float | None | Callable[[Path], 
 
 
 def trace_run(job: Job, run: Run, program: Program, progress: Progress) -> Tracing:
-    """Trace the joint paths of all moves of a program, under the limits of a run."""
-    # A shaped program is traced in the configuration of its shaping, others in the fastest one that
-    # is collision-free and above the base.
+    """Trace the joint paths of all moves of a program within the limits of a run."""
+    # A shaped program is traced in the configuration with which it was shaped, other programs in
+    # the fastest configuration that is collision-free and above the base.
     progress(Step(("tracing",)))
     return trace_program(
         program,
@@ -236,9 +236,13 @@ def trace_run(job: Job, run: Run, program: Program, progress: Progress) -> Traci
 
 
 def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
-    """The program with transitions where lines and arcs meet, if it is their turn."""
-    # An orientation that follows the tangent is rounded with the corners, so that transitions come
-    # before that; otherwise they come afterwards. One that turns by itself gets none.
+    """Add transitions where lines and arcs meet, if they belong to this step.
+
+    `rounded`: True after corners were rounded.
+    """
+    # If the orientation follows the tangent, transitions are added before corners are rounded,
+    # because rounding also rounds the orientation. If the orientation is fixed, they are added
+    # afterwards. Other orientations get no transitions.
     orientations = [x.path.orientation for x in program.contours]
     follow = all(x is not None and x.follows for x in orientations)
     due = all(x is None or x.fixed for x in orientations) if rounded else follow
@@ -249,7 +253,10 @@ def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
 def _time(
     job: Job, run: Run, traced: Tracing, reuse: Reuse, progress: Progress, clear: bool
 ) -> tuple[Tracing, Trajectory, Clearance | None, tuple[str, ...]]:
-    """Plan along the first collision-free joint path of several."""
+    """Plan along the first of several alternative joint paths that is collision-free.
+
+    Returns joint paths, plan, clearance, and notes on the alternative.
+    """
 
     def timed(traced: Tracing) -> Trajectory:
         progress(Step(("timing",)))
@@ -257,7 +264,8 @@ def _time(
 
     if not clear:
         return traced, timed(traced), None, ()
-    # A copy of a `tee` iterator restarts and shares the results of earlier searches.
+    # The cache contains a `tee` iterator. A copy of it starts from the first alternative, and
+    # alternatives that were already computed are not computed again.
     cached = reuse.get(
         "alternatives",
         (traced, comparable(run.limits)),

@@ -1,4 +1,4 @@
-"""Warnings of a run: capped values, missed speeds, stops, saturation, poor compensation."""
+"""Warnings of a run: capped values, low speeds, stops, saturation, poor compensation."""
 
 from __future__ import annotations
 
@@ -24,28 +24,29 @@ from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
-# Number of contours that one sentence names.
+# Maximum number of contours that a sentence names.
 MAX_NAMES = 4
-# Relative difference below which two values are equal.
-SAME = 1e-9
-# A joint whose demand exceeds this multiple of its acceleration limit saturates for long.
+# Relative difference below which two values count as equal.
+SAME_VALUE = 1e-9
+# Ratio of demand and acceleration limit above which the saturation of a joint is reported.
 FAR_ABOVE = 1.5
-# Share of the motion above which a cycle is too coarse.
+# Ratio of cycle and duration above which the cycle is reported as too coarse.
 COARSE = 0.1
 # Number of times at which a plan is compared with the motion of logs, in addition to its breaks.
-LOOKS = 1000
-# Errors of joints below this are not reported [rad].
-UNFELT = 1e-6
-# A contour is slow if it takes this multiple of the time of a straight line of its length, with the
-# largest mean acceleration that its ends show beyond this share of its length.
+PLAN_SAMPLES = 1000
+# Minimum joint error that is reported [rad].
+MIN_JOINT_ERROR = 1e-6
+# SLOW: a contour is reported if it takes this multiple of the time of a line with the same length.
+# ENDS: the acceleration along this line is the largest mean acceleration between an end of the
+# contour and a point that is at least this share of the length away from the end.
 SLOW, ENDS = 2.0, 1e-3
-# Relative difference below which two speeds are equal: margins of the timing are smaller.
+# Relative difference below which two speeds count as equal; it is above the margins of the timing.
 SAME_SPEED = 1e-3
 
 
 def capped(program: Program, run: Run) -> Iterator[str]:
-    """Warnings for speeds and corner tolerances of the path that the run does not allow."""
-    # With the shape free the tolerance holds along lines, too.
+    """Yield warnings for speeds and corner tolerances of the path that the run reduces."""
+    # With corners of shape free, tolerances apply to whole segments, otherwise only to corners.
     tolerance = None if run.rounding is None else run.rounding.tolerance
     doubts = (describe_large_tolerance(x.path, tolerance) for x in program.contours)
     yield from next(filter(None, doubts), [])
@@ -60,17 +61,19 @@ def capped(program: Program, run: Run) -> Iterator[str]:
             contour_called(x, i): float(np.fmax.reduce(values(x.path), initial=0.0))
             for i, x in enumerate(program.contours)
         }
-        above = [name for name, x in largest.items() if cap is not None and x > cap * (1 + SAME)]
+        above = [
+            name for name, x in largest.items() if cap is not None and x > cap * (1 + SAME_VALUE)
+        ]
         if above and cap is not None:
             requested = max(largest[x] for x in above)
             yield (
                 f"the {label} of up to {number(requested, unit)} of {list_some(above, MAX_NAMES)} "
-                f"is capped at {number(cap, unit)} by {key}: raise {key} to have it."
+                f"is reduced to {number(cap, unit)} by {key}. To avoid this, increase {key}."
             )
 
 
 def _at_corners(path: Path) -> FloatArray:
-    """Tolerances of the corners of a path by its segments [m]; NaN where there is none."""
+    """Tolerance of each vertex from its segments [m], (vertices,); NaN if it is no corner."""
     tolerances = path.tolerances
     return np.where(
         path.turns > TANGENT_TOLERANCE, np.fmin(tolerances[:-1], tolerances[1:]), np.nan
@@ -78,8 +81,10 @@ def _at_corners(path: Path) -> FloatArray:
 
 
 def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool) -> Iterator[str]:
-    """A warning for the contour, or its start or end, that is slowest relative to its speed."""
-    # Contours that are too short for the assigned velocity, and stops of the path, do not count.
+    """Yield a warning for the contour or end that is slowest relative to its assigned velocity.
+
+    Contours that are too short for the assigned velocity, and stops of the path, are ignored.
+    """
     slow: list[tuple[float, str, str]] = []
     for i, (contour, span) in enumerate(
         zip(program.contours, trajectory.contour_spans, strict=True)
@@ -89,10 +94,10 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
             slow += (
                 (
                     speed / assigned,
-                    f"{name} {word} at {number(speed, 'm/s')} of {number(assigned, 'm/s')}, with a "
-                    f"lead of {number(lead, 'm')}",
-                    "a longer lead, with an arc of a larger radius if it has one, helps unless the "
-                    "contour itself is too tight or too short; else ",
+                    f"{name} {word} at {number(speed, 'm/s')} instead of "
+                    f"{number(assigned, 'm/s')}, with a lead of {number(lead, 'm')}",
+                    "Use a longer lead, with a larger radius if it has an arc. If the contour "
+                    "itself is too tight or too short, ",
                 )
                 for word, speed, assigned, lead in slow_ends(contour, span.trajectory, run)
             )
@@ -100,15 +105,16 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
                 slow += _missed_speed(name, contour.path, span.trajectory, run)
     if slow:
         _, label, advice = min(slow)
-        others = f" (the slowest of {len(slow)} places)" if len(slow) > 1 else ""
+        others = f" (the slowest of {len(slow)} cases)" if len(slow) > 1 else ""
+        reduce = "reduce" if advice else "Reduce"
         yield (
-            f"{label}{others}: {advice}reduce the assigned velocity, or raise the limit that the "
-            "report shows as active."
+            f"{label}{others}. {advice}{reduce} the assigned velocity, or increase the limit that "
+            "the report shows as active."
         )
 
 
 def assigned_speed(contour: Contour, s: float, side: str, run: Run) -> float:
-    """The assigned velocity of a contour at an arc length [m/s], on one side of a vertex."""
+    """Assigned velocity of a contour at an arc length [m/s], on one side if it is a vertex."""
     fastest = np.inf if run.limits.speed is None else run.limits.speed
     return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], fastest))
 
@@ -133,7 +139,7 @@ def slow_ends(
 def _missed_speed(
     name: str, path: Path, motion: Trajectory, run: Run
 ) -> Iterator[tuple[float, str, str]]:
-    """Share of the assigned velocity, and a sentence, for a contour that is far slower."""
+    """Yield share of the assigned velocity, sentence and advice for a contour that is too slow."""
     speeds = np.fmin(path.speeds, np.inf if run.limits.speed is None else run.limits.speed)
     ideal = float(np.sum(path.lengths / speeds))
     if not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:
@@ -155,87 +161,90 @@ def _missed_speed(
 
 
 def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
-    """One warning for all full stops due to limits of jerk."""
+    """Yield one warning for all full stops due to jerk limits."""
     if stops:
         first, count = stops[0], len(stops)
         point = ", ".join(number(x, "m") for x in first.point)
         contour = f" of {first.contour}" if first.contour else ""
         yield (
             f"{count_noun(count, 'full stop')}, the first at s = {number(first.s, 'm')} ({point})"
-            f"{contour}, where the curvature of the path jumps and limits of jerk allow no speed: "
-            "corners: {continuity: curvature} with a larger tolerance or transition_tolerance, "
-            "longer lines and arcs, or a tool orientation that does not turn leaves fewer."
+            f"{contour}. Jerk limits require these stops, because the curvature of the path jumps. "
+            "To reduce them, use corners: {continuity: curvature} with a larger tolerance or "
+            "transition_tolerance, longer lines and arcs, or a constant tool orientation."
         )
 
 
 def collisions(
     planned: Clearance | None, executed: Clearance | None, avoided: tuple[str, ...]
 ) -> Iterator[str]:
-    """Warnings for collisions that are ignored or not checked, and for links below the base."""
+    """Yield warnings for ignored or unchecked collisions, and for links below the base."""
     if planned is None:
         yield from avoided
         return
     if not planned.satisfied:
         yield f"collisions are ignored: {planned.too_near[0]}."
     elif executed is not None and not executed.satisfied:
-        yield f"as executed, {executed.too_near[0]}, which is within the margin."
+        yield f"in the execution, {executed.too_near[0]}, which is less than the margin."
     if planned.below_base is not None:
         yield planned.below_base
 
 
 def coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
-    """A warning for set-points that hardly represent the plan."""
+    """Yield a warning if the cycle is too coarse for the plan."""
     if run.cycle > COARSE * trajectory.duration:
         motion = figure(duration_row(trajectory.duration))
         yield (
-            f"the cycle of {number(run.cycle, 's')} is more than a tenth of the motion "
-            f"of {motion} (a number without a unit is in seconds: for "
-            "milliseconds write cycle: 4 ms)."
+            f"the cycle of {number(run.cycle, 's')} is more than a tenth of the duration of the "
+            f"motion, {motion}. A number without a unit is in seconds; for milliseconds, write "
+            "cycle: 4 ms."
         )
 
 
 def changed_commands(set_points: SetPoints) -> Iterator[str]:
-    """Warnings for set-points that are cut off, changed, or beyond the limits of the plan."""
-    if set_points.truncated is not None and set_points.truncated.max() >= UNFELT:
+    """Yield warnings for set-points that are truncated, changed, or beyond limits of the plan."""
+    if set_points.truncated is not None and set_points.truncated.max() >= MIN_JOINT_ERROR:
         j = int(np.argmax(set_points.truncated))
         yield (
-            "the servo's velocity feed-forward needs set-points long after the motion, which are "
-            f"cut off: this adds up to {number(set_points.truncated[j], 'rad')} to the error of "
-            f"joint {j + 1} after the end of the plan; a servo model with a larger kp or a "
-            "velocity_feedforward nearer to 1 needs less."
+            "the velocity feed-forward of the servo requires set-points long after the motion, "
+            f"which are truncated. This adds up to {number(set_points.truncated[j], 'rad')} to the "
+            f"error of joint {j + 1} after the end of the plan. A servo model with a larger kp or "
+            "a velocity_feedforward nearer to 1 reduces this error."
         )
-    if set_points.limit_cost is not None and set_points.limit_cost.deviation.max() >= UNFELT:
+    if (
+        set_points.limit_cost is not None
+        and set_points.limit_cost.deviation.max() >= MIN_JOINT_ERROR
+    ):
         yield (
-            f"command_limits change the set-points by {set_points.limit_cost}; a plan with a "
-            f"larger timing.reserve, or with limits of jerk, needs smaller changes."
+            f"command_limits change the set-points by {set_points.limit_cost}. A larger "
+            "timing.reserve or jerk limits reduce these changes."
         )
     yield describe_excess(set_points)
 
 
 def unsettled(executed: Execution) -> Iterator[str]:
-    """A warning for an execution that ends before the joints are at rest."""
+    """Yield a warning if the joints are not at rest at the end of the execution."""
     if executed.unsettled is not None:
         j = int(np.argmax(executed.unsettled))
         waited = executed.t[-1] - executed.set_points.t[-1]
         yield (
-            f"joint {j + 1} is not at rest {waited:.3g} s after its last set-point, but "
-            f"{number(executed.unsettled[j], 'rad')} from it: raise its servo gains or limits, or "
-            "take the compensation inverse."
+            f"joint {j + 1} is not at rest {waited:.3g} s after its last set-point; its distance "
+            f"from the set-point is {number(executed.unsettled[j], 'rad')}. Increase its servo "
+            "gains or limits, or use the compensation inverse."
         )
 
 
 def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Iterator[str]:
-    """Warning for the joint that saturates most, or if the servo model cannot judge the run."""
-    # The method "conventional" does not consider limits of joints.
-    error = f"up to {number(evaluation.contour_error.max, 'm')} off"
+    """Warn of the most saturated joint, or that the servo model cannot judge the run."""
+    # The method "conventional" is excluded, because it does not consider joint limits.
+    error = f"up to {number(evaluation.contour_error.max, 'm')}"
     joint = int(evaluation.demand_ratio.argmax())
     ratio = float(evaluation.demand_ratio[joint])
     if run.for_bodies:
         if run.experiment is None:
             yield (
-                "its set-points are for the arm's bodies, so the servo model, which has none, does "
-                f"not judge it (there the tool is {error}): give the job an experiment, such as "
-                "experiment: {}."
+                "the servo model cannot judge this run, because its set-points compensate the "
+                f"dynamics of the arm (with the servo model, the contour error is {error}). Add an "
+                "experiment to the job, such as experiment: {}."
             )
     elif ratio > FAR_ABOVE and not isinstance(run.timing, Conventional):
         t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
@@ -244,39 +253,42 @@ def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Itera
             "a larger reserve" if run.timing.reserve > 0 else "a reserve, such as {reserve: 10 %}"
         )
         yield (
-            f"{name if name.startswith('joint') else f'joint {name}'} is commanded {ratio:.3g} "
-            f"times its acceleration limit at {t:.4g} s and saturates, and the tool is {error} its "
-            f"path: give the plan {reserve}, a start near which the path needs less, slower poles, "
-            "or limits and gains that are those of the plant."
+            f"the demand of {name if name.startswith('joint') else f'joint {name}'} is {ratio:.3g} "
+            f"times its acceleration limit at {t:.4g} s, so the joint saturates; the contour error "
+            f"is {error}. Use {reserve}, another start configuration, slower poles, or limits and "
+            "gains that agree with the plant."
         )
 
 
 def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> Iterator[str]:
-    """A warning for a compensation that increases the contour error on the arm's bodies."""
+    """Yield a warning if compensation increases the contour error of the rigid-body simulation."""
     compensated, without = judged.contour_error, uncompensated.contour_error
     if compensated.rms <= without.rms and compensated.max <= without.max:
         return
-    why = "it is for the servo model, not for bodies: compensation: {method: inverse_dynamics}"
+    why = (
+        "it uses the servo model without the dynamics of the arm; compensation: {method: "
+        "inverse_dynamics} uses the dynamics"
+    )
     if isinstance(run.compensation, InverseDynamics):
         why = (
-            "the simulated robot has other gains, dead time, masses or gravity feed-forward than "
-            "the compensation knows, or its drives saturate"
+            "gains, dead time, masses or gravity feed-forward of the simulated robot differ from "
+            "the compensation's model, or drives saturate"
         )
     if run.experiment is not None and run.experiment.unknown:
-        why += f"; nor does it model properties of the robot: {run.experiment.unknown}"
+        why += f"; the compensation does not model {run.experiment.unknown}"
     rms, largest, *others = (
         figure(x) for error in (compensated, without) for x in error.to_data().shown()
     )
     yield (
-        f"on rigid bodies the contour error is {rms} RMS, {largest} at most; without compensation "
-        f"{' and '.join(others)}. The compensation {run.compensation.method} makes it worse, "
-        f"as {why}."
+        f"with rigid bodies, the contour error is {rms} RMS and {largest} at most; without "
+        f"compensation, it is {' and '.join(others)}. The compensation {run.compensation.method} "
+        f"increases the error, because {why}."
     )
 
 
 def beyond_logs(servo: ServoModel, trajectory: Trajectory) -> str:
-    """A warning for motion beyond that of the logs of the servo's identification, or empty."""
+    """Warning if the plan exceeds the motion with which the servo was identified; else empty."""
     if servo.model_error is None or servo.logged_velocity is None:
         return ""
-    t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, LOOKS))
+    t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, PLAN_SAMPLES))
     return servo.describe_excess(trajectory(t, 1), trajectory(t, 2))

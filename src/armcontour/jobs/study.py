@@ -1,4 +1,4 @@
-"""`run`: all steps of a job, from its path to its contour errors."""
+"""`run`: executes all steps of a job, from its path to its contour errors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from armcontour.verification.clearance import Clearance
 STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 PLAN_STEPS = STEPS[:5]
 EXPERIMENT = "experiment"
-# Largest time between two results of an execution [s], unless the drives on bodies are slower.
+# Maximum time between two samples of a simulation [s], unless the drive cycle is longer.
 RESOLUTION = 1e-3
 
 
@@ -71,8 +71,8 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
 
 
 def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
-    """The simulated robots of the experiments, by the names of the runs."""
-    # Invalid combinations are rejected before planning, which can take minutes.
+    """Simulated robots of the experiments, by name of the run."""
+    # All runs are checked here, because planning can take minutes.
     plants = {}
     for run in job.runs:
         with error_context(f"Run {run.name}"):
@@ -93,7 +93,7 @@ def _simulate(
     plant: RigidBodyPlant | None,
     progress: Progress,
 ) -> dict[str, Any]:
-    """Fields of a `RunResult`: execution by the servo, and by rigid bodies if given."""
+    """Fields of a `RunResult`: simulation with the servo model and, if given, with `plant`."""
     run, path, objective = planned.run, planned.path, planned.objective
     progress(Step(("execution",)))
     executed = simulate_run(job, set_points)
@@ -115,27 +115,30 @@ def _simulate(
 
 
 def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
-    """Compensate the plan of a run for the servo's delay."""
+    """Compute the set-points of a plan with the compensation of the run."""
     return unchecked_set_points(
         trajectory, job.servo, run.compensation, cycle=run.cycle, arm=job.arm
     )
 
 
 def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None = None) -> Execution:
-    """Simulate how a plant executes the set-points of a run, by default the servo of the job."""
+    """Simulate the execution of set-points; the default plant is the servo model of the job."""
     if plant is None:
         return simulate(set_points, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
-    # The plant has no results between two cycles of the drives.
+    # The resolution is at least the drive cycle, because the plant has no results within a cycle.
     return simulate(set_points, plant, resolution=max(RESOLUTION, plant.step))
 
 
 def evaluate_run(run: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
-    """Evaluate the executed motion of a run, with the use of its limits."""
+    """Evaluate the executed motion of a run: contour errors and use of limits."""
     return evaluate(executed, path, objective=objective, end_time=run.end_time, limit_use=True)
 
 
 def _executed_clearance(job: Job, planned: Planned, executed: Execution) -> Clearance | None:
-    """Clearance of the arm from itself and its cell when the servo executes a plan."""
+    """Clearance of the executed motion; None if the plan was not checked.
+
+    Raises Collision if bodies touch, unless the job ignores collisions.
+    """
     if planned.clearance is None:
         return None
     near = job.cell.check(executed)
@@ -153,7 +156,7 @@ def simulate_rigid_bodies(
     objective: Program,
     plant: RigidBodyPlant,
 ) -> ExperimentResult:
-    """Execute set-points on the simulated rigid bodies of the arm."""
+    """Simulate set-points with rigid bodies, and the same plan without compensation."""
     executed = simulate_run(job, set_points, plant)
     uncompensated = None
     if not isinstance(run.compensation, NoCompensation):

@@ -1,4 +1,4 @@
-"""The verdict on a run: deviation of the tool from the drawing, and its limit."""
+"""Verdict on a run: deviation of the tool from the drawing, compared with the allowed deviation."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from armcontour.core.result import JUDGED, VERDICT, Row
 if TYPE_CHECKING:
     from armcontour.jobs.planned_run import Planned
 
-# Default limit of the contour error, as a share of the smallest corner tolerance.
+# Default of the allowed contour error, as a share of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1
 # Name of the assigned velocity in explanations.
 ASSIGNED = "assigned velocity"
-# Relative tolerance for rounding errors.
+# Relative excess of a limit that is ignored as a rounding error.
 ROUNDING = 1e-9
 
 
@@ -26,7 +26,11 @@ def off_drawing(
     allowed: float | None = None,
     label: str = "off the drawing",
 ) -> Row:
-    """The distance of the tool from the drawing, in sum and in parts."""
+    """Row with the distance of the tool from the drawing: sum, and parts in the note.
+
+    `rounding` and `error` are the parts due to corners and servo [m], `tolerance` and `allowed`
+    their limits [m].
+    """
     parts = [("servo", error, allowed)]
     if rounding is not None:
         parts.insert(0, ("rounding", rounding, tolerance))
@@ -39,7 +43,7 @@ def off_drawing(
 
 
 def allowed_error(planned: Planned) -> float | None:
-    """The contour error that the run may have [m]; None without accuracy and tolerance."""
+    """Contour error that the run allows [m]; None without accuracy and tolerance."""
     run = planned.run
     if run.accuracy is not None:
         return max(run.accuracy - (planned.rounding_error or 0.0), 0.0)
@@ -54,7 +58,10 @@ def farthest(planned: Planned, errors: Sequence[float]) -> tuple[float | None, f
 
 
 def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
-    """Verdict on contour errors, None without accuracy and tolerance, and a sentence on it."""
+    """Verdict on the contour errors of a run [m], and a sentence with the reason or the limit.
+
+    The verdict is None if the run has neither an accuracy nor a tolerance.
+    """
     rounding, tolerance, run = planned.rounding_error or 0.0, planned.tolerance, planned.run
     allowed = allowed_error(planned)
     if allowed is None:
@@ -62,25 +69,28 @@ def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
     if planned.clearance is not None and not planned.clearance.satisfied:
         return False, "the arm comes too near to itself or to its cell"
     if tolerance is not None and rounding > tolerance * (1 + ROUNDING):
-        return False, f"corners may be {number(tolerance, 'm')} off the drawing"
+        return False, f"the allowed corner error is {number(tolerance, 'm')}"
     if run.accuracy is not None:
         satisfied = sum(filter(None, farthest(planned, errors))) <= run.accuracy * (1 + ROUNDING)
-        return satisfied, f"{number(run.accuracy, 'm')} off the drawing is allowed"
+        return satisfied, f"the allowed distance from the drawing is {number(run.accuracy, 'm')}"
     if max(errors) <= allowed:
         return True, ""
-    return False, f"the servo may be {number(allowed, 'm')} off, a tenth of the smallest tolerance"
+    return False, (
+        f"the allowed contour error is {number(allowed, 'm')}, a tenth of the smallest corner "
+        "tolerance"
+    )
 
 
 def verdict_rows(
     planned: Planned, errors: Sequence[float] | None, failure: str = ""
 ) -> Iterator[Row]:
-    """Rows of the verdict and of the deviation from the drawing."""
+    """Yield rows of the verdict and of the deviation from the drawing."""
     satisfied, note = (None, "") if errors is None else judge(planned, errors)
     if failure:
         satisfied, note = False, failure
     yield Row("kept", satisfied, JUDGED, "verdict", note, VERDICT)
     if errors is not None:
-        # With an accuracy the parts have no limits of their own.
+        # If an accuracy is specified, only the sum is limited, not the parts.
         free = planned.run.accuracy is not None
         limits = (None, None) if free else (planned.tolerance, allowed_error(planned))
         rounding, error = farthest(planned, errors)
@@ -90,7 +100,7 @@ def verdict_rows(
 
 
 def weave_speed(planned: Planned) -> float | None:
-    """Travel speed of the weaves if it is the assigned velocity everywhere [m/s], else None."""
+    """Travel speed of the weaves [m/s] if it is the assigned velocity everywhere; else None."""
     contours, fastest = planned.path.contours, planned.run.limits.speed
     if fastest is not None and any((x.path.speeds > fastest).any() for x in contours):
         return None
@@ -99,7 +109,7 @@ def weave_speed(planned: Planned) -> float | None:
 
 
 def time_limit_row(planned: Planned) -> Iterator[Row]:
-    """Row of the limit that takes most of the time; none if it is unknown."""
+    """Yield the row of the limit that is active longest; nothing if it is unknown."""
     why = planned.explanation
     if why is not None and why.longest is not None:
         limit, share = why.longest

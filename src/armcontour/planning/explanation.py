@@ -334,7 +334,7 @@ def _explain_law(
     reached = np.zeros(len(grid), dtype=bool)
     for limit, name in NAMES.items():
         if limit == "speed" and np.isfinite(assigned).any():
-            speed, _ = ends.states.bound("speed")
+            speed, _ = ends.states.measure("speed")
             used.append((speed.reshape(-1, 2).max(axis=1) / assigned)[:, None])
             reached = (used[-1][:, 0] >= REACHED) & np.isfinite(assigned)
         elif limit != "speed" and getattr(bounds, limit) is not None:

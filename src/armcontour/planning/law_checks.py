@@ -76,7 +76,7 @@ def law_peaks(laws: Sequence[Law], arm: Arm) -> dict[str, Any]:
     states = [law_states(x, arm) for x in laws]
     return {
         "demand": np.max([np.abs(x.ddq).max(axis=0) for x in states], axis=0),
-        "speed": max(float(x.bound("speed")[0].max()) for x in states),
+        "speed": max(float(x.measure("speed")[0].max()) for x in states),
     }
 
 

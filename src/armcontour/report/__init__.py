@@ -1,4 +1,4 @@
-"""HTML reports of results; the only package that plots."""
+"""HTML reports of results; no other package creates figures."""
 
 from armcontour.report.report import render_batch as render_batch
 from armcontour.report.report import render_demo as render_demo

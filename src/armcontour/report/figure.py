@@ -1,4 +1,4 @@
-"""Figures for plotly.js as plain data, without the slow checks of plotly.py."""
+"""Figures for plotly.js as plain data, without the slow validation of plotly.py."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from armcontour._version import __version__
 from armcontour.core.palette import VERDICTS
 from armcontour.core.render import number
 
-# Array types that plotly.js reads from base64, by numpy type.
+# Array types that plotly.js reads from base64, by name of the numpy type.
 TYPES = {"int8": "i1", "int16": "i2", "int32": "i4", "float32": "f4", "float64": "f8"}
-# Characters that could end a script, as they are written in JSON.
+# Characters that could end the script element of a page, and their escapes in JSON.
 UNSAFE = {"<": "\\u003c", ">": "\\u003e", "/": "\\u002f"}
-# Without tools for selection, which has no effect.
+# Options of plotly.js. The tools for selection are removed, because they have no effect.
 CONFIG = {"displaylogo": False, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
-# Smallest width of a plot in a row of several [px].
+# Minimum width of a plot if a figure has several columns [px].
 LEAST_WIDTH = 260
-# Shown if a figure is wider than the page.
+# Text that the page shows if a figure is wider than the page.
 HINT = (
-    '<p class="hint" aria-hidden="true">The figure goes on at the right: scroll it, or use the '
+    '<p class="hint" aria-hidden="true">The figure continues to the right. Scroll it, or use the '
     "arrow keys.</p>"
 )
 
 
 class Node(dict[str, Any]):
-    """A part of a figure with keys as attributes; a missing key is None."""
+    """A part of a figure: a dict whose keys are also attributes; a missing attribute is None."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         super().__init__()
@@ -45,7 +45,7 @@ class Node(dict[str, Any]):
         self.merge({name: value})
 
     def merge(self, values: Mapping[str, Any]) -> None:
-        """Set values that are not None, and merge mappings."""
+        """Set values; None is ignored, and mappings are merged with existing mappings."""
         for name, value in values.items():
             if value is None:
                 continue
@@ -62,15 +62,15 @@ class Node(dict[str, Any]):
 
 
 def make_trace(kind: str, **values: Any) -> Node:
-    """A trace of plotly.js, such as "scatter" or "bar"."""
+    """Create a trace of plotly.js of a kind such as "scatter" or "bar"."""
     return Node({"type": kind, **values})
 
 
 class Figure:
     """Traces, layout and animation frames of a figure.
 
-    `axes` are names by row and column from 1, one plot by default; a page narrower than `least`
-    [px] scrolls the figure.
+    `axes` has the names of the x and y axis of each plot, by row and column from 1; the default is
+    one plot. `least`: minimum width [px]; a narrower page scrolls the figure.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Figure:
         least: int = 0,
     ) -> None:
         self.data = list(data)
-        # Width in a section, in sixths.
+        # Width as a number of sixths of the section.
         self.span = 6
         self._least = least
         self.layout = Node({"shapes": [], "annotations": []})
@@ -120,11 +120,11 @@ class Figure:
         self.layout.merge(values)
 
     def update_xaxes(self, row: int | None = None, col: int | None = None, **values: Any) -> None:
-        """Merge values into the x axes of all plots, or of one."""
+        """Merge values into the x axes of all plots, or of one row, column or plot."""
         self._update_axes(0, row, col, values)
 
     def update_yaxes(self, row: int | None = None, col: int | None = None, **values: Any) -> None:
-        """Merge values into the y axes of all plots, or of one."""
+        """Merge values into the y axes of all plots, or of one row, column or plot."""
         self._update_axes(1, row, col, values)
 
     def _update_axes(
@@ -135,7 +135,7 @@ class Figure:
                 self.layout.merge({names[index]: values})
 
     def to_html(self, key: str) -> str:
-        """The figure with its title for a page of `render_page`; `key` is its identifier."""
+        """Render the figure and its title as HTML for `render_page`; `key` is the element's id."""
         layout = {name: x for name, x in self.layout.items() if name != "title" and x != []}
         title = self.layout.title.text
         saved = {**CONFIG, "toImageButtonOptions": {"filename": title}}
@@ -161,9 +161,9 @@ def make_subplots(
     subplot_titles: Sequence[str] = (),
     column_titles: Sequence[str] = (),
 ) -> Figure:
-    """A figure of several plots; `vertical_spacing` is a share of the height."""
+    """Create a figure with a grid of plots; `vertical_spacing` is a share of the height."""
     start, end = _spans([1.0] * cols, 0.2 / cols)
-    # Rows are placed from the bottom.
+    # Vertical positions of plotly.js count from the bottom, so the rows are reversed.
     heights = list(row_heights or [1.0] * rows)[::-1]
     bottom, top = (x[::-1] for x in _spans(heights, vertical_spacing))
     places = [(r, c) for r in range(rows) for c in range(cols)]
@@ -196,7 +196,10 @@ def make_subplots(
 
 
 def _spans(sizes: Sequence[float], space: float) -> tuple[list[float], list[float]]:
-    """Starts and ends of parts of relative sizes, with a space between them, from 0 to 1."""
+    """Divide the interval from 0 to 1 into parts of relative sizes with a space between them.
+
+    Returns the starts and the ends of the parts.
+    """
     free = 1.0 - space * (len(sizes) - 1)
     lengths = [free * x / sum(sizes) for x in sizes]
     starts = [sum(lengths[:k]) + k * space for k in range(len(sizes))]
@@ -204,7 +207,7 @@ def _spans(sizes: Sequence[float], space: float) -> tuple[list[float], list[floa
 
 
 def _title(text: str, x: float, y: float) -> dict[str, Any]:
-    """A title above a plot."""
+    """Annotation of plotly.js with a title above a plot."""
     return {
         "text": text,
         "x": x,
@@ -219,12 +222,12 @@ def _title(text: str, x: float, y: float) -> dict[str, Any]:
 
 
 def _short(axis: str) -> str:
-    """Name of an axis in traces: "x2" for "xaxis2"."""
+    """Name of an axis in a trace, such as "x2" for "xaxis2"."""
     return axis.replace("axis", "")
 
 
 def render_page(**values: Any) -> str:
-    """Render a self-contained page with figures from values of the template."""
+    """Render the template with values to a self-contained HTML page."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -244,19 +247,19 @@ def render_page(**values: Any) -> str:
 
 @cache
 def _packed_plotly() -> str:
-    """The script plotly.js, compressed by gzip, in base64."""
+    """The script plotly.js, compressed with gzip and encoded in base64."""
     return base64.b64encode(_vendored("plotly.js.gz")).decode()
 
 
 def _vendored(name: str) -> bytes:
-    """A file of the folder `vendor`, which `make vendor` writes."""
+    """Content of a file in the folder `vendor`, which `make vendor` creates."""
     content = pkgutil.get_data("armcontour.report", f"vendor/{name}")
     assert content is not None
     return content
 
 
 def to_json(value: Any) -> str:
-    """JSON for a script of a page; NaN and infinity are null."""
+    """Encode a value as JSON for a script element of a page; NaN and infinity become null."""
     text = json.dumps(value, default=_plain, separators=(",", ":"))
     if "NaN" in text or "Infinity" in text:
         text = json.dumps(json.loads(text, parse_constant=lambda x: None), separators=(",", ":"))
@@ -266,10 +269,10 @@ def to_json(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """A numpy array or number for JSON."""
+    """Convert a numpy array or number to a value that JSON supports."""
     if isinstance(value, np.ndarray) and value.size:
         if value.dtype == np.int64:
-            # plotly.js has no 64-bit integers.
+            # plotly.js does not support 64-bit integers, so the smallest sufficient type is used.
             value = value.astype(np.min_scalar_type(-1 - int(np.abs(value).max())))
         kind = TYPES.get(str(value.dtype))
         if kind is not None:

@@ -1,7 +1,8 @@
-"""The report of an identification as one HTML page: joints, motion and residuals."""
+"""Report of an identification as an HTML page: joints, motion and residuals."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from armcontour.report.style import (
     thin,
 )
 
-# Time between logs in the figures [s], and height of the plots of a joint [px].
+# Gap between successive logs in the figures [s], and height of the plots of a joint [px].
 APART, HEIGHT = 1.0, 90
 
 
@@ -38,7 +39,7 @@ def render_identification(identification: Identification | BodyIdentification) -
 
 
 def _front(result: Identification | BodyIdentification, data: Data) -> Front:
-    """The verdict, and all joints with advice on further records."""
+    """First screen: the verdict, and a table of all joints with advice on further recordings."""
     first, *rows = data.shown(VERDICT)
     notes = [*data.warnings, *data.notes]
     shown = text_table(next(x for x in data.tables if x.level <= TABLE), "All joints")
@@ -70,17 +71,17 @@ def _front(result: Identification | BodyIdentification, data: Data) -> Front:
 
 
 def _next(joint: Any) -> str:
-    """Advice of a joint's note, or its undetermined parameters."""
-    note = getattr(joint, "note", "")
-    if ": record" in note:
-        return str(note.rsplit(": ", 1)[1])
+    """Advice on the next recording of a joint, from its note or its undetermined parameters."""
+    advice = re.search(r"[:.] (record .*)", getattr(joint, "note", ""), re.IGNORECASE)
+    if advice is not None:
+        return advice[1]
     unknown = [x.label for x in joint.estimates if not x.determined]
     words = "more motion at other velocities and accelerations, to determine"
     return f"{words} {', '.join(unknown)}" if unknown else "-"
 
 
 def _sections(identification: Identification | BodyIdentification, data: Data) -> list[Section]:
-    """Figures of all joints, their parameters and notes."""
+    """Sections with the parameters and notes of the joints, and with the motion and residuals."""
     tables = [x for x in data.tables if x.level <= TABLE][1:]
     of_joints = (
         f"{x.title}: {y}"
@@ -110,7 +111,7 @@ def _sections(identification: Identification | BodyIdentification, data: Data) -
 
 
 def _figure(identification: Identification | BodyIdentification) -> Any:
-    """Measured and predicted position, and residual, of all joints with a model."""
+    """Figure with measured and predicted position, and residual, of each joint with a model."""
     joints = [(j, x) for j, x in enumerate(identification.joints) if x.rests]
     source = "simulated"
     if isinstance(identification, Identification):

@@ -1,4 +1,4 @@
-"""Reduction of long curves to few points without a visible error."""
+"""Reduction of long curves to few points without a visible deviation."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry import Path
 from armcontour.program import Program
 
-# Largest error of a drawn curve, as a share of the drawing's size, that is not visible.
+# Deviation of a drawn curve above which it is visible, as a share of the drawing's size.
 VISIBLE = 1 / 5000
-# Largest number of points in one drawing; more points are loaded, but not visible.
+# Maximum number of points in a drawing; more points increase the file but are not visible.
 MAX_DRAWN = 20_000
-# Largest number of points to choose from, so that any curve is simplified in about a second.
+# Maximum number of points that `simplify` examines, so that it takes at most about a second.
 MAX_SAMPLED = 200_000
-# Number of evenly spaced points that are always drawn, so that enlarged details show.
+# Number of evenly spaced points that are always drawn, so that enlarged parts are accurate too.
 EVEN = 4000
-# Chords of a full circle.
+# Number of chords of a full circle.
 CHORDS = 96
 
 
 def outline_points(program: Program) -> FloatArray:
-    """Points that draw the contours of a program, with a gap (NaN) after each contour."""
+    """Points with which a program is drawn [m], (n, dimension), with NaN after each contour."""
     curves = [x.path(fine_places(x.path)) for x in program.contours]
     gap = np.full((1, program.dimension), np.nan)
     chosen = simplify(curves)
@@ -31,7 +31,7 @@ def outline_points(program: Program) -> FloatArray:
 
 
 def fine_places(path: Path, start: float = 0.0, end: float | None = None) -> FloatArray:
-    """Arc lengths along a path, by default all of it [m]: ends of segments, and chords of arcs."""
+    """Arc lengths of the ends of segments and chords from `start` to `end` of a path [m], (n,)."""
     last = path.length if end is None else end
     chords = np.ceil(path.curvatures * path.lengths / (2 * np.pi) * CHORDS).astype(int)
     inner = [
@@ -50,11 +50,11 @@ def simplify(
     even: int = EVEN,
     visible: float | None = None,
 ) -> list[IntArray]:
-    """Indices of at most about `count` points of each curve whose chords represent the curves.
+    """Indices of the points of each curve with which all curves are drawn, about `count` in total.
 
-    All parts are split at once at their largest distance from the chord, until no distance is
-    visible (Ramer, Douglas and Peucker). About `even` points are evenly spaced. The distance
-    `visible` is by default a share of the size of all curves.
+    In each iteration, every chord is split at the point with the largest distance from the chord,
+    until no distance exceeds `visible` (Ramer, Douglas and Peucker). `visible` defaults to the
+    share VISIBLE of the size of the curves. About `even` of the points are evenly spaced.
     """
     step = max(1, sum(map(len, curves)) // MAX_SAMPLED)
     sampled = [np.append(np.arange(0, len(x) - 1, step), len(x) - 1) for x in curves]
@@ -62,7 +62,8 @@ def simplify(
     lasts = np.cumsum([len(x) for x in sampled])
     chosen = np.zeros(len(points), dtype=bool)
     chosen[np.append(0, lasts[:-1])] = chosen[lasts - 1] = True
-    # Without evenly spaced points, a spiral would be split turn by turn.
+    # Evenly spaced points reduce the number of iterations: without them, a spiral is split turn by
+    # turn.
     chosen[:: max(1, len(points) // even)] = True
     ends = np.flatnonzero(chosen)
     within = ~np.isin(ends[:-1], lasts - 1)
@@ -88,7 +89,7 @@ def simplify(
 
 
 def _farthest(points: FloatArray, start: IntArray, end: IntArray) -> tuple[FloatArray, IntArray]:
-    """Largest squared distance of curves from chords between point indices, and its indices."""
+    """Largest squared distance of points from each chord, and index of this point, (m,) each."""
     counts = end - start - 1
     first = np.cumsum(counts) - counts
     line = np.repeat(np.arange(len(start)), counts)
@@ -96,7 +97,7 @@ def _farthest(points: FloatArray, start: IntArray, end: IntArray) -> tuple[Float
     away = points[inner] - points[start][line]
     along = points[end] - points[start]
     square = np.einsum("ij,ij->i", along, along)
-    # A line of length 0, of a closed curve, is a point.
+    # A chord of length 0, such as the chord of a closed curve, is treated as a point.
     along = along / np.where(square > 0, square, np.inf)[:, None]
     share = np.clip(np.einsum("ij,ij->i", away, along[line]), 0.0, 1.0)
     away -= share[:, None] * (points[end] - points[start])[line]

@@ -1,4 +1,4 @@
-"""Drawing of a plan as SVG: its path, coloured by the limiting constraint."""
+"""Drawing of a plan as SVG: the path, coloured by the limiting constraint."""
 
 from __future__ import annotations
 
@@ -20,46 +20,51 @@ from armcontour.planning.explanation import BETWEEN, RAPIDS, LimitShare
 from armcontour.program import Process, cut_parts
 from armcontour.report.outline import fine_places, simplify
 
-# Width, largest and smallest height, and margin of the drawing [px].
+# Width, maximum and minimum height, and margin of the drawing [px].
 WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0
-# Largest error of the drawn path [px], and length below which a piece joins the previous one [px].
+# Maximum deviation of the drawn path [px], and length below which a piece gets the colour of the
+# previous piece [px].
 VISIBLE, SHORTEST = 0.3, 1.0
-# Ratio of thickness to length below which a path in space is drawn from the front of its plane.
+# If the thickness of a path in space is below this share of its width, its plane is viewed
+# perpendicularly.
 FLAT = 0.02
-# Direction to the viewer of other paths.
+# Viewing direction of other paths in space, towards the viewer.
 VIEWER = np.array([1.1, -1.5, 0.9])
-# Points along every rapid, and the least distance of two marks of one kind [px].
+# Number of points of each rapid, and approximate minimum distance of marks of the same kind [px].
 RAPID_PLACES, APART = 24, 7.0
-# Largest number of contours with numbers.
+# Maximum number of contours for which numbers are drawn.
 MAX_NUMBERED = 60
-# Length of the arrows of the axes [px], and the least length of a drawn axis.
+# Length of a coordinate axis in the picture plane [px], and minimum share of this length of a drawn
+# axis.
 AXIS, SHORT_AXIS = 26.0, 0.25
-# Share of the largest speed below which the tool is at rest.
+# Share of the maximum speed below which the tool counts as stopped.
 STILL = 1e-6
-# Share of the duration below which a limit is not in the legend.
+# Share of the duration below which a limit is not listed in the legend.
 LEAST_SHARE = 5e-3
 
 
 class LegendEntry(NamedTuple):
-    """A limit in the legend of a drawing."""
+    """A kind of limit in the legend of a drawing."""
 
+    # Name of the kind of limit
     word: str
-    # Time in which it restricts the speed [s], also as a share of the motion
+    # Time in which it restricts the speed [s], and the share of this time in the duration
     time: float
     share: float
-    # Attributes of its line
+    # SVG attributes of the line
     look: str
-    # Parts, such as joints
+    # Limits of this kind with their times, such as the limits of single joints
     names: str
 
 
 class Mark(NamedTuple):
-    """A mark in a drawing."""
+    """A mark at a point in a drawing."""
 
     # Position [m], (dimension,)
     point: FloatArray
+    # Tooltip
     words: str
-    # Direction, if any
+    # Direction, (dimension,); None if the mark has no direction
     along: FloatArray | None = None
 
 
@@ -68,14 +73,14 @@ class Drawing:
     """A drawing with its legend."""
 
     svg: str
-    # Limits, the longest time first
+    # Kinds of limits, in order of decreasing time
     legend: tuple[LegendEntry, ...]
-    # Symbols of drawn marks with their meanings
+    # Symbol and meaning of each kind of drawn marks
     marks: tuple[tuple[str, str], ...]
 
 
 def draw_plan(result: RunResult, job: Job) -> Drawing:
-    """Draw the path of a plan."""
+    """Draw the path of a plan with its active limits, rapids, kerf and marks."""
     outline = [x.path(fine_places(x.path)) for x in result.path.contours]
     rapids = _rapids(result)
     sheet = Sheet.of(np.concatenate([*outline, *rapids]))
@@ -114,12 +119,12 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
 
 
 def word_of(kind: str) -> str:
-    """Name of a kind of limits."""
+    """Displayed name of a kind of limit."""
     return str(LIMITS.get(kind, LIMITS["other"]).get("word", kind))
 
 
 def look_of(kind: str) -> str:
-    """Colours by theme and dashes of a kind of limits, as SVG attributes."""
+    """SVG attribute with the colours (light and dark theme) and the dashes of a kind of limit."""
     entry = LIMITS.get(kind, LIMITS["other"])
     dash = " ".join(map(str, entry["dash"]))
     return (
@@ -131,18 +136,18 @@ def look_of(kind: str) -> str:
 class Sheet:
     """Projection of points of a path into the drawing."""
 
-    # Directions to the right and up in the coordinates of the path, (2, dimension)
+    # Unit vectors to the right and up in the coordinates of the path, (2, dimension)
     axes: FloatArray
-    # Lower left corner along these axes [m], (2,)
+    # Coordinates of the lower left corner along these axes [m], (2,)
     origin: FloatArray
-    # Pixels per metre
+    # Scale [px/m]
     size: float
-    # [px]
+    # Height of the drawing [px]
     height: float
 
     @classmethod
     def of(cls, points: FloatArray) -> Sheet:
-        """The largest drawing of points, seen from the front of their plane."""
+        """Sheet on which points [m], (n, dimension), are drawn as large as possible."""
         axes = view_of(points)
         low, high = (f(points @ axes.T, axis=0) for f in (np.min, np.max))
         wide, high_up = np.maximum(high - low, 1e-9)
@@ -152,12 +157,12 @@ class Sheet:
         return cls(axes, low - room, float(size), float(height))
 
     def place(self, points: FloatArray) -> FloatArray:
-        """Points in the drawing [px], (n, 2)."""
+        """Project points [m], (n, dimension), to positions in the drawing [px], (n, 2)."""
         across = (points @ self.axes.T - self.origin) * self.size
         return np.asarray(np.stack([across[..., 0], self.height - across[..., 1]], axis=-1))
 
     def mark(self, name: str, marks: Iterable[Mark]) -> Iterator[str]:
-        """Marks of one kind with their titles; of overlapping marks the first one."""
+        """Yield the SVG elements of marks of one kind; of overlapping marks, only the first."""
         taken: set[tuple[int, ...]] = set()
         for mark in marks:
             right, down = self.place(mark.point)
@@ -171,7 +176,7 @@ class Sheet:
                 yield f'<use href="#mark-{name}" transform="{turn}">{title}</use>'
 
     def scale(self) -> Iterator[str]:
-        """A scale bar of a round length, and the coordinate axes."""
+        """Yield the SVG elements of a scale bar of a round length and of the coordinate axes."""
         longest = WIDTH / 5 / self.size
         power = 10.0 ** np.floor(np.log10(longest))
         length = max(x * power for x in (1, 2, 5) if x * power <= longest)
@@ -192,16 +197,16 @@ class Sheet:
 
 
 def view_of(points: FloatArray) -> FloatArray:
-    """Directions to the right and up in the view, (2, dimension).
+    """Unit vectors to the right and up in the view of points, (2, dimension).
 
-    Points of a plane are seen from its front, other points from a corner of the room.
+    Points in a plane are viewed along the normal of the plane, other points along VIEWER.
     """
     if points.shape[1] == 2:
         return np.eye(2)
     some = points[:: max(1, len(points) // 5000)]
     _, sizes, along = np.linalg.svd(some - some.mean(axis=0), full_matrices=False)
     if len(sizes) < 3 or sizes[1] < FLAT * sizes[0]:
-        # Along a straight line: from above, or along y if the line is upright.
+        # A straight line is viewed from above; an upright line is viewed along y.
         normal = np.array([0.0, 0.0, 1.0]) if abs(along[0][2]) < 0.9 else np.array([0.0, -1.0, 0.0])
         normal = normal - (normal @ along[0]) * along[0]
     else:
@@ -214,7 +219,7 @@ def view_of(points: FloatArray) -> FloatArray:
 
 
 def _line(sheet: Sheet, curves: Sequence[FloatArray], look: str, words: str = "") -> str:
-    """Curves as one SVG path, simplified by the error on the screen."""
+    """SVG path of curves [m], simplified to a deviation of VISIBLE on the screen."""
     drawn = [sheet.place(x) for x in curves]
     chosen = simplify(drawn, even=1, visible=VISIBLE)
     rows = (points[few].ravel().tolist() for points, few in zip(drawn, chosen, strict=True))
@@ -224,7 +229,7 @@ def _line(sheet: Sheet, curves: Sequence[FloatArray], look: str, words: str = ""
 
 
 def _pieces(result: RunResult, sheet: Sheet) -> dict[str, list[FloatArray]]:
-    """Parts of the contours by the kind of the limiting constraint."""
+    """Curves of the contours [m], by kind of the limiting constraint."""
     explanation = result.explanation
     pieces: defaultdict[str, list[FloatArray]] = defaultdict(list)
     starts = np.array([0.0] if explanation is None else [x.s[0] for x in explanation.bindings])
@@ -237,7 +242,7 @@ def _pieces(result: RunResult, sheet: Sheet) -> dict[str, list[FloatArray]]:
         indices = np.searchsorted(starts, offset + (s[:-1] + s[1:]) / 2, side="right") - 1
         kind = kind_of_part[np.clip(indices, 0, len(kind_of_part) - 1)]
         edges = np.flatnonzero(np.diff(kind, prepend=-1))
-        # A piece that is too short to be visible has the colour of the previous piece.
+        # A piece that is too short to be visible gets the colour of the previous piece.
         visible = np.diff(np.append(s[edges], s[-1])) * sheet.size >= SHORTEST
         visible[0] = True
         edges = edges[visible]
@@ -249,12 +254,12 @@ def _pieces(result: RunResult, sheet: Sheet) -> dict[str, list[FloatArray]]:
 
 
 def kind_of(limit: str) -> str:
-    """The name of a limit in the palette."""
+    """Name of a limit in the palette."""
     return BETWEEN if limit == "nothing" else limit
 
 
 def legend_of(result: RunResult) -> tuple[LegendEntry, ...]:
-    """Times of a motion by kinds of limits, the longest first."""
+    """Legend of a run: time of each kind of limit, in order of decreasing time."""
     explanation, kinds = result.explanation, defaultdict[str, list[LimitShare]](list)
     for share_of_limit in () if explanation is None else explanation.shares:
         kinds[share_of_limit.kind].append(share_of_limit)
@@ -271,7 +276,7 @@ def legend_of(result: RunResult) -> tuple[LegendEntry, ...]:
 
 
 def _rapids(result: RunResult) -> list[FloatArray]:
-    """Tool paths between contours."""
+    """Sampled tool paths of the rapids [m], (RAPID_PLACES, dimension) each."""
     plan = result.trajectory
     spans = [x.t for x in plan.spans if x.kind == "rapid"]
     if not spans:
@@ -283,7 +288,7 @@ def _rapids(result: RunResult) -> list[FloatArray]:
 
 
 def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[str]:
-    """The band of material that the kerf removes."""
+    """Yield SVG paths of the bands of material that the kerf removes."""
     widths: defaultdict[float, list[FloatArray]] = defaultdict(list)
     for path, begin, end, kerf in cut_parts(result.path, process):
         widths[kerf].append(path(fine_places(path, begin, end)))
@@ -293,7 +298,7 @@ def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[str]:
 
 
 def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
-    """The contours before rounding and kerf compensation, if the difference is visible."""
+    """Yield the SVG path of the contours before rounding and kerf offset, if it differs visibly."""
     contours = [x for x in job.program.contours if job.process.of_layer(x.layer).kerf]
     if not contours and (result.rounding_error or 0.0) * sheet.size > SHORTEST:
         contours = list(result.objective.contours)
@@ -303,7 +308,7 @@ def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
 
 
 def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
-    """Leads, and moves to the pierce height, as halos of the path."""
+    """Yield the SVG path of leads and of moves to the pierce height, drawn as a wide band."""
     curves = []
     for contour in result.path.contours:
         begin, end = contour.at_work
@@ -315,7 +320,7 @@ def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
 
 
 def _starts(result: RunResult) -> list[Mark]:
-    """The starts of contours, and their directions."""
+    """Marks at the starts of contours, with their directions."""
     spans, marks = result.trajectory.contour_spans, []
     for k, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True), start=1):
         words = (
@@ -328,7 +333,7 @@ def _starts(result: RunResult) -> list[Mark]:
 
 
 def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
-    """Numbers of contours at their starts; none for one contour or too many."""
+    """Yield SVG texts with the numbers of contours, if there are 2 to MAX_NUMBERED contours."""
     contours = result.path.contours
     if 1 < len(contours) <= MAX_NUMBERED:
         for k, contour in enumerate(contours, start=1):
@@ -337,12 +342,13 @@ def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
 
 
 def _corners(result: RunResult) -> list[Mark]:
-    """The rounded corners."""
+    """Marks at the rounded corners."""
     rounded = (x.path.corners for x in result.path.contours if isinstance(x.path, RoundedPath))
     return [
         Mark(
             c.point[k],
-            f"corner {k + 1}: {number(c.error[k], 'm')} off, radius {number(c.radius[k], 'm')}",
+            f"corner {k + 1}: corner error {number(c.error[k], 'm')}, "
+            f"radius {number(c.radius[k], 'm')}",
         )
         for c in rounded
         for k in np.flatnonzero(c.radius > 0).tolist()
@@ -350,7 +356,7 @@ def _corners(result: RunResult) -> list[Mark]:
 
 
 def _stops(result: RunResult) -> list[Mark]:
-    """Points inside contours at which the tool stops."""
+    """Marks at the points inside contours at which the tool stops."""
     marks = []
     for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
         motion = span.trajectory
@@ -364,12 +370,12 @@ def _stops(result: RunResult) -> list[Mark]:
 
 
 def _events(result: RunResult) -> list[Mark]:
-    """Switching of outputs."""
+    """Marks at the points at which outputs are switched."""
     return [Mark(np.asarray(x.point), event_words(x)) for x in result.trajectory.events]
 
 
 def event_words(event: Any) -> str:
-    """An event with its time and place."""
+    """Text with the value, time and arc length of an event."""
     value = (
         {True: "on", False: "off"}[event.value] if isinstance(event.value, bool) else event.value
     )

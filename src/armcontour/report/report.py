@@ -25,20 +25,20 @@ if TYPE_CHECKING:
     from armcontour.studies.certification import Certificate
     from armcontour.studies.placement import Placement
 
-# Sources of the figures of a page.
+# Sentences about the sources of the figures on a page.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
 OF_PLAN = "Everything on this page was computed from the job and its plan."
 OF_LOGS = "Everything on this page was computed from the job and from logs of its robot."
 
 
 def render_report(study: JobResult, *, certificate: Certificate | None = None) -> str:
-    """Render the report of a study as one self-contained HTML page, or of its certificate."""
+    """Render the report of a study, or of its certificate, as one self-contained HTML page."""
     source = OF_SIMULATION if study.simulated else OF_PLAN
     folded = sections_of(study, () if certificate is None else certificate.warnings)
     if certificate is None:
         return _page(study.job, sections.front(study), folded, source=source)
     front = sections.certified(study, certificate)
-    # The certificate has a table of its contours.
+    # The section on contours is omitted, because the certificate has its own table of contours.
     others = [x for x in folded if x.key != "contours"]
     return _page(study.job, front, [sections.certificate(certificate), *others], source=source)
 
@@ -57,7 +57,7 @@ def render_demo(studies: Sequence[JobResult]) -> str:
 
 
 def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]:
-    """The folded sections of a study; `warnings` of a certificate replace those of the runs."""
+    """Sections of a study that apply; `warnings` of a certificate replace those of the runs."""
     folded = [
         sections.notes(study, warnings),
         sections.all_figures(study),
@@ -86,19 +86,19 @@ def render_batch(view: BatchView) -> str:
 
 
 def render_learning(study: LearningStudy) -> str:
-    """Render the report of learning as one self-contained HTML page."""
+    """Render the report of a learning study as one self-contained HTML page."""
     front, section = sections.learned(study), sections.learning(study)
     return _page(study.job, front, [section], source=OF_LOGS)
 
 
 def _page(job: Job, front: Front, folded: Sequence[Section], *, source: str) -> str:
-    """Render the first screen of a job and its sections as one HTML page."""
+    """Render the first screen and the sections of a job as one HTML page."""
     chapter = Chapter(front=front, sections=folded)
     return render_page(title=job.title, about=describe(job), chapters=[chapter], source=source)
 
 
 def describe(job: Job) -> str:
-    """One line on the arm, the path and the servo of a job."""
+    """Describe arm, path and servo of a job in one line."""
     count, servo = len(job.program.contours), job.servo
     parts = [
         job.arm.name,
@@ -129,7 +129,7 @@ def write_report(
     Raises:
         InvalidInput: An unsupported result, a result without its arm, or an unwritable file.
     """
-    place = checks.read_place("write_report", file)
+    place = checks.read_file_path("write_report", file)
     page = render_report(study_of(study))
     try:
         staging.write_atomically(place, lambda x: x.write_text(page, encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Figures and reports of single results: plans, executions, evaluations, runs."""
+"""Conversion of single results (plan, execution, evaluation, run) to studies for reports."""
 
 from __future__ import annotations
 
@@ -25,12 +25,15 @@ from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation, evaluate
 
 Result = JobResult | RunResult | Evaluation | Execution | Trajectory
-# Points of the tool path of a plan in joint space.
+# Number of points of the tool path of a plan in joint space.
 PLACES = 2000
 
 
 def study_of(result: Result) -> JobResult:
-    """Study with a result as its only run; InvalidInput if it lacks its arm or execution."""
+    """Study with a result as its only run.
+
+    Raises InvalidInput if the result does not contain its arm, or an evaluation its execution.
+    """
     if isinstance(result, JobResult):
         return result
     if isinstance(result, RunResult):
@@ -43,7 +46,10 @@ def study_of(result: Result) -> JobResult:
     if isinstance(result, Execution):
         result = evaluate(result, _planned(result.set_points.trajectory, result.arm).path)
     if result.judged is None:
-        raise InvalidInput("This evaluation does not know its execution: evaluate it anew.")
+        raise InvalidInput(
+            "A report requires the execution, but this evaluation does not contain its execution. "
+            "Evaluate the execution again."
+        )
     evaluated = result.judged
     limits, set_points = evaluated.limits, evaluated.executed.set_points
     plan = _planned(set_points.trajectory, evaluated.executed.arm, evaluated.path, limits)
@@ -61,15 +67,15 @@ def study_of(result: Result) -> JobResult:
 
 
 def draw_result(result: Result, kind: str) -> Any:
-    """Draw a result, see `armcontour.core.text.draw`."""
+    """Draw a result as a plotly figure of a kind in KINDS, see `armcontour.core.text.draw`."""
     checks.check_choice("kind", kind, tuple(KINDS))
     drawn = KINDS[kind](study_of(result))
     try:
         from plotly.graph_objects import Figure as Plotly
     except ImportError:
         raise InvalidInput(
-            "Figures need the library plotly: pip install 'armcontour[figures]'. "
-            "`write_report` needs no extra."
+            "Figures require the library plotly. Install it with pip install "
+            "'armcontour[figures]', or use `write_report`, which does not require plotly."
         ) from None
 
     figure = Plotly({"data": drawn.data, "layout": drawn.layout}, skip_invalid=False)
@@ -78,7 +84,7 @@ def draw_result(result: Result, kind: str) -> Any:
 
 def _draw_error(study: JobResult) -> Figure:
     if not study.simulated:
-        raise InvalidInput("A plan has no contour error: execute and evaluate it first.")
+        raise InvalidInput("A plan has no contour error. Execute and evaluate the plan first.")
     drawn: Figure = draw_over_time(study, error)
     return drawn
 
@@ -92,8 +98,8 @@ KINDS: dict[str, Callable[[JobResult], Figure]] = {
 
 
 def _study(result: RunResult) -> JobResult:
-    """The study of one run."""
-    # A servo of this order follows its set-points exactly.
+    """Study of one run."""
+    # A servo of order "unknown" without dead time follows its set-points exactly.
     servo = ServoModel(order="unknown") if result.servo is None else result.servo
     job = Job(
         name=result.run.name,
@@ -112,11 +118,11 @@ def _planned(
     program: Program | None = None,
     limits: Limits | None = None,
 ) -> Planned:
-    """The run of a plan."""
+    """Planned run of a trajectory; arm, program and limits default to those of the trajectory."""
     arm = plan.require_arm() if arm is None else arm
     program = _program_of(plan, arm) if program is None else program
     limits = resolve_limits("write_report", arm, limits, plan.limits)
-    # Without the limits of the plan, no constraint would be active.
+    # An explanation requires the limits of the plan; without them, no limit would be active.
     explained = plan.limits is not None and plan.method == Method.OPTIMAL
     explanation = explain(plan, arm) if explained else None
     sharp = getattr(program.single_path, "objective", None)
@@ -140,7 +146,7 @@ def _run(name: str, plan: Trajectory, method: str, limits: Limits, cycle: float)
 
 
 def _program_of(plan: Trajectory, arm: Arm) -> Program:
-    """The program of a plan; for a plan in joint space, its tool path."""
+    """Program of a plan; for a plan in joint space, its tool path as a polyline."""
     if plan.spans:
         return Program(tuple(_move_of(x) for x in plan.spans if x.move is not None))
     if plan.path is not None:
@@ -150,7 +156,7 @@ def _program_of(plan: Trajectory, arm: Arm) -> Program:
 
 
 def _move_of(span: Span) -> Move:
-    """The move of a part of a plan."""
+    """Move of the program that corresponds to a span of a plan."""
     if span.kind == "dwell":
         return Dwell(span.t[1] - span.t[0])
     motion = span.trajectory

@@ -1,4 +1,4 @@
-"""Data of a report page for the template."""
+"""Contents of a report page: sections, tables and tiles, which the template renders."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from armcontour.core.render import cells, compare, figure
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.report.plan_drawing import Drawing
 
-# Length above which values are sentences [characters].
+# Values with more characters count as sentences and are not shown in tables of figures.
 LONGEST = 40
-# Widest tables that take a third and half of the page [characters].
+# Maximum widths of tables that take a third and half of the page [characters].
 NARROWEST, NARROW = 58, 88
 
 
@@ -27,22 +27,22 @@ class TextTable:
 
     @property
     def span(self) -> int:
-        """Width in a section, in sixths."""
+        """Width as a number of sixths of the section."""
         columns = [x for x in zip(self.header, *self.rows, strict=True) if x[0]]
-        # Headers are wrapped.
+        # Headers are wrapped, so only their longest word counts.
         width = sum(max(map(len, (*x[0].split(), *x[1:]))) + 3 for x in columns)
         return 2 if width <= NARROWEST and all(self.header) else 3 if width <= NARROW else 6
 
     @property
     def halves(self) -> tuple[TextTable, ...]:
-        """A long table as two tables side by side."""
+        """The two halves of a long table, which are shown side by side."""
         half = -(-len(self.rows) // 2)
         return tuple(replace(self, rows=x) for x in (self.rows[:half], self.rows[half:]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tile:
-    """One important figure, in large print."""
+    """One important figure in large print."""
 
     label: str
     value: str
@@ -51,57 +51,58 @@ class Tile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A folded part of the report."""
+    """A section of the report, which is folded at first."""
 
-    # Anchor
+    # Anchor in the address
     key: str
     title: str
-    # One line for the folded section
+    # One line that is shown while the section is folded
     summary: str = ""
     # Introduction
     text: str = ""
     # Figures and tables
     parts: tuple[Any, ...] = ()
-    # Groups of parts by name, of which a selector shows one
+    # Groups of figures and tables by name; a selector shows one group
     choices: tuple[tuple[str, tuple[Any, ...]], ...] = ()
-    # Sentences at the end
+    # Sentences at the end of the section
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Front:
-    """The first screen."""
+    """The first screen of a report."""
 
-    # One sentence, and its rating; None without a criterion
+    # One sentence
     verdict: str = ""
+    # True if the verdict is positive; None if there is no criterion
     good: bool | None = None
-    # The three most important figures
+    # The most important figures
     tiles: tuple[Tile, ...] = ()
     tables: tuple[TextTable, ...] = ()
-    # The drawing of the path, or figures and tables in its place
+    # Drawing of the path; None if figures and tables (`parts`) replace it
     drawing: Drawing | None = None
     parts: tuple[Any, ...] = ()
-    # Sentences with their headings
+    # Headings and their sentences
     sentences: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chapter:
-    """A first screen with the sections below it."""
+    """A first screen and the sections below it."""
 
     front: Front
     sections: Sequence[Section] = ()
-    # For pages with several chapters
+    # Title if the page has several chapters
     title: str = ""
 
 
 def tiles(rows: Iterable[Row]) -> tuple[Tile, ...]:
-    """Figures in large print."""
+    """Tiles that show rows of a result in large print."""
     return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in rows)
 
 
 def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str = "") -> TextTable:
-    """Table of figures up to a level, without sentences, with a column per result."""
+    """Table of figures up to a level, without sentences; one column per result."""
     header, *rows = compare(results, level, texts=True)
     columns = zip(header, *rows, strict=True)
     figures = [x for x in list(columns)[1:] if max(map(len, x[1:])) <= LONGEST]
@@ -113,6 +114,6 @@ def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str =
 
 
 def text_table(table: result.Table, caption: str = "") -> TextTable:
-    """The labelled columns of a table as text."""
+    """Convert the labelled columns of a table to text."""
     header, *rows = cells(table)
     return TextTable(header=header, rows=tuple(rows), caption=caption)

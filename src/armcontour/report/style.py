@@ -15,35 +15,37 @@ RUN_COLOURS = PALETTE["runs"]
 PATH_COLOUR, LIMIT_COLOUR = LINES["objective"], LINES["allowed"]
 PLANNED_COLOUR, EXECUTED_COLOUR = LINES["planned"], LINES["executed"]
 EXPERIMENT_COLOUR, SATURATION_COLOUR = LINES["experiment"], LINES["saturated"]
-# An experiment has its run's colour.
+# Line style of an experiment, which has the colour of its run.
 EXPERIMENT_DASH = "dot"
-# Ratio above which a logarithmic axis has labels at powers of ten only.
+# Ratio of largest and smallest value above which a logarithmic axis is labelled only at powers of
+# ten.
 DECADES = 1e3
-# Width of a page, in sixths.
+# Width of a figure that is as wide as the page, in sixths.
 WHOLE = 6
-# Largest number of points in one curve; more points are not visible.
+# Maximum number of points in a curve; more points are not visible.
 MAX_POINTS = 2400
-# Largest number of sentences of one kind.
+# Maximum number of sentences of one kind.
 MAX_SENTENCES = 6
-# Largest number of switching points with labels; more labels would overlap.
+# Maximum number of switching points with labels; more labels would overlap.
 MAX_LABELS = 40
 
 
 def run_colours(names: Iterable[str]) -> dict[str, str]:
-    """One colour per run, in order; colours repeat after six runs."""
+    """Colour of each run by name; colours repeat after the last one of RUN_COLOURS."""
     return {name: RUN_COLOURS[i % len(RUN_COLOURS)] for i, name in enumerate(names)}
 
 
 def run_widths(names: Iterable[str]) -> dict[str, float]:
-    """A line width per run, thinner in order, so that no line covers another."""
+    """Line width of each run by name [px]; later runs are thinner, so that no line is covered."""
     listed = list(names)
     return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
 
 
 def thin(t: FloatArray, *curves: FloatArray, count: int = MAX_POINTS) -> list[FloatArray]:
-    """Times and curves (n,) reduced to about `count` points.
+    """Reduce times and curves, (n,) each, to about `count` points.
 
-    Each interval keeps the extremes of every curve; gaps (NaN) and the ends next to them remain.
+    The result contains the extremes of every curve in equal intervals, and all gaps (NaN) with the
+    points next to them.
     """
     n = len(t)
     bins = count // (2 * max(1, len(curves)))
@@ -57,7 +59,7 @@ def thin(t: FloatArray, *curves: FloatArray, count: int = MAX_POINTS) -> list[Fl
         beside = np.concatenate([indices - 1, indices, indices + 1])
         chosen |= set(beside[(beside >= 0) & (beside < n)].tolist())
         for sign in (1, -1):
-            # Gaps are not peaks.
+            # Gaps must not be chosen as extremes.
             peaks = np.where(gaps, -np.inf, sign * curve)
             padded = np.append(peaks, np.full(-n % size, -np.inf)).reshape(-1, size)
             first = np.arange(len(padded)) * size
@@ -67,7 +69,7 @@ def thin(t: FloatArray, *curves: FloatArray, count: int = MAX_POINTS) -> list[Fl
 
 
 def few(sentences: Iterable[str], noun: str = "of these") -> tuple[str, ...]:
-    """The first sentences of a list, and the number of the others."""
+    """The first MAX_SENTENCES sentences, and a sentence with the number of the others."""
     listed = tuple(sentences)
     if len(listed) <= MAX_SENTENCES:
         return listed
@@ -75,7 +77,7 @@ def few(sentences: Iterable[str], noun: str = "of these") -> tuple[str, ...]:
 
 
 def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> Any:
-    """Apply the common layout; height in px, width (span) in sixths of the page."""
+    """Apply the common layout; `height` in px, `span`: width in sixths of the page."""
     if span < WHOLE:
         figure.span = span
     figure.update_layout(
@@ -90,7 +92,7 @@ def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> 
         hovermode="closest",
     )
     axes = {"showline": True, "linecolor": "#444444", "ticks": "outside", "zeroline": False}
-    # Labels such as 100µ on an axis in mm would be read as µm.
+    # Labels have powers of ten, because a label such as 100µ on an axis in mm is misread as µm.
     figure.update_xaxes(**axes, exponentformat="power")
     figure.update_yaxes(**axes, exponentformat="power")
     for letter in "xy":
@@ -102,14 +104,14 @@ def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> 
 
 
 def _log_ticks(values: FloatArray) -> dict[str, Any]:
-    """Ticks of a logarithmic axis: at 1, 2 and 5, on a long one at powers of ten."""
+    """Tick options of a logarithmic axis: at 1, 2 and 5, or for a wide range at powers of ten."""
     positive = values[np.isfinite(values) & (values > 0)]
     wide = len(positive) > 0 and positive.max() > DECADES * positive.min()
     return {"dtick": 1} if wide else {"tickformat": "~g", "dtick": "D2"}
 
 
 def line(x: Any, y: Any, name: str, colour: str, **options: Any) -> Any:
-    """A curve in single precision, which halves the size of the page."""
+    """Trace of a curve in single precision, which halves the size of the page."""
     dash = options.pop("dash", "solid")
     width = options.pop("width", 2)
     return make_trace(
@@ -124,7 +126,7 @@ def line(x: Any, y: Any, name: str, colour: str, **options: Any) -> Any:
 
 
 def switching_labels(figure: Any, times: FloatArray) -> None:
-    """Draw the switching points P0, P1, ... on the first time axis, up to a number."""
+    """Mark switching points P0, P1, ... on the first time axis if there are at most MAX_LABELS."""
     if len(times) > MAX_LABELS:
         return
     line = {"color": "#BBBBBB", "width": 1, "dash": "dot"}

@@ -25,25 +25,27 @@ if TYPE_CHECKING:
 # Step h along the motion for the finite difference of the Jacobian rate [rad]. The truncation error
 # h⁴ / 30 and the rounding error 1e-16 / h are about equal.
 STEP = 1e-3
-# A limit that exceeds the arm's by less than this fraction, or angle of a range [rad], counts as
-# equal: files give rounded values.
+# A limit that exceeds the arm's limit by less than this fraction, or angle of a range [rad], counts
+# as equal, because files contain rounded values.
 SAME_LIMIT = 1e-3
-# A point farther out of reach than this probably has a wrong unit [m]: arms reach 0.5 to 4 m, and
+# A point farther out of reach than this [m] probably has a wrong unit. Arms reach 0.5 to 4 m;
 # coordinates in mm that are read as m are hundreds of metres away.
 FAR_OUT = 20.0
 
 
 def unit_hint(gap: float) -> str:
-    """Suffix on missing units for a point `gap` [m] out of reach; "" for small gaps."""
+    """Message suffix that suggests a missing unit for a point `gap` [m] out of reach, or ""."""
     if gap < FAR_OUT:
         return ""
-    return "; lengths without a unit are metres: one may be missing (for drawings --units mm)"
+    return (
+        "; lengths without a unit are metres, so a unit may be missing (for drawings: --units mm)"
+    )
 
 
 def resolve_limits(
     user: str, arm: Arm, limits: Limits | None, planned: Limits | None = None
 ) -> Limits:
-    """Resolve limits value by value: the explicit ones, then those of the plan, then the arm's.
+    """Resolve limits value by value: explicit limits, then the plan's, then the arm's limits.
 
     Args:
         user: Name of the caller, which begins the error message.
@@ -59,8 +61,8 @@ def resolve_limits(
         InvalidInput: `limits` is not a Limits, has another number of joints or an empty joint
             range, or `arm` is not an arm.
     """
-    # Timing of a joint path needs only the number of joints and the limits. A trajectory has both,
-    # too, but is callable.
+    # `arm` may be any object with `dof` and `limits`, because timing of a joint path needs nothing
+    # else. A trajectory has both attributes but is callable, so it is refused here.
     if callable(arm) or not (hasattr(arm, "dof") and hasattr(arm, "limits")):
         checks.check_type(user, arm, Arm)
     if limits is not None and not isinstance(limits, Limits):
@@ -76,8 +78,8 @@ def resolve_limits(
 
 
 def compare_limits(limits: Limits, arm: Arm) -> str:
-    """A sentence on the limits (one value per joint) that exceed the arm's; empty if none does."""
-    # Lifted limits do not count.
+    """Warning about limits (one value per joint) that exceed the arm's; empty if none does."""
+    # Lifted limits are None and are skipped.
     above = []
     for name, unit in UNITS.items():
         values, arm_values = getattr(limits, name), getattr(arm.limits, name)
@@ -103,13 +105,13 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
         return ""
     called = getattr(arm, "name", "without a name")
     return (
-        f"limits are above those of the arm {called}, so a real one may not follow the plan: "
+        f"limits are above those of the arm {called}, so the real arm may not follow the plan: "
         f"{'; '.join(above)}."
     )
 
 
 def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
-    """Upper bounds of a limit, (1, 1) or (1, dof); with negative lower bounds (2, dof)."""
+    """Upper bounds, (1, 1) of the tool or (1, dof); if directed, also negated lower bounds."""
     array = np.asarray(values, dtype=np.float64)
     if name in TOOL_LIMITS:
         return array.reshape(1, 1)
@@ -123,8 +125,8 @@ def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
 class Arm(Immutable, ABC):
     """An arm with its kinematics and limits.
 
-    Methods take joint positions q [rad] and their derivatives dq, ddq, dddq by time, (..., dof)
-    each, and return tool vectors, (..., dimension). An arm is immutable; `with_limits` and similar
+    Methods take joint positions q [rad] and their time derivatives dq, ddq, dddq, (..., dof) each,
+    and return tool vectors, (..., dimension). An arm is immutable; `with_limits` and similar
     methods return another one.
 
     >>> arm.name, arm.dof, arm.dimension
@@ -141,7 +143,7 @@ class Arm(Immutable, ABC):
             solution first; empty if the arm has no closed form.
         source: Where the data of the arm come from.
         chain: The joints and links as data; None if the arm has no such data.
-        limits_hint: What the user can do to add the limits that the arm lacks, for messages.
+        limits_hint: Advice on how to add the limits that the arm lacks, for messages.
         notes: Sentences on data that were ignored or chosen when the arm was read from a file.
     """
 
@@ -155,7 +157,7 @@ class Arm(Immutable, ABC):
     limits_hint: str = ""
     notes: tuple[str, ...] = ()
     _read_shapes: Callable[[], ArmShapes] | None = None
-    _instead = "with_limits, with_name, with_tool, with_work and with_dynamics give another arm"
+    _instead = "Use with_limits, with_name, with_tool, with_work or with_dynamics instead"
 
     def __str__(self) -> str:
         """Name and number of joints."""
@@ -239,7 +241,7 @@ class Arm(Immutable, ABC):
         return self._copy(_read_shapes=None, shapes=shapes)
 
     def _check_shapes(self, shapes: ArmShapes | None) -> None:
-        """Refuse shapes of links that the arm does not have."""
+        """Check that every shape belongs to a link of the arm."""
         if shapes is not None:
             from armcontour.robot.scene import ArmShapes
 
@@ -262,10 +264,10 @@ class Arm(Immutable, ABC):
     ) -> Self:
         """Return the arm with another load, or with other drive inertia or friction.
 
-        Values are one for all joints or one per joint; None keeps the arm's value.
+        Specify one value for all joints or one per joint; None keeps the arm's value.
 
         Args:
-            payload: Load at the tip, instead of the arm's own.
+            payload: Load at the tip, instead of the arm's load.
             armature: Inertia of each drive, reflected to its joint [kg m²].
             viscous: Viscous friction of the joints [N m s/rad].
             coulomb: Coulomb friction of the joints [N m].
@@ -275,7 +277,9 @@ class Arm(Immutable, ABC):
                 number of joints.
         """
         if self.chain is None:
-            raise InvalidInput(f"The arm {self.name} has no chain of bodies that could change.")
+            raise InvalidInput(
+                f"with_dynamics requires a chain of bodies, but the arm {self.name} has none."
+            )
         per_joint = {
             "armature": (armature, "kg m²"),
             "viscous": (viscous, "N m s/rad"),
@@ -300,25 +304,25 @@ class Arm(Immutable, ABC):
         if "_read_shapes" in changes:
             vars(other).pop("shapes", None)
         if "chain" in changes:
-            # The cached dynamics are those of the other chain.
+            # The cached dynamics belong to the previous chain.
             vars(other).pop("dynamics", None)
         vars(other).update(changes)
         return other
 
     def _rows(self, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
-        """Leading shape and rows of the given states, (rows, dof) each."""
+        """Leading axes of the common shape of states, and the states as rows, (n, dof) each."""
         # The shapes are checked because compiled code would read past the end of a short row.
         arrays = [checks.floats("states of an arm", x) for x in states]
         shape = arrays[0].shape
         if shape[-1:] != (self.dof,) or any(x.shape != shape for x in arrays):
             shape = self._common_shape(arrays)
             arrays = [np.broadcast_to(x, shape) for x in arrays]
-        # Numba would compile the kernels a second time for read-only arrays.
+        # Numba would compile the kernels again for read-only arrays.
         rows = [checks.kernel_array(x.reshape(-1, self.dof)) for x in arrays]
         return shape[:-1], rows
 
     def _common_shape(self, states: list[FloatArray]) -> tuple[int, ...]:
-        """The shape to which the states are broadcast."""
+        """Shape to which the states can be broadcast; raises an error if there is none."""
         observed = ", ".join(str(x.shape) for x in states)
         if any(x.shape[-1:] != (self.dof,) for x in states):
             raise InvalidInput(
@@ -329,7 +333,7 @@ class Arm(Immutable, ABC):
             return np.broadcast_shapes(*(x.shape for x in states))
         except ValueError:
             raise InvalidInput(
-                f"States must have shapes that fit together, not {observed}."
+                f"States must have shapes that can be broadcast together, not {observed}."
             ) from None
 
     @property
@@ -349,14 +353,14 @@ class Arm(Immutable, ABC):
         if self.chain is None or self.chain.masses is None:
             raise InvalidInput(
                 f"The masses of the arm {self.name} are not known, so its torques cannot be "
-                "computed: load it from a file whose links have masses, centres of mass and "
+                "computed. Load the arm from a file whose links have masses, centres of mass and "
                 "inertias."
             )
         return Dynamics(self.chain)
 
     @abstractmethod
     def tool_position(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m] of joint positions [rad].
+        """Tool points [m] at joint positions [rad].
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -414,9 +418,9 @@ class Arm(Immutable, ABC):
     ) -> FloatArray:
         """Tool jerk: the third derivative of the tool point [m/s³], (..., dimension).
 
-        Default for subclasses: `J dddq + 3 dJ/dt ddq` plus the derivative of `dJ/dt dq` along dq by
-        fourth-order differences. Their error is about 1e-12 of the reach times the cube of the sum
-        of all joint speeds.
+        The default implementation is `J dddq + 3 dJ/dt ddq` plus the derivative of `dJ/dt dq` along
+        dq by fourth-order differences. Their error is about 1e-12 of the reach times the cube of
+        the sum of all joint speeds.
 
         Args:
             q: Joint positions [rad], (..., dof).

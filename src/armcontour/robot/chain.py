@@ -26,7 +26,7 @@ from armcontour.core.quantities import (
     ViscousFrictions,
 )
 
-# Fields that are changed often and have their own checks.
+# Fields that change often and have their own checks, so that `replace` need not check the links.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
 LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
@@ -90,10 +90,10 @@ class Chain(Checked):
             axis.
         gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
         payload: Load at the tip.
-        assumed: Assumed data, with the rule for them; empty if none are assumed.
+        assumed: Assumed data and the rule by which they are assumed; empty if none are assumed.
 
     Raises:
-        InvalidInput: Shapes of arrays do not fit, a matrix is not a rotation, or no body can have
+        InvalidInput: Shapes of arrays do not match, a matrix is not a rotation, or no body can have
             the mass or inertia of a link.
     """
 
@@ -121,24 +121,24 @@ class Chain(Checked):
         if n == 0:
             raise InvalidInput("A chain needs at least one revolute joint.")
         if self.masses is not None and (self.centers is None or self.inertias is None):
-            raise InvalidInput("A chain with masses needs centres of mass and inertias too.")
+            raise InvalidInput("A chain with masses also requires centres of mass and inertias.")
         for name in ("armature", "viscous", "coulomb"):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, checks.frozen_array(np.zeros(n)))
-        # Rotations are checked but not made orthonormal again.
+        # Rotations are checked, but not orthonormalized.
         rotations("rotations of a chain", self.rotations)
         if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
             raise InvalidInput("The axes of a chain must be unit vectors.")
         self._refuse_bodies()
 
     def _refuse_bodies(self) -> None:
-        """Refuse links with a negative mass, or with an inertia that no body can have."""
+        """Check that no mass is negative, and that rigid bodies can have the inertias."""
         if self.masses is None or self.inertias is None:
             return
         for name, mass, inertia in zip(self.joints, self.masses, self.inertias, strict=True):
             if mass < 0:
                 raise InvalidInput(
-                    f"The link after {name} has the mass {mass:g} kg: it must not be negative."
+                    f"The mass of the link after {name} must not be negative, but is {mass:g} kg."
                 )
             check_inertia(f"the link after {name}", inertia)
 
@@ -150,7 +150,8 @@ class Chain(Checked):
         """A copy of the chain with some of its data changed."""
         if not FRAMES.issuperset(changes):
             return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
-        # A check of all links would take a millisecond.
+        # The frames and the payload are already checked. A check of all links would take a
+        # millisecond.
         chain = copy(self)
         for name, value in changes.items():
             object.__setattr__(chain, name, value)
@@ -158,8 +159,7 @@ class Chain(Checked):
 
 
 def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
-    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4)."""
-    # q (n, dof) [rad].
+    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4), at q, (n, dof)."""
     from armcontour.robot.kernels import frames_of
 
     joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
@@ -171,9 +171,9 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
 
 
 def link_table(chain: Chain) -> FloatArray:
-    """The chain as compiled kinematics take it, (dof + 1, 12)."""
-    # Rows have rotation and position of the frames of all joints and of the tool, each in the one
-    # before, with z along the joint axis. The first is in the work frame.
+    """Table of the links for the compiled kinematics, (dof + 1, 12)."""
+    # A row has the rotation (row by row) and the position of the frame of a joint or of the tool,
+    # relative to the previous frame; the first is relative to the work frame. z is the joint axis.
     table, end = np.empty((len(chain) + 1, 12)), chain.tip @ chain.tool
     turns = [*joint_frames(chain), np.eye(3)]
     rotations = [*chain.rotations, end.rotation]
@@ -201,12 +201,12 @@ def join_bodies(
     bodies: Sequence[tuple[float, FloatArray, FloatArray]],
 ) -> tuple[float, FloatArray, FloatArray]:
     """Mass [kg], centre of mass [m] and inertia about it [kg m²] of bodies fixed to each other."""
-    # bodies: mass, centre, (3,), and inertia, (3, 3), of each, in one frame; the masses have a
-    # positive sum.
+    # bodies: mass, centre, (3,), and inertia, (3, 3), of each body, in one frame. The sum of the
+    # masses must be positive.
     masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))
     mass = float(masses.sum())
     center = masses @ centers / mass
-    # The parallel-axis theorem for each body.
+    # Parallel-axis theorem for all bodies.
     away = centers - center
     apart = (masses[:, None] * away).T @ away
     inertia = inertias.sum(axis=0) + np.trace(apart) * np.eye(3) - apart
@@ -214,8 +214,7 @@ def join_bodies(
 
 
 def check_inertia(who: str, inertia: npt.ArrayLike) -> None:
-    """Refuse an inertia matrix that no body can have."""
-    # inertia (3, 3) [kg m²].
+    """Check that a rigid body can have an inertia matrix, (3, 3) [kg m²]."""
     matrix = np.asarray(inertia, dtype=np.float64)
     size = float(np.abs(matrix).max())
     if np.abs(matrix - matrix.T).max() > 1e-9 * size:

@@ -1,9 +1,9 @@
-"""Closed-form inverse kinematics of six joints, of which 2 and 3 are parallel."""
+"""Closed-form inverse kinematics of six-joint arms whose joint axes 2 and 3 are parallel."""
 
-# Either joint 4 is parallel to them and the axes 5 and 6 meet, as in the arms of Universal Robots,
-# or the axes 4, 5 and 6 meet in a wrist. Axes and points are those with all joints at 0, in the
-# frame of the base; the formulas are products of rotations about these axes
-# (Murray, Li and Sastry, 1994).
+# Either axis 4 is parallel to axes 2 and 3, and axes 5 and 6 intersect, as in the arms of Universal
+# Robots; or axes 4, 5 and 6 intersect in one point, the wrist. Axes and points are in the frame of
+# the base with all joints at 0. The formulas are products of rotations about these axes (Murray, Li
+# and Sastry, 1994).
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.frames import Frame, cross_matrix
 from armcontour.robot.chain import Chain, link_poses
 
-# Axes meet or are parallel within this [m, rad].
+# Tolerance for axes that intersect [m] or are parallel [1].
 EXACT = 1e-9
-# Poses closer than this to the limit of the reach, or to a singular posture, are not decided here
-# [m, 1].
+# The closed form returns no result for poses closer than this to the limit of the reach [m] or to a
+# singular posture [1]; the search determines their solutions.
 NEAR = 1e-6
-# Number of poses per batch: of the first batch, and of later ones.
+# Number of poses in the first batch, and in each further batch.
 FIRST, AT_ONCE = 8, 4096
 
 
 class JointAxis(NamedTuple):
-    """A joint axis, with its matrix of the vector product."""
+    """A joint axis: unit vector, and matrix of the vector product with it."""
 
     along: FloatArray
     cross: FloatArray
@@ -42,18 +42,16 @@ class JointAxis(NamedTuple):
         return np.asarray(v - (v @ self.along)[..., None] * self.along)
 
     def angle(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Angles about the axis from vectors to other vectors [rad]."""
+        """Angles about the axis that rotate vectors a to the directions of vectors b [rad]."""
         return np.arctan2(_dot(a @ self.cross.T, b), _dot(self.across(a), b))
 
-    def meet(
+    def solve_angles(
         self, v: FloatArray, along: FloatArray, component: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Angles [rad], (..., 2), that rotate vectors to a component along a direction."""
-        # Also the missing part of the component, (...), negative if two angles exist; the angles
-        # are equal if the component cannot be reached.
-        # along (3,).
-        # Returns missing part of the component, negative if two angles exist, (...), and the angles
-        # [rad], (..., 2); equal if the component cannot be reached.
+        """Angles about the axis that give rotated vectors a component along a direction."""
+        # along: the direction, (3,). component: required component, (...). Returns the missing part
+        # of the component, negative if two angles exist, (...), and the angles [rad], (..., 2),
+        # which are equal if the component cannot be reached.
         fixed = (v @ self.along) * float(self.along @ along)
         a, b, needed = v @ along - fixed, (v @ self.cross.T) @ along, component - fixed
         size = np.hypot(a, b)
@@ -63,44 +61,47 @@ class JointAxis(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Quantities that upper arm and forearm must bridge for n poses; m is 2, or 1 for a wrist."""
+    """Geometry that the links must bridge for n poses; m = 2 angles of joint 5, 1 for a wrist."""
 
     # Rotation of the last link from its position with all joints at 0, (n, 3, 3).
     turned: FloatArray
-    # Distance from the plane of both links to the center, negative if they meet [m], (n,).
+    # Distance from the plane of both links to the center, negative if joint 1 can move the center
+    # into the plane [m], (n,).
     lacking: FloatArray
     first: FloatArray  # Angles of the first joint [rad], (n, 2)
-    wanted: FloatArray  # Direction of axis 6 with the first joint at 0, (n, 2, 3)
+    target_axis: FloatArray  # Required direction of axis 6, rotated back by joint 1, (n, 2, 3)
     fifth: FloatArray  # Angles of joint 5 [rad], (n, 2, m); 0 for a wrist
     bend: FloatArray  # Sum of the angles of joints 2, 3 and 4 [rad], (n, 2, m); 0 for a wrist
-    open: BoolArray  # True if joint 5 can give axis 6 the required direction, (n, 2, m)
-    flat: BoolArray  # True if axis 6 is then nearly parallel to axis 2, (n, 2, m)
-    way: FloatArray  # Vector in the plane from joint 2 to the end of the forearm, (n, 2, m, 3)
+    feasible: BoolArray  # True if joint 5 can give axis 6 the required direction, (n, 2, m)
+    flat: BoolArray  # True if axis 6 is nearly parallel to axis 2 at q5, (n, 2, m)
+    vector: (
+        FloatArray  # Vector in the plane from joint 2 to the end of the forearm [m], (n, 2, m, 3)
+    )
     gap: FloatArray  # Length that the links lack, negative if they are long enough [m], (n, 2, m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosedForm:
-    """Joint axes of an arm with closed-form inverse kinematics."""
+    """Joint axes and points of an arm with closed-form inverse kinematics."""
 
     axes: tuple[JointAxis, ...]
-    points: FloatArray  # Points on them [m], (6, 3)
-    center: FloatArray  # The point at which the axes 5 and 6 meet [m], (3,)
+    points: FloatArray  # Points on the axes [m], (6, 3)
+    center: FloatArray  # Intersection of axes 5 and 6 [m], (3,)
     end: FloatArray  # Rotation and position of the tool in the frame of the base, (3, 4)
     # True if axis 4 passes through the center; otherwise joint 4 is parallel to 2 and 3.
     wrist: bool
 
     @classmethod
-    def of(cls, chain: Chain) -> ClosedForm | None:
-        """The axes of a chain; None if the closed form does not support the chain."""
+    def from_chain(cls, chain: Chain) -> ClosedForm | None:
+        """Closed form of a chain; None if the chain has another kind of geometry."""
         if len(chain) != 6:
             return None
         links = link_poses(chain.replace(base=Frame()), np.zeros((1, 6)))[0, 1:]
         points, axes = links[..., 3], np.einsum("kij,kj->ki", links[..., :3], chain.axes)
-        center = _meeting(points[4:6], axes[4:6])
+        center = _intersect_axes(points[4:6], axes[4:6])
         if center is None or not _parallel(axes[1], axes[2]):
             return None
-        fourth = _meeting(points[3:5], axes[3:5])
+        fourth = _intersect_axes(points[3:5], axes[3:5])
         wrist = fourth is not None and bool(np.abs(fourth - center).max() < EXACT)
         if not wrist and not _parallel(axes[1], axes[3]):
             return None
@@ -115,27 +116,27 @@ class ClosedForm:
 
     def solve(self, base: FloatArray, pose: FloatArray) -> FloatArray | None:
         """All joint positions for a tool pose [rad], (k, 6); None near singularities."""
-        # base (3, 4), pose (3, 4).
+        # base: frame of the base in the work frame, (3, 4). pose: (3, 4).
         reach = Reach(*(value[0] for value in self._reach(base[None], pose[None])))
         if reach.lacking > NEAR:
             return np.empty((0, 6))
         first, normal, third, fourth, fifth, sixth = self.axes
         upper, fore = self._links
-        square = _dot(reach.way, reach.way)
-        doubtful = reach.open & (reach.flat | (np.abs(reach.gap) <= NEAR) | (square <= NEAR))
+        square = _dot(reach.vector, reach.vector)
+        doubtful = reach.feasible & (reach.flat | (np.abs(reach.gap) <= NEAR) | (square <= NEAR))
         if reach.lacking > -NEAR or doubtful.any():
             return None
-        # The last array axis has the two elbow angles; a further axis those of a wrist.
+        # The last array axis is for the two elbow angles; a wrist adds an axis for its two angles.
         cosine = (square - upper @ upper - fore @ fore) / 2
-        lacking, elbow = normal.meet(fore, upper, cosine)
-        exists = (reach.open & (lacking <= 0))[..., None]
+        lacking, elbow = normal.solve_angles(fore, upper, cosine)
+        exists = (reach.feasible & (lacking <= 0))[..., None]
         q1 = reach.first[:, None, None]
-        q2 = normal.angle(upper + normal.turn(elbow, fore), reach.way[..., None, :])
+        q2 = normal.angle(upper + normal.turn(elbow, fore), reach.vector[..., None, :])
         if self.wrist:
             together = q2 + elbow
-            axis = normal.turn(-together, reach.wanted[:, None, None])
+            axis = normal.turn(-together, reach.target_axis[:, None, None])
             rotated = first.turn(q1, normal.turn(together, fourth.along)) @ reach.turned
-            lacking, q5 = fifth.meet(sixth.along, fourth.along, axis @ fourth.along)
+            lacking, q5 = fifth.solve_angles(sixth.along, fourth.along, axis @ fourth.along)
             if (exists & (np.abs(lacking) <= NEAR)).any():
                 return None
             exists = (exists & (lacking <= 0))[..., None]
@@ -151,10 +152,11 @@ class ClosedForm:
         *q, exists = np.broadcast_arrays(q1, q2, q3, q4, q5, q6, exists)
         return np.asarray(np.pi - np.mod(np.pi - np.stack(q, axis=-1)[exists], 2 * np.pi))
 
-    def beyond(self, bases: FloatArray, poses: FloatArray, enough: float) -> FloatArray:
-        """Distance by which poses are out of reach, for several placements of the arm [m], (n,)."""
-        # bases (n, 3, 4), poses (m, 3, 4). The search of a placement ends at a pose that is farther
-        # out of reach than `enough` [m]. Infinite if no wrist orientation reaches a pose.
+    def measure_excess(self, bases: FloatArray, poses: FloatArray, enough: float) -> FloatArray:
+        """Largest distance by which poses are out of reach, per placement of the arm [m], (n,)."""
+        # bases: base frame of each placement, (n, 3, 4). poses: (m, 3, 4). The evaluation of a
+        # placement ends after a batch with a pose farther out of reach than `enough` [m]. The
+        # distance is infinite if no wrist orientation reaches a pose.
         distances, index, count = np.full(len(bases), -np.inf), 0, FIRST
         while index < len(poses) and (distances <= enough).any():
             remaining = np.flatnonzero(distances <= enough)
@@ -162,7 +164,7 @@ class ClosedForm:
             reach = self._reach(
                 np.repeat(bases[remaining], len(few), axis=0), np.tile(few, (len(remaining), 1, 1))
             )
-            gap = np.where(reach.open, np.where(reach.flat, 0.0, reach.gap), np.inf).min(
+            gap = np.where(reach.feasible, np.where(reach.flat, 0.0, reach.gap), np.inf).min(
                 axis=(1, 2)
             )
             gap = np.where(
@@ -176,27 +178,27 @@ class ClosedForm:
 
     @property
     def _links(self) -> tuple[FloatArray, FloatArray]:
-        """Upper arm and forearm in the plane in which they move, with all joints at 0."""
+        """Upper arm and forearm as vectors in their plane with all joints at 0 [m], (3,) each."""
         last = self.center if self.wrist else self.points[3]
         across = self.axes[1].across
         return across(self.points[2] - self.points[1]), across(last - self.points[2])
 
     def _reach(self, bases: FloatArray, poses: FloatArray) -> Reach:
-        """Vectors and gaps that the links have to bridge for n poses, each with its own base."""
+        """Compute the geometry that the links must bridge for n poses, each with its own base."""
         first, normal, *_, fifth, sixth = self.axes
         foot, back = self.points[0], np.swapaxes(bases[:, :, :3], 1, 2)
         turned = back @ poses[:, :, :3] @ self.end[:, :3].T
         end = np.einsum("nij,nj->ni", back, poses[:, :, 3] - bases[:, :, 3])
         center = end + turned @ (self.center - self.end[:, 3]) - foot
-        # The first joint brings the centre into the plane of upper arm and forearm.
+        # Joint 1 must rotate the centre into the plane of upper arm and forearm.
         side = (self.center - foot) @ normal.along
-        lacking, angles = first.meet(center, normal.along, np.full(len(center), side))
+        lacking, angles = first.solve_angles(center, normal.along, np.full(len(center), side))
         end_point = foot + first.turn(angles, center[:, None])[:, :, None]
         target = first.turn(angles, (turned @ sixth.along)[:, None])
         angle_sum = q5 = np.zeros((len(center), 2, 1))
         is_open, flat = angle_sum == 0.0, angle_sum != 0.0
         if not self.wrist:
-            missing, q5 = fifth.meet(sixth.along, normal.along, target @ normal.along)
+            missing, q5 = fifth.solve_angles(sixth.along, normal.along, target @ normal.along)
             bent = fifth.turn(q5, sixth.along)
             level = normal.across(bent)
             is_open, flat = (
@@ -222,7 +224,7 @@ def _parallel(first: FloatArray, second: FloatArray) -> bool:
     return float(np.linalg.norm(np.cross(first, second))) < EXACT
 
 
-def _meeting(points: FloatArray, axes: FloatArray) -> FloatArray | None:
+def _intersect_axes(points: FloatArray, axes: FloatArray) -> FloatArray | None:
     """Intersection of two lines [m], (3,); None if they are parallel or skew."""
     across = np.cross(axes[0], axes[1])
     size = float(across @ across)

@@ -30,16 +30,11 @@ class Dynamics:
 
     def __init__(self, chain: Chain) -> None:
         if chain.masses is None:
-            raise InvalidInput("A chain without masses has no dynamics: give the masses of links.")
+            raise InvalidInput("Dynamics require the masses of the links, but the chain has none.")
         self.chain = chain
-        self._links = _numbers(chain)
+        self._links = _link_data(chain)
         self._gravity = np.array(chain.gravity)
         self._friction = np.asarray(chain.viscous), np.asarray(chain.coulomb)
-
-    @property
-    def numbers(self) -> tuple[FloatArray, FloatArray]:
-        """Input of compiled dynamics: numbers of the links, (dof, 24), and gravity, (3,)."""
-        return self._links, self._gravity
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Joint torques [N m] of links, payload, drives and gravity, without friction."""
@@ -87,7 +82,7 @@ class Dynamics:
         states, unit = self._rows(q, dq, ddq), np.eye(len(self.chain))
 
         def change(order: int, step: float) -> FloatArray:
-            """Half the change of the torque from -step to step of each joint, (n, dof, joints)."""
+            """Half the change of the torque from -step to step of a joint, (n, dof, joints)."""
             ends = []
             for end in (-step, step):
                 moved = [x[:, None] + (k == order) * end * unit for k, x in enumerate(states)]
@@ -115,7 +110,7 @@ class Dynamics:
         turn = joint_frames(self.chain)[-1]
         links, regressor = self._links.copy(), np.empty((*np.shape(q), 10))
         for k, unit in enumerate(np.eye(10)):
-            # Only the last link has mass: one of its parameters is 1.
+            # Only the last link has mass, and one of its inertial parameters is 1.
             links[:, 12:] = 0.0
             links[:, 22] = links[-1, 12] = unit[0]
             links[-1, 13:16] = unit[1:4] @ turn
@@ -127,7 +122,7 @@ class Dynamics:
         return regressor
 
     def _rows(self, *states: npt.ArrayLike) -> list[FloatArray]:
-        """The given states as rows, (n, dof) each."""
+        """Check states, and return each as rows, (n, dof)."""
         # The shapes are checked because compiled code would read past the end of a short row.
         arrays = [checks.floats("states of an arm", x) for x in states]
         shape, dof = arrays[0].shape, len(self.chain)
@@ -136,30 +131,29 @@ class Dynamics:
                 f"The states of {dof} joints must be arrays of one shape with {dof} columns, not "
                 f"{', '.join(str(x.shape) for x in arrays)}."
             )
-        # Numba would compile a second time for arrays that are read-only.
+        # Numba would compile the kernels again for read-only arrays.
         return [np.require(x.reshape(-1, dof), requirements=["C", "W"]) for x in arrays]
 
 
 def pinocchio() -> Any:
-    """The module pinocchio, imported at first use."""
+    """Import the module pinocchio."""
     try:
         import pinocchio as module
     except ImportError as error:
         raise InvalidInput(
-            f"This needs pinocchio, which cannot be imported ({error}): pip install "
-            "'armcontour[dynamics]' (there are no wheels for Windows)."
+            f"This function requires pinocchio, which cannot be imported ({error}). Install it "
+            "with pip install 'armcontour[dynamics]' (not available for Windows)."
         ) from None
     return module
 
 
-def _numbers(chain: Chain) -> FloatArray:
-    """The links for the compiled dynamics: 24 numbers each, in frames about the joints."""
-    # The numbers are rotation and position of the frame in the one before, in which z is the joint
-    # axis; mass, first moment, and inertia about the joint xx, xy, xz, yy, yz, zz; the mass of all
-    # that the joint carries; the armature.
+def _link_data(chain: Chain) -> FloatArray:
+    """Data of the links for the compiled dynamics, (dof, 24), in frames with z on joint axes."""
+    # Columns: rotation (9) and position (3) relative to the previous frame; mass; first moment (3);
+    # inertia about the joint xx, xy, xz, yy, yz, zz; mass of this and all later links; armature.
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
-    numbers, before = np.zeros((len(chain), 24)), np.eye(3)
-    for k, (row, frame) in enumerate(zip(numbers, joint_frames(chain), strict=True)):
+    rows, before = np.zeros((len(chain), 24)), np.eye(3)
+    for k, (row, frame) in enumerate(zip(rows, joint_frames(chain), strict=True)):
         bodies = [(chain.masses[k], chain.centers[k], chain.inertias[k])]
         if chain.payload is not None and k == len(chain) - 1:
             load, tip = chain.payload, chain.tip
@@ -176,13 +170,13 @@ def _numbers(chain: Chain) -> FloatArray:
             row[13:16] += mass * centre
             row[16:22] += about[np.triu_indices(3)]
         before = frame
-    numbers[:, 22] = np.cumsum(numbers[::-1, 12])[::-1]
-    numbers[:, 23] = chain.armature
-    return numbers
+    rows[:, 22] = np.cumsum(rows[::-1, 12])[::-1]
+    rows[:, 23] = chain.armature
+    return rows
 
 
 def pinocchio_model(chain: Chain, limits: Limits) -> Any:
-    """See `ChainArm.pinocchio`."""
+    """Make the pinocchio model of a chain; see `ChainArm.pinocchio`."""
     pin, dof = pinocchio(), len(chain)
     model = pin.Model()
     model.gravity.linear = np.array(chain.gravity)

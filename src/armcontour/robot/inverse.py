@@ -15,41 +15,41 @@ from armcontour.robot.arm import unit_hint
 from armcontour.robot.planar import PlanarTwoLink
 from armcontour.robot.serial import ChainArm, SerialArm
 
-# Task dimension of the whole pose, which the closed forms solve, and that of the tool point.
+# Task dimensions, as in `newton.py`: of the whole pose, and of the tool point only.
 WHOLE, POINT = 6, 3
 # Number of initial joint positions of the search. With this number the search found all eight
 # configurations of a common six-joint arm in each of thousands of random poses.
 SEEDS = 400
-# Weight of a radian against a metre [m/rad]: in the search for solutions, and in the search for
-# the reachable point that is nearest to a pose.
+# Weight of a radian relative to a metre [m/rad]: in the search for solutions, and in the search for
+# the reachable tool point nearest to a pose.
 SEARCH_WEIGHT = 0.5
 REACH_WEIGHT = 10.0
 MAX_STEPS = 200
-# Number of them that are tried to determine the distance of an unreachable pose.
+# Number of initial joint positions of the search for the nearest reachable tool point.
 REACH_SEEDS = 60
-# Number of parts of the search, which run in threads.
+# Number of parts of the search, each in its own thread.
 PARTS = 8
 # A pose is reached if position and orientation are closer than this [m, rad].
 MET = 1e-8
 # Two solutions are distinct if they differ by more than this [rad]. A redundant arm has infinitely
-# many solutions, so only solutions that differ a lot are listed.
+# many solutions, so the second value, for redundant arms, is large.
 APART = 1e-3
 APART_REDUNDANT = 0.5
 
 
 def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool) -> FloatArray:
-    """See `ChainArm.inverse`; `every` is its argument `all`."""
+    """Solve the inverse kinematics of `ChainArm.inverse`; `every` is its argument `all`."""
     points, axes = read_poses("pose", pose)
     if every and points.ndim > 1:
-        raise InvalidInput(f"All configurations are those of one pose, not of {points.shape[:-1]}.")
+        raise InvalidInput(f"all=True requires one pose, but there are {len(points)}.")
     rows = points.reshape(-1, points.shape[-1])
     start = None if near is None else checks.per_joint("near", near, arm.dof, "rad")
     if isinstance(arm, PlanarTwoLink):
         if rows[:, 2:].any():
-            raise InvalidInput(f"The arm {arm.name} moves in the plane: z of a pose must be 0.")
+            raise InvalidInput(f"z of a pose must be 0, because the arm {arm.name} is planar.")
         closed = np.stack([arm.joint_position(rows[:, :2], x) for x in arm.branches], axis=1)
     elif rows.shape[1] != 3:
-        raise InvalidInput(f"The arm {arm.name} moves in space: give x, y and z of a position.")
+        raise InvalidInput(f"A position of the arm {arm.name} must have x, y and z.")
     turned = np.broadcast_to(
         IDENTITY if axes is None else axes.reshape(-1, 3, 3), (len(rows), 3, 3)
     )
@@ -63,7 +63,7 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
             target, task = np.column_stack([turned[i], point]), POINT if axes is None else WHOLE
             candidates = configurations(arm, target, task)
             if start is not None and task < arm.dof:
-                # The sample of infinitely many solutions may have none near the start.
+                # The sample of infinitely many solutions may include none near the start.
                 candidates = np.concatenate([configurations(arm, target, task, start), candidates])
             if not len(candidates):
                 gap = float(out_of_reach(arm, target[None], task, seeds(arm)[:REACH_SEEDS])[0])
@@ -78,7 +78,7 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
 
 
 def _within_ranges(arm: ChainArm, candidates: FloatArray, near: FloatArray | None) -> FloatArray:
-    """Solutions within the joint ranges, sorted by distance from `near` or from the middle."""
+    """Solutions within the joint ranges, (k, dof), sorted by distance from `near` or the middle."""
     turned = [shift_by_turns(arm, q[None], near) for q in candidates]
     inside = np.array([q[0] for q, fits in turned if fits]).reshape(-1, arm.dof)
     away = np.abs(inside - (_range_middle(arm) if near is None else near)).max(axis=1)
@@ -91,14 +91,14 @@ def _raise_unreachable(
     """Raise Unreachable for a pose without a solution, or without one within the joint ranges."""
     if len(candidates):
         example = np.round(candidates[0], 4).tolist()
-        reason = f"with joints out of their ranges only, such as {example} rad"
+        reason = f"within its joint ranges. A solution outside of the ranges is {example} rad"
     elif gap > MET:
-        reason = f"as the tool stays {gap:.3g} m away"
+        reason = f"because the tool remains {gap:.3g} m away"
     else:
-        reason = "with this rotation"
+        reason = "with this orientation"
     raise Unreachable(
         f"The arm {arm.name} does not reach the pose at {tuple(np.round(point, 6).tolist())} m "
-        f"{reason}: move or turn the pose{unit_hint(gap)}.",
+        f"{reason}. Move or rotate the pose{unit_hint(gap)}.",
         point=point.tolist(),
         index=index,
         limit="range" if len(candidates) else "reach",
@@ -108,7 +108,7 @@ def _raise_unreachable(
 
 
 def _range_middle(arm: ChainArm) -> FloatArray:
-    """Middle of each joint range [rad], 0 for a range without both ends, (dof,)."""
+    """Middle of each joint range [rad], 0 if a range is unbounded on any side, (dof,)."""
     lower, upper = arm.limits.joint_range(arm.dof)
     both = np.isfinite(lower) & np.isfinite(upper)
     return np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
@@ -117,9 +117,9 @@ def _range_middle(arm: ChainArm) -> FloatArray:
 def shift_by_turns(
     arm: ChainArm, q: FloatArray, start: FloatArray | None = None
 ) -> tuple[FloatArray, bool]:
-    """Joint positions shifted by whole turns into their ranges, and whether that is possible."""
-    # The shifted positions are as near as possible to the start, or to the middle of the ranges. A
-    # joint whose range has one end only is shifted into its range.
+    """Joint positions shifted by whole turns into their ranges, and True if this is possible."""
+    # The shift brings the positions as near as possible to the start, or to the middle of the
+    # ranges. A joint whose range has only one end is shifted into its range.
     lower, upper = arm.limits.joint_range(arm.dof)
     low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
     both = np.isfinite(lower) & np.isfinite(upper)
@@ -138,7 +138,7 @@ def configurations(
     arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
     """All joint positions for a tool pose (3, 4), up to whole turns of a joint [rad], (k, dof)."""
-    # A redundant arm has infinitely many; the function returns a sample of them. With `near` (dof,)
+    # For a redundant arm, with infinitely many solutions, a sample is returned. With `near` (dof,)
     # the search starts there; otherwise all solutions are searched. The task dimension is 6 for the
     # whole pose, 5 if rotation about the tool axis is free, 3 for the tool point alone.
     if near is None and task == WHOLE and arm.closed_form is not None:
@@ -151,7 +151,7 @@ def configurations(
 def search(
     arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
-    """Like `configurations`: damped Newton steps from `near` or positions in the ranges."""
+    """Find `configurations` by damped least squares from `near` or from random positions."""
     q = seeds(arm) if near is None else np.array(near, dtype=np.float64).reshape(1, -1)
     target = np.ascontiguousarray(pose)
 
@@ -187,14 +187,14 @@ def seeds(arm: SerialArm) -> FloatArray:
 
 def out_of_reach(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
     """Distance from each pose to the nearest reachable tool point [m], (n,)."""
-    # The search gives the tool orientation priority over the position.
-    # poses (n, 3, 4), q (k, dof) [rad].
+    # The search gives the tool orientation priority over the position. poses: (n, 3, 4). q: initial
+    # joint positions [rad], (k, dof).
     return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
 
 
 def nearest_reached(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Joint positions that bring the tool nearest to a pose, by the same search [rad], (dof,)."""
-    # pose (3, 4).
+    """Joint positions with the smallest distance from the tool to a pose [rad], (dof,)."""
+    # The search is that of `out_of_reach`. pose: (3, 4).
     tried, distances = _approach(arm, pose, task, q)
     return np.asarray(tried[np.argmin(distances)])
 
@@ -202,7 +202,7 @@ def nearest_reached(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) 
 def _approach(
     arm: SerialArm, pose: FloatArray, task: int, q: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Final joint positions of the searches [rad], (k, dof), and their distances to the pose."""
+    """Final joint positions of the searches [rad], (k, dof), and distances from the pose [m]."""
     tried = q.copy()
     parameters = tried, REACH_WEIGHT, MAX_STEPS
     residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)

@@ -1,9 +1,9 @@
 """Compiled kinematics and inverse dynamics of a serial chain, for many states in one call."""
 
 # A chain is a table of links, (dof + 1, 12): rotation, row by row, and position of the frames of
-# all joints and of the tool, each in the frame before, with z along the joint axis. The first frame
-# is in the work frame. Many states are computed in blocks, so that the processor uses vector
-# instructions: a row holds one number of all states of a block.
+# all joints and of the tool, each relative to the previous frame, with z along the joint axis. The
+# first frame is relative to the work frame. Many states are computed in blocks, so that the
+# processor uses vector instructions: a row of a block holds one number of all its states.
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ B = 32
 # Pi in two parts of 33 bits: multiples of it are exact for angles below EXACT_TO [rad].
 HALF_TURN, REST_OF_IT = 3.1415926534682512, 1.2154201012607932e-10
 EXACT_TO = 1e6
-# Added to a number and subtracted again, this rounds it to a whole number.
+# Adding this number and subtracting it again rounds a value to a whole number.
 TO_WHOLE = 6755399441055744.0
 # Taylor series of sine over x and of cosine, in x², from the last significant term for angles up to
 # pi / 2.
@@ -31,20 +31,21 @@ SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(10, -1, -1))
 COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(11, -1, -1))
 # Number of rows per joint: cosine and sine of its position, then its first to third derivative.
 JOINT_ROWS = 5
-# First rows of the vectors of a state: columns of the rotation, position, vector from the joint
-# before, axis; then velocity and angular velocity, and their first and second derivatives.
-PLACE, WAY, AXIS, MOTION, ROWS = 9, 12, 15, 18, 36
+# First rows of parts of a state: position, vector from the previous joint, axis, motion; rows 0 to
+# 8 are the columns of the rotation. The motion is velocity and angular velocity, and their first
+# and second derivatives. STATE_ROWS is the number of rows.
+POSITION, LEVER, AXIS, MOTION, STATE_ROWS = 9, 12, 15, 18, 36
 IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
-# Within this angle [rad] of the anchor, sine and cosine are computed by a series, which is exact to
-# rounding.
+# Within this angle [rad] of the last exact evaluation (anchor), sine and cosine are computed by a
+# series, which is exact to rounding.
 NEAR_ANGLE = 0.125
-# Rows of a link: cosine and sine of its joint, first and second derivative of the joint; three each
-# of force and moment about the joint of the motion whose accelerations are the first derivatives,
-# of force and moment of the motion with both, and of the first moment of all that the joint
-# carries; gravity along x and y.
+# Number of rows of a link: cosine and sine of its joint (rows 0 and 1); first and second derivative
+# of the joint (2, 3); force and moment about the joint of a motion whose accelerations are the
+# first derivatives (4 to 9), and of the motion with both derivatives (10 to 15); first moment of
+# this and all later links (16 to 18); gravity along x and y (19, 20).
 LINK_ROWS = 21
-# Rows of the motion that goes from link to link, three each: angular velocity, velocity, angular
-# acceleration, acceleration, gravity.
+# Number of rows of the motion that is propagated from link to link, three each: angular velocity,
+# velocity, angular acceleration, acceleration, gravity.
 MOTION_ROWS = 15
 
 
@@ -97,21 +98,21 @@ def put(rows: FloatArray, row: int, i: int, v: Vector) -> None:
 
 @compiled(inner=True)
 def rotation_of(links: FloatArray, j: int) -> Rotation:
-    """Rotation of link j in the frame before, row by row."""
+    """Rotation of link j relative to the previous frame, row by row."""
     x = links
     return x[j, 0], x[j, 1], x[j, 2], x[j, 3], x[j, 4], x[j, 5], x[j, 6], x[j, 7], x[j, 8]
 
 
 @compiled(inner=True, fastmath=FUSED)
 def into_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
-    """Components of a vector in the axes of a link, from those in the frame before."""
+    """Transform a vector from the previous frame to the axes of a link."""
     x, y = r[0] * v[0] + r[3] * v[1] + r[6] * v[2], r[1] * v[0] + r[4] * v[1] + r[7] * v[2]
     return c * x + s * y, c * y - s * x, r[2] * v[0] + r[5] * v[1] + r[8] * v[2]
 
 
 @compiled(inner=True, fastmath=FUSED)
 def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
-    """Components of a vector in the frame before a link; the inverse of `into_link`."""
+    """Transform a vector from the axes of a link to the previous frame."""
     x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
     return (
         r[0] * x + r[1] * y + r[2] * z,
@@ -123,7 +124,7 @@ def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
 @compiled(inner=True)
 def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
     """Write the frames of all joints and of the tool in the work frame for one state."""
-    # links (dof + 1, 12), q (dof,) [rad], frames (dof + 1, 3, 4).
+    # links: (dof + 1, 12). q: joint positions [rad], (dof,). frames: (dof + 1, 3, 4).
     for j in range(len(links)):
         c, s = (math.cos(q[j]), math.sin(q[j])) if j < len(q) else (1.0, 0.0)
         r = rotation_of(links, j)
@@ -134,14 +135,15 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
                 x, y = frames[j - 1, k, 0], frames[j - 1, k, 1]
                 z, origin = frames[j - 1, k, 2], frames[j - 1, k, 3]
             frames[j, k, 3] = origin + (x * p0 + y * p1 + z * p2)
-            # A row of the rotation is a vector of the work frame along the axes of the link.
+            # A row of the rotation is a unit vector of the work frame, in components along the link
+            # axes.
             frames[j, k, 0], frames[j, k, 1], frames[j, k, 2] = into_link(r, c, s, (x, y, z))
 
 
 @compiled()
 def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
     """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4)."""
-    # q (n, dof) [rad].
+    # q: joint positions [rad], (n, dof).
     frames = np.empty((len(q), len(links), 3, 4))
     for i in range(len(q)):
         write_frames(links, q[i], frames[i])
@@ -168,10 +170,11 @@ def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
 def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
     """Propagate velocities, angular velocities and their derivatives to the next frame."""
     # A vector l of a link has the derivatives `l1 = w x l`, `l2 = e x l + w x l1` and
-    # `l3 = f x l + 2 e x l1 + w x l2`. So has the axis of the next joint.
-    # The highest derivative comes first because it depends on the lower ones of the frame before.
+    # `l3 = f x l + 2 e x l1 + w x l2`. The same holds for the axis of the next joint.
+    # The highest derivative is updated first, because it depends on the lower derivatives of the
+    # previous frame.
     for i in range(B if order > 2 else 0):
-        lever, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
+        lever, axis, rate = get(state, LEVER, i), get(state, AXIS, i), joint[2 * B + i]
         w, e, f = get(state, MOTION + 3, i), get(state, MOTION + 9, i), get(state, MOTION + 15, i)
         lever1, axis1 = cross(w, lever), cross(w, axis)
         lever2 = add(cross(e, lever), 1.0, cross(w, lever1))
@@ -181,14 +184,14 @@ def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
         turned = add(add(f, joint[4 * B + i], axis), 2.0 * joint[3 * B + i], axis1)
         put(state, MOTION + 15, i, add(turned, rate, axis2))
     for i in range(B if order > 1 else 0):
-        lever, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
+        lever, axis, rate = get(state, LEVER, i), get(state, AXIS, i), joint[2 * B + i]
         w, e = get(state, MOTION + 3, i), get(state, MOTION + 9, i)
         lever2 = add(cross(e, lever), 1.0, cross(w, cross(w, lever)))
         put(state, MOTION + 6, i, add(get(state, MOTION + 6, i), 1.0, lever2))
         put(state, MOTION + 9, i, add(add(e, joint[3 * B + i], axis), rate, cross(w, axis)))
     for i in range(B):
         w = get(state, MOTION + 3, i)
-        lever1 = cross(w, get(state, WAY, i))
+        lever1 = cross(w, get(state, LEVER, i))
         put(state, MOTION, i, add(get(state, MOTION, i), 1.0, lever1))
         put(state, MOTION + 3, i, add(w, joint[2 * B + i], get(state, AXIS, i)))
 
@@ -203,15 +206,16 @@ def tool_motion(
     third: FloatArray,
 ) -> FloatArray:
     """Poses of the tool, or the derivatives of its motion up to an order, for many states."""
-    # links (dof + 1, 12), q (n, dof) [rad], first (n, dof), second (n, dof), third (n, dof).
-    # Returns for order 0 rotation and position, (3, 4) row by row, (n, 12); else velocity and
-    # angular velocity, their derivatives, and their second derivatives, (n, 6 order).
+    # links: (dof + 1, 12). q: [rad], (n, dof). first, second, third: its derivatives, (n, dof)
+    # each; only those up to `order` are used. Returns for order 0 rotation and position, (3, 4) row
+    # by row, (n, 12); otherwise velocity and angular velocity, then their derivatives, (n, 6
+    # order).
     n, dof = q.shape
     result = np.empty((n, 6 * order if order else 12))
-    joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
+    joint, state = np.empty(JOINT_ROWS * B), np.empty(STATE_ROWS * B)
     for begin in range(0, n, B):
         # The base has the unit rotation and no motion.
-        for i in range(ROWS * B):
+        for i in range(STATE_ROWS * B):
             state[i] = 0.0
         for k in range(3):
             for i in range(B):
@@ -234,8 +238,8 @@ def tool_motion(
                 for k in range(3):
                     x, y, z = state[k * B + i], state[(3 + k) * B + i], state[(6 + k) * B + i]
                     lever = x * p0 + y * p1 + z * p2
-                    state[(PLACE + k) * B + i] += lever
-                    state[(WAY + k) * B + i] = lever
+                    state[(POSITION + k) * B + i] += lever
+                    state[(LEVER + k) * B + i] = lever
                     x, y, z = into_link(r, c, s, (x, y, z))
                     state[k * B + i], state[(3 + k) * B + i] = x, y
                     state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z
@@ -251,7 +255,8 @@ def tool_motion(
 @compiled(inner=True, fastmath=FUSED)
 def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
     """Tool point [m] of one state, with few evaluations of sines and cosines."""
-    # links (dof + 1, 12), q (dof,) [rad], anchors (dof, 3).
+    # links: (dof + 1, 12). q: [rad], (dof,). anchors: angle, sine and cosine of each joint at its
+    # last exact evaluation, (dof, 3); updated.
     dof = len(q)
     point = links[dof, 9], links[dof, 10], links[dof, 11]
     for j in range(dof - 1, -1, -1):
@@ -272,7 +277,7 @@ def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
 # Algorithms, 2008, 5.3) in the frames of the links, whose z axes are the joint axes.
 @compiled(inner=True, fastmath=FUSED)
 def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: FloatArray) -> None:
-    """Take the motion of a block from one link to the next, and write the wrenches of that link."""
+    """Propagate the motion of a block to link j, and write the wrenches of the link."""
     link, r, mass = links[j], rotation_of(links, j), links[j, 12]
     p, h = (link[9], link[10], link[11]), (link[13], link[14], link[15])
     # Columns of the inertia.
@@ -283,7 +288,7 @@ def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: Float
     )
     for i in range(B):
         c, s, rate, second = rows[i], rows[B + i], rows[2 * B + i], rows[3 * B + i]
-        # The origin of the joint, still in the frame of the link before.
+        # Motion of the origin of the joint, in the axes of the previous link.
         w, e = get(motion, 0, i), get(motion, 6, i)
         turned = cross(w, p)
         v = add(get(motion, 3, i), 1.0, turned)
@@ -313,7 +318,7 @@ def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: Float
 
 @compiled(inner=True, fastmath=FUSED)
 def accumulate_inward(links: FloatArray, j: int, rows: FloatArray, before: FloatArray) -> None:
-    """Add the wrenches and the first moment of a link to those of the link before."""
+    """Add the wrenches and the first moment of a link to those of the previous link."""
     r, carried = rotation_of(links, j), links[j, 22]
     p = links[j, 9], links[j, 10], links[j, 11]
     for i in range(B):
@@ -332,7 +337,8 @@ def path_terms(
     links: FloatArray, gravity: FloatArray, q: FloatArray, first: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Coefficients a, b, c of the torque `a dds + b ds² + c` of all states, (n, dof) each."""
-    # links (dof, 24), gravity (3,) [m/s²], q (n, dof) [rad], first (n, dof), second (n, dof).
+    # links: (dof, 24). gravity: [m/s²], (3,). q, first, second: joint positions [rad] and their
+    # first and second derivative by s, (n, dof) each.
     n, dof = q.shape
     a, b, c = np.empty((n, dof)), np.empty((n, dof)), np.empty((n, dof))
     rows, motion = np.empty((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)
@@ -340,7 +346,7 @@ def path_terms(
         for j in range(dof):
             link_rows = rows[j]
             for i in range(B):
-                # The last block is filled up with the last state.
+                # The last block is padded with the last state.
                 state = min(begin + i, n - 1)
                 link_rows[i], link_rows[2 * B + i], link_rows[3 * B + i] = (
                     q[state, j],

@@ -27,7 +27,7 @@ STILL = 1e-6
 ONE_SIDED = np.pi
 ORDERS = ("q", "dq", "ddq", "dddq")
 
-# A quantity of the motion: a function of q, of q and dq, and so on.
+# A quantity of the motion as a function of the joint states (q, dq, ...) that it needs.
 Quantity = Callable[..., FloatArray]
 # Values, (n, dof) of joints or (n,) of the tool, and bounds on their errors.
 Bounded = tuple[FloatArray, FloatArray]
@@ -41,13 +41,15 @@ class Use:
     # Values in the unit of the limit, (..., dof) of joints or (n,) of the tool; absolute values
     # except for joint positions.
     value: FloatArray
-    limit: FloatArray | float  # Their limits, in a shape that broadcasts to that of the values
-    error: npt.ArrayLike = 0.0  # Bound on the error of the values, in such a shape
-    zero: FloatArray | None = None  # Origin of values and limits, above a lower limit; None for 0
+    limit: FloatArray | float  # Limits of the values, broadcast to their shape
+    error: npt.ArrayLike = 0.0  # Bound on the errors of the values, broadcast to their shape
+    zero: FloatArray | None = (
+        None  # Origin of values and limits; a lower limit is below it; None for 0
+    )
 
     @property
     def ratio(self) -> FloatArray:
-        """Values over limits: 1 is the limit. NaN is replaced by infinity."""
+        """Ratios of values to limits; NaN is replaced by infinity."""
         return self.ratios()[0]
 
     @property
@@ -56,9 +58,9 @@ class Use:
         return np.asarray(self.ratio.max(axis=0))
 
     def ratios(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Ratios of values to limits, lower bounds of the ratios, and the effect of the errors."""
-        # NaN is replaced by an infinite ratio with an infinite error. For exact values the effect
-        # is one zero.
+        """Ratios of values to limits, lower bounds of the ratios, and bounds on their errors."""
+        # NaN is replaced by an infinite ratio with an infinite error. The error bound of exact
+        # values is [0.0].
         error, used, room = np.asarray(self.error), self.value, np.asarray(self.limit)
         if self.zero is not None:
             used = np.where(room < self.zero, self.zero - used, used - self.zero)
@@ -91,7 +93,7 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
         return Use(name, value, limit, error, np.where(bounded, middle, 0.0))
     if name in JOINT_LIMITS:
         low, high = limits.bounds(name, values.shape[-1])
-        # Most limits are symmetric.
+        # Most limits are symmetric, so the selection by sign is rarely necessary.
         limit = high if np.array_equal(-low, high) else np.where(values < 0, -low, high)
     else:
         allowed = getattr(limits, name)
@@ -126,30 +128,30 @@ class States:
         return self.columns[2]
 
     @cached_property
-    def _bound(self) -> dict[str, Bounded]:
+    def _measured(self) -> dict[str, Bounded]:
         return {}
 
-    def bound(self, name: str) -> Bounded:
-        """Quantity that a limit applies to, in the unit of the limit, and a bound on its error."""
-        # Returns values of joints, (n, dof), or of the tool, (n,), and bounds on their errors.
-        # Joint values are signed, except for torques.
+    def measure(self, name: str) -> Bounded:
+        """Values of the quantity that a limit applies to, and bounds on their errors."""
+        # The values are in the unit of the limit, (n, dof) of joints or (n,) of the tool. Joint
+        # values are signed, except for torques.
         if name not in QUANTITIES:
             raise InvalidInput(
-                f"The use of a limit {name!r} is not known: known are {', '.join(QUANTITIES)}."
+                f"The use of {name!r} is undefined: it must be one of {', '.join(QUANTITIES)}."
             )
         order, measure = QUANTITIES[name]
         if order >= len(self.columns):
-            raise InvalidInput(f"The use of {name} needs states with {ORDERS[order]}.")
-        if name not in self._bound:
-            self._bound[name] = measure(self)
-        return self._bound[name]
+            raise InvalidInput(f"The use of {name} requires states with {ORDERS[order]}.")
+        if name not in self._measured:
+            self._measured[name] = measure(self)
+        return self._measured[name]
 
     def use(self, name: str, limits: Limits) -> Use:
-        """The use of a limit; arguments as of `use_of` and `bound`."""
-        return use_of(name, limits, *self.bound(name))
+        """Use of a limit by these states, as by `use_of`."""
+        return use_of(name, limits, *self.measure(name))
 
     def uses(self, limits: Limits) -> Iterator[Use]:
-        """Use of every specified limit that states and arm allow to evaluate."""
+        """Yield the use of every specified limit that can be evaluated for these states and arm."""
         for name in JOINT_RANGE:
             use = use_of(name, limits, self.q, self.errors[0] if self.errors else 0.0)
             if np.isfinite(use.limit).any():
@@ -185,16 +187,16 @@ class States:
         return value, self.spread(function, value, order)
 
     def spread(self, function: Quantity, value: FloatArray, order: int) -> FloatArray:
-        """Bound on the norm of the error of `bounded`, (n,), for a known vector."""
+        """Bound on the norm of the error of a tool vector, whose value is known, (n,)."""
         total = np.zeros(len(value))
         for change in self.changes(function, value, order):
             total += np.linalg.norm(change, axis=1)
-        # The combined effect of two errors is smaller than the effect of one times the angle of the
-        # other.
+        # The combined effect of two errors is smaller than the effect of one error times the angle
+        # of the other error.
         return np.asarray(total * (1 + self.errors[0].sum())) if self.errors else total
 
     def changes(self, function: Quantity, value: FloatArray, order: int) -> Iterator[FloatArray]:
-        """Changes of a value due to the error of each number; arguments as in `spread`."""
+        """Yield the changes of a value due to the error of each joint state, (n, columns) each."""
         columns = self.columns[: order + 1]
         for k, errors in enumerate(self.errors[: order + 1]):
             for joint in np.flatnonzero(errors):
@@ -204,17 +206,17 @@ class States:
 
 
 def require_orientation(arm: Arm) -> SerialArm:
-    """Return the arm if its tool has an orientation."""
+    """Return the arm if its tool has an orientation; otherwise raise an error."""
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
-            f"The tool of the arm {arm.name} is a point without an orientation: lift its limits "
-            "with limits.replace(angular_speed=math.inf, angular_acceleration=math.inf)."
+            f"The tool of the arm {arm.name} is a point without an orientation. Lift its angular "
+            "limits with limits.replace(angular_speed=math.inf, angular_acceleration=math.inf)."
         )
     return arm
 
 
 def angular(twist: Quantity) -> Quantity:
-    """The angular part of a twist."""
+    """Function that returns the angular part of a twist, (n, 3)."""
     return lambda *states: twist(*states)[:, 3:]
 
 
@@ -232,7 +234,7 @@ def length(vectors: FloatArray) -> FloatArray:
 
 
 def _joints(states: States, order: int) -> Bounded:
-    """Joint positions or their derivatives, signed."""
+    """Signed joint positions or their derivatives, (n, dof), and bounds on their errors."""
     return states.columns[order], states.errors[order] if order < len(states.errors) else np.zeros(
         1
     )
@@ -254,28 +256,31 @@ def _torque(states: States) -> Bounded:
     helped = np.maximum(np.abs(others) - dry, 0.0)
     value = np.where(np.abs(states.dq) <= STILL, helped, np.abs(drive))
     if states.errors:
-        # A joint that may be at rest may need only the torque at rest.
+        # If a joint may be at rest, the required torque may be as small as the torque at rest.
         still = np.abs(states.dq) <= STILL + states.errors[1]
         error += np.where(still, np.maximum(value - helped, 0.0), 0.0)
     return value, error
 
 
 def _vector(states: States, function: Quantity, order: int) -> Bounded:
-    """Norms of tool vectors."""
+    """Norms of tool vectors, (n,), and bounds on their errors."""
     vectors, error = states.bounded(function, order)
     return length(vectors), error
 
 
 def _tool_motion(states: States, order: int) -> Bounded:
-    """Tool speeds or norms of tool accelerations: both from one evaluation."""
+    """Tool speeds or norms of tool accelerations, which share one evaluation of the kinematics."""
     vectors = states.tool_velocity if order == 1 else states.tool_acceleration
     function = states.arm.tool_velocity if order == 1 else states.arm.tool_acceleration
     return length(vectors), states.spread(function, vectors, order)
 
 
 def _centripetal(states: States) -> Bounded:
-    """Tool accelerations normal to the motion."""
-    (speed, speed_error), (size, error) = states.bound("speed"), states.bound("tool_acceleration")
+    """Tool accelerations normal to the motion, (n,), and bounds on their errors."""
+    (speed, speed_error), (size, error) = (
+        states.measure("speed"),
+        states.measure("tool_acceleration"),
+    )
     # An error of the direction of motion turns part of the tangential acceleration into normal
     # acceleration.
     turned = size * np.minimum(1.0, speed_error / np.maximum(speed, SLOWEST))
@@ -283,7 +288,7 @@ def _centripetal(states: States) -> Bounded:
     return value, np.where(speed > SLOWEST, error + turned, 0.0)
 
 
-# The quantity of each limit, with the number of derivatives of q that it needs.
+# Number of time derivatives of q that each limit's quantity needs, and function that evaluates it.
 QUANTITIES: dict[str, tuple[int, Callable[[States], Bounded]]] = {
     "joint_torque": (2, _torque),
     "angular_speed": (

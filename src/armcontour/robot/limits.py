@@ -99,10 +99,11 @@ class Limits(Checked):
         Checked.__post_init__(self)
 
     def _check_together(self) -> None:
-        # Infinite jerk is no limit; files may give jerk for some joints only.
+        # An infinite jerk limit of a joint is valid, because files may specify jerk for some
+        # joints.
         for name in JOINT_LIMITS:
             if name != "joint_jerk" and getattr(self, name) is not None:
-                checks.lock_numbers(name, getattr(self, name))
+                checks.freeze_numbers(name, getattr(self, name))
         # Infinity of either sign means that the range has no end.
         for name, end in (("joint_lower", -np.inf), ("joint_upper", np.inf)):
             values = getattr(self, name)
@@ -130,16 +131,16 @@ class Limits(Checked):
             return
         if len({x.size for x in (lower, upper)} - {1}) > 1:
             raise InvalidInput(
-                f"joint_lower has {lower.size} values, but joint_upper {upper.size}: give one for "
-                "all joints or one per joint."
+                f"joint_lower has {lower.size} values, but joint_upper has {upper.size}. Specify "
+                "one value for all joints or one per joint."
             )
         empty = np.atleast_1d(lower >= upper)
         if empty.any():
             j = int(np.argmax(empty))
             low, high = (float(np.broadcast_to(x, empty.shape)[j]) for x in (lower, upper))
             raise InvalidInput(
-                f"The range of joint {j + 1} is empty: its joint_lower, {low:g} rad, must lie "
-                f"below its joint_upper, {high:g} rad."
+                f"The range of joint {j + 1} is empty: joint_lower ({low:g} rad) must be less than "
+                f"joint_upper ({high:g} rad)."
             )
 
     def replace(self, **changes: Any) -> Limits:
@@ -165,14 +166,14 @@ class Limits(Checked):
             values: Values by the names of the limits.
 
         Raises:
-            InvalidInput: As of `replace`.
+            InvalidInput: An unknown name, or a value that is not a limit.
         """
         specified = cls().replace(**values)
         return specified._without(x for x in UNITS if getattr(specified, x) is None)
 
     @checked
     def over(self, others: Limits) -> Limits:
-        """These limits, completed by others where they have no value and lift none.
+        """Complete these limits: values that are missing and not lifted are taken from others.
 
         Args:
             others: The other limits, such as those of an arm.
@@ -191,7 +192,7 @@ class Limits(Checked):
         return merged
 
     def _with(self, changes: Mapping[str, Any], lifted: frozenset[str]) -> Limits:
-        """The same limits with some values replaced without a check, and other lifted ones."""
+        """Copy of the limits with changed values, which are not checked, and lifted limits."""
         changed = object.__new__(Limits)
         for name in UNITS:
             object.__setattr__(changed, name, changes.get(name, getattr(self, name)))
@@ -199,30 +200,30 @@ class Limits(Checked):
         return changed
 
     def _without(self, names: Iterable[str]) -> Limits:
-        """The same limits with some lifted."""
+        """Copy of the limits with additional lifted limits."""
         names = tuple(names)
         lifted = self.lifted.union(names)
         return self if lifted == self.lifted else self._with(dict.fromkeys(names), lifted)
 
     @property
     def of_joints(self) -> Limits:
-        """The limits and ranges of the joints, without the limits of the tool."""
+        """The limits and ranges of the joints; the limits of the tool are lifted."""
         return self._without(TOOL_LIMITS)
 
     @property
     def jerk_limits(self) -> tuple[str, ...]:
-        """Names of the limits of jerk, without those that are infinite for every joint."""
+        """Names of the specified jerk limits, except those that are infinite for all joints."""
         values = {x: getattr(self, x) for x in JERK_LIMITS}
         return tuple(x for x, y in values.items() if y is not None and np.isfinite(y).any())
 
     @property
     def without_jerk(self) -> Limits:
-        """The limits without those of jerk."""
+        """The limits with all jerk limits lifted."""
         return self._without(JERK_LIMITS)
 
     @property
     def of_tool(self) -> Limits:
-        """The limits of the tool, without the limits and ranges of the joints."""
+        """The limits of the tool; the limits and ranges of the joints are lifted."""
         return self._without(JOINT_VALUES)
 
     def for_joints(self, dof: int) -> Limits:
@@ -245,11 +246,11 @@ class Limits(Checked):
                 continue
             if values.ndim == 2:
                 raise InvalidInput(
-                    f"{name} has bounds for {len(values)} joints, but the arm has {dof}: give one "
-                    f"pair for all joints or {dof}."
+                    f"{name} has bounds for {len(values)} joints, but the arm has {dof} joints. "
+                    f"Specify one pair for all joints or {dof} pairs."
                 )
             if values.ndim:
-                # Infinite values are no limits, and their number is refused.
+                # Check the number of values. Infinite values are valid, but the check rejects them.
                 checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof, unit)
             one_each = changes[name] = np.full(dof, values)
             one_each.setflags(write=False)
@@ -310,7 +311,7 @@ class Limits(Checked):
         return ends[0], ends[1]
 
     def middle(self, dof: int) -> FloatArray:
-        """Middle of each joint range [rad]; for an open range the position closest to 0.
+        """Middle of each joint range [rad]; if the range is unbounded, the position closest to 0.
 
         Args:
             dof: Number of joints.
@@ -326,8 +327,8 @@ class Limits(Checked):
         return values is None or values.ndim < 2 or bool((values.sum(axis=1) == 0).all())
 
 
-# Unit of every limit; limits with one value for all joints or one per joint; limits of the tool;
-# joint limits without the ranges.
+# Unit of each limit; units of the limits with values per joint; names of the tool limits; names of
+# the joint limits without the ranges.
 UNITS = {name: x.words for name, x in quantities(Limits).items()}
 JOINT_VALUES = {name: unit for name, unit in UNITS.items() if name.startswith("joint_")}
 TOOL_LIMITS = tuple(x for x in UNITS if x not in JOINT_VALUES)
@@ -341,7 +342,7 @@ def _is_unlimited(name: str, values: Any) -> bool:
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        # Refused by its check.
+        # The check of the field rejects these values.
         return False
     if name in TOOL_LIMITS and array.ndim:
         return False
@@ -351,7 +352,7 @@ def _is_unlimited(name: str, values: Any) -> bool:
 
 
 def _list_values(values: npt.ArrayLike) -> str:
-    """The values of all joints; one if they are the same."""
+    """The values of all joints as text; one value if they are equal."""
     rows = np.atleast_1d(values)
     listed = [" to ".join(digits(x) for x in np.atleast_1d(row)) for row in rows]
     return listed[0] if len(set(listed)) == 1 else ", ".join(listed)

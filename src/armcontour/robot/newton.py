@@ -1,9 +1,9 @@
 """Compiled inverse kinematics: Newton's method, damped least squares, pose sequences."""
 
 # The task dimension is the number of equations per target pose: 6; 5 if rotation about the tool
-# axis is free; 3 for the tool point only. If the arm has more joints than that, guide equations
-# `w q = w g` fix the redundant degrees of freedom: w are the guide's rows, g the guide's joint
-# positions.
+# axis is free; 3 for the tool point only. If the arm has more joints than equations, guide
+# equations `w q = w g` fix the redundant degrees of freedom: w are the rows of the guide, g its
+# joint positions.
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import compiled
 from armcontour.robot.kernels import Vector, add, cross, write_frames
 
-# Newton's method ends when its step is below this [rad]: the next step would be the square of this
-# one times the condition number of the Jacobian.
+# Newton's method ends when its step is below this [rad], because the next step would be about the
+# square of this step times the condition number of the Jacobian.
 ARRIVED = 1e-10
 MAX_STEPS = 15
-# Longest step of a joint [rad]; longer steps are scaled down.
+# Longest step of a joint [rad]; longer steps are reduced.
 LONGEST_STEP = 0.5
 # `follow`: longest correction of any joint [rad], and largest number of corrections per step.
 FOLLOW_STEP = 0.15
 FOLLOW_CORRECTIONS = 6
 # `follow` gives up after it has halved the step between two poses this many times.
 MAX_HALVINGS = 12
-# A matrix counts as singular if its smallest pivot over its largest one is below this.
+# A matrix counts as singular if the ratio of its smallest to its largest pivot is below this.
 SINGULAR = 1e-11
 
 
 @compiled(inner=True)
 def solve(a: FloatArray, b: FloatArray, n: int) -> float:
     """Solve a x = b in place by Gaussian elimination with pivoting."""
-    # a (n, n), b (n,).
-    # Returns the smallest pivot over the largest pivot; 0 if a is singular.
+    # a: (n, n). b: (n,).
+    # Returns the ratio of the smallest to the largest pivot; 0 if a is singular.
     smallest, largest = math.inf, 0.0
     for i in range(n):
         best = i
@@ -66,7 +66,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
 
 @compiled(inner=True)
 def write_row(row: FloatArray, out: FloatArray) -> None:
-    """Copy numbers into another array; assignments of whole arrays take long to compile."""
+    """Copy numbers into another array one by one; array assignments take long to compile."""
     for k in range(len(row)):
         out[k] = row[k]
 
@@ -94,22 +94,22 @@ def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: F
 
 
 class PoseEquations(NamedTuple):
-    """Memory for the equations of one pose."""
+    """Work arrays for the equations of one pose."""
 
     frames: FloatArray  # Frames of the joints and of the tool, (dof + 1, 3, 4)
-    rows: FloatArray  # Jacobian of the pose error, (task, dof) or more
-    error: FloatArray  # The pose error, (task,) or longer
+    rows: FloatArray  # Jacobian of the pose error, (task, dof) or more rows
+    error: FloatArray  # Pose error, (task,) or longer
 
 
 @compiled(inner=True)
 def write_equations(
     links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: PoseEquations
 ) -> None:
-    """Write the pose error of the tool and its derivatives by the joint positions."""
+    """Write the pose error of the tool and its Jacobian by the joint positions."""
     # The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     # from the pose to the target [rad]. For task 5 they are the components of the rotation vector
     # between the tool axes along the target's x and y axes [rad].
-    # links (dof + 1, 12), q (dof,) [rad], target (3, 4).
+    # links: (dof + 1, 12). q: joint positions [rad], (dof,). target: (3, 4).
     dof, rows, frames = len(q), out.rows, out.frames
     write_frames(links, q, frames)
     pose = frames[dof]
@@ -122,7 +122,7 @@ def write_equations(
         elif task == 5:
             rows[3, k], rows[4, k] = dot(column(target, 0), axis), dot(column(target, 1), axis)
     turn, cosine = (0.0, 0.0, 0.0), 0.0
-    # The rotation to the target is the target times the transposed pose: sine and cosine, twice.
+    # Sum up the sine (times the axis) and cosine of the rotation to the target, doubled for task 6.
     for k in range(0 if task == 6 else 2, 3):
         turn = add(turn, 1.0, cross(column(pose, k), column(target, k)))
         cosine += dot(column(pose, k), column(target, k))
@@ -143,7 +143,7 @@ def newton(
     links: FloatArray, task: int, q: FloatArray, targets: FloatArray, w: FloatArray, g: FloatArray
 ) -> BoolArray:
     """Solve the inverse kinematics by Newton's method; mask of the solved poses, (n,)."""
-    # links (dof + 1, 12), q (n, dof) [rad] with initial guesses, overwritten; targets (n, 3, 4).
+    # links: (dof + 1, 12). q: initial guesses [rad], (n, dof); overwritten. targets: (n, 3, 4).
     # The guide equations use only w[:, 0] and g[:, 0]; derivatives in w[:, 1:] and g[:, 1:] are
     # ignored.
     n, dof = q.shape
@@ -183,12 +183,12 @@ def path_derivatives(
     g: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivatives dq_ds [rad/m] and d2q_ds2 [rad/m²], (n, dof), at the poses of a path."""
-    # Also the smallest over the largest pivot of the equations, (n,): 0 if they are singular. If
-    # rotation about the tool axis is free, the equations of the orientation are
-    # `x . omega = x . rate` for the target's x and y axes, which rotate with the target. The second
-    # derivative follows from differentiating these equations.
-    # rates (n, 4, 3): first and second derivative of the position, angular velocity and its
-    # derivative. w (n, 3, dof - task, dof) and g (n, 3, dof): guide and its first two derivatives.
+    # Also returns the ratio of the smallest to the largest pivot, (n,); 0 if singular. If rotation
+    # about the tool axis is free, the equations of the orientation are `x . omega = x . rate` for
+    # the target's x and y axes, which rotate with the target. The second derivative follows from
+    # differentiating these equations. rates, (n, 4, 3): first and second derivative of the
+    # position, angular velocity and its derivative. w, (n, 3, dof - task, dof), and g, (n, 3, dof):
+    # guide and its first two derivatives.
     n, dof = q.shape
     first, second, pivot_ratio = np.empty((n, dof)), np.empty((n, dof)), np.empty(n)
     frames, a, b = np.empty((dof + 1, 3, 4)), np.empty((dof, dof)), np.empty(dof)
@@ -214,14 +214,14 @@ def path_derivatives(
         # Angular velocity of the tool, and its acceleration and angular acceleration at ddq = 0.
         turned = tool_acceleration = twisted = (0.0, 0.0, 0.0)
         for k in range(dof):
-            # The link before the joint turns the joint axis, which adds omega x axis dq.
+            # The rotation of the previous link turns the joint axis, which adds omega x axis dq.
             axis = column(frames[k], 2)
             twisted = add(twisted, b[k], cross(turned, axis))
             turned = add(turned, b[k], axis)
             lever = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
             tool_acceleration = add(tool_acceleration, 1.0, cross(twisted, lever))
             tool_acceleration = add(tool_acceleration, 1.0, cross(turned, cross(turned, lever)))
-        # The tool may rotate about its axis at another rate than the target: the difference of
+        # The tool may rotate about its axis at another rate than the target, so the difference of
         # the angular velocities is along the tool axis.
         free = cross(add(turn, -1.0, turned), turn)
         twist = add(add(twist, -1.0, twisted), 1.0, free)
@@ -239,9 +239,9 @@ def path_derivatives(
 
 @compiled()
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
-    """Orthonormal basis of the joint motion at a fixed tool pose, (n, dof - task, dof)."""
+    """Orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof)."""
     # For task 5 the tool may rotate about its axis, for task 3 about the tool point.
-    # links (dof + 1, 12), q (n, dof) [rad], targets (n, 3, 4).
+    # links: (dof + 1, 12). q: joint positions [rad], (n, dof). targets: (n, 3, 4).
     n, dof = q.shape
     basis, rows, residual = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
@@ -249,7 +249,7 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
         write_equations(links, task, q[i], targets[i], equations)
         for r in range(dof):
             if r >= task:
-                # Start from the joint axis farthest from the span of the rows before.
+                # Start from the joint axis farthest from the span of the previous rows.
                 farthest = 0
                 for k in range(dof):
                     residual[k], rows[r, k] = 1.0, 0.0
@@ -288,7 +288,7 @@ def write_shortest_step(
 ) -> float:
     """Write the shortest joint step that removes the pose error; return its size [rad]."""
     # The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity.
-    # square (6, 6) and right (6,) are memory.
+    # square (6, 6) and right (6,) are work arrays.
     rows, dof = equations.rows, len(out)
     for i in range(task):
         for j in range(i + 1):
@@ -314,7 +314,8 @@ def approach(
     links: FloatArray, task: int, target: FloatArray, q: FloatArray, weight: float, max_steps: int
 ) -> FloatArray:
     """Move q [rad] to a pose by damped least squares; remaining errors [m, rad], (n, 2)."""
-    # links (dof + 1, 12), target (3, 4), q (n, dof), overwritten; weight of a radian [m/rad].
+    # links: (dof + 1, 12). target: (3, 4). q: initial positions, (n, dof); overwritten. weight:
+    # weight of a radian relative to a metre [m/rad].
     n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
     best = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
@@ -383,9 +384,9 @@ def follow(
     enough: float,
 ) -> None:
     """Follow poses from several joint positions by the shortest joint steps."""
-    # targets (n, 3, 4), each close to the one before. q (branches, n, dof) [rad]: rows 0 are
-    # inputs, the others outputs. reached (branches,): output, number of reached poses, including
-    # the first. A pose is reached with a correction below `enough` [rad].
+    # targets: (n, 3, 4), each close to the previous pose. q: [rad], (branches, n, dof); the first
+    # pose of each branch is input, the others are output. reached: output, number of reached poses
+    # of each branch, with the first. A pose is reached if the correction is below `enough` [rad].
     branches, n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
     equations = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
@@ -406,8 +407,8 @@ def follow(
                 for _ in range(FOLLOW_CORRECTIONS):
                     write_equations(links, task, trial, target, equations)
                     size = write_shortest_step(task, equations, 0.0, square, right, step)
-                    # Each correction must be at most half of the one before; otherwise the steps
-                    # may lead to another configuration.
+                    # Each correction must be at most half of the previous one; otherwise the steps
+                    # may end in another configuration.
                     if not size < 0.5 * before or size > FOLLOW_STEP:
                         break
                     for k in range(dof):

@@ -29,7 +29,7 @@ SINGULAR_MARGIN = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinkTube(Checked):
-    """A uniform round tube that replaces a link of unknown mass and inertia."""
+    """A uniform round tube that replaces a link whose mass and inertia are unknown."""
 
     outer_diameter: Size  # Outer diameter [m]
     wall: Size  # Thickness of the wall [m]
@@ -81,12 +81,13 @@ class PlanarTwoLink(ChainArm):
         joint_names: Names of the two joints.
         tubes: The tubes that replace the two links; None if neither masses nor shapes are known.
         payload: Load at the tool; its frame lies in the plane, with y along the second link.
-        assumed: Which masses and inertias are assumed, and by which rule, for messages.
-        limits_hint: What the user can do to add the limits that the arm lacks, for messages.
+        assumed: Assumed masses and inertias and the rule for them, for messages.
+        limits_hint: Advice on how to add the limits that the arm lacks, for messages.
     """
 
     dimension = 2
-    # Named after the sign of theta2. The paper prints (4) for the first solution only.
+    # The branches are named after the sign of theta2. The paper prints (4) for the first branch
+    # only.
     branches = ("positive", "negative")
 
     @checked
@@ -140,7 +141,8 @@ class PlanarTwoLink(ChainArm):
         c, y = tool[..., 0] - self.base, tool[..., 1]
         distance = np.hypot(c, y)
         self._check_reach(tool, distance)
-        # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
+        # low is 1 + cos(theta2) and high is 1 - cos(theta2). The products are exact at both limits
+        # of reach.
         shortest, longest = self.reach
         low = (distance - shortest) * (distance + shortest) / (2 * self.link1 * self.link2)
         high = (longest - distance) * (longest + distance) / (2 * self.link1 * self.link2)
@@ -191,15 +193,15 @@ class PlanarTwoLink(ChainArm):
         return self._solve(q, required - self.tool_acceleration(q, rate, np.zeros_like(rate)))
 
     def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
-        """Solve `J(q) x = right` for x, (..., 2)."""
+        """Solve `J(q) x = right` for x, (..., 2); raises an error if the arm is singular."""
         self._common_shape([checks.floats("states of an arm", q), right])
         jacobian = self.tool_jacobian(q)
         try:
             return np.asarray(np.linalg.solve(jacobian, right[..., None])[..., 0])
         except np.linalg.LinAlgError:
             raise Unreachable(
-                f"The arm {self.name} is singular at one of the joint positions: "
-                "its tool cannot move in every direction there."
+                f"The arm {self.name} is singular at one of the joint positions, so its tool "
+                "cannot move in every direction there."
             ) from None
 
     def _chain(
@@ -209,7 +211,7 @@ class PlanarTwoLink(ChainArm):
         payload: Payload | None,
         assumed: str,
     ) -> Chain:
-        """The two joints and links as a chain in space."""
+        """Make the chain of the two joints and links in space."""
         lengths = np.array([self.link1, self.link2])
         bodies: dict[str, npt.ArrayLike] = {}
         if tubes is not None:
@@ -232,7 +234,7 @@ class PlanarTwoLink(ChainArm):
         )
 
     def _branch(self, configuration: str | None) -> str:
-        """Check the name of a solution; None is the default one."""
+        """Check the name of a branch and return it; None selects the first branch."""
         if configuration is None:
             return self.branches[0]
         if not isinstance(configuration, str) or configuration not in self.branches:
@@ -243,7 +245,7 @@ class PlanarTwoLink(ChainArm):
         return configuration
 
     def _check_reach(self, points: FloatArray, distance: FloatArray) -> None:
-        """Refuse points that are out of reach or singular."""
+        """Raise an error if a point is out of reach or singular."""
         shortest, longest = self.reach
         outside = ~(
             (distance > shortest + SINGULAR_MARGIN) & (distance < longest - SINGULAR_MARGIN)
@@ -262,11 +264,11 @@ class PlanarTwoLink(ChainArm):
             )
         else:
             problem = (
-                f"lies on the edge of the reach of the arm {self.name}, {radius:.9g} m from its "
+                f"is on the edge of the reach of the arm {self.name}, {radius:.9g} m from its "
                 "base, where it is singular"
             )
         raise Unreachable(
-            f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm{unit_hint(beyond)}.",
+            f"Point ({x:.6g}, {y:.6g}) m {problem}. Move the path or the arm{unit_hint(beyond)}.",
             point=point.tolist(),
             index=index,
             limit="reach",
@@ -280,7 +282,8 @@ def _capsules(tubes: tuple[LinkTube, LinkTube], lengths: tuple[float, float]) ->
     shapes = []
     for k, (tube, length) in enumerate(zip(tubes, lengths, strict=True), start=1):
         radius = tube.outer_diameter / 2
-        # The end of a link that is thicker than long is left round.
+        # The second link ends at the tool, unless it is thicker than long; then its round end
+        # extends beyond the tool.
         stretch = length - radius if k == 2 and length > radius else length
         shape = Capsule(radius=radius, length=stretch)
         frame = Frame.rpy((0.0, stretch / 2, 0.0), (-np.pi / 2, 0.0, 0.0))

@@ -22,7 +22,7 @@ SMALLEST, LARGEST = 1e-3, 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shape(Checked, ABC):
-    """A shape in a frame of its own."""
+    """A shape in its own frame."""
 
     @property
     @abstractmethod
@@ -35,7 +35,7 @@ class Shape(Checked, ABC):
 class Sphere(Shape):
     """A ball about the origin."""
 
-    radius: Size = field(kw_only=False)  # Its radius [m]
+    radius: Size = field(kw_only=False)  # Radius [m]
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -62,8 +62,8 @@ class Capsule(Shape):
 class Cylinder(Shape):
     """A round cylinder along the z axis, centred at the origin."""
 
-    radius: Size = field(kw_only=False)  # Its radius [m]
-    length: Size = field(kw_only=False)  # Its length [m]
+    radius: Size = field(kw_only=False)  # Radius [m]
+    length: Size = field(kw_only=False)  # Length [m]
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -76,7 +76,7 @@ class Cylinder(Shape):
 class Box(Shape):
     """A box about the origin."""
 
-    # Its lengths along x, y and z [m], (3,).
+    # Lengths along x, y and z [m], (3,).
     size: Annotated[FloatArray, Quantity("m", "5 mm", "positive"), Axes(3)] = field(kw_only=False)
 
     @property
@@ -92,7 +92,7 @@ class HalfSpace(Shape):
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
-        """A ball of infinite radius: a half-space is unbounded."""
+        """The origin, and an infinite radius, because a half-space is unbounded."""
         return np.zeros(3), np.inf
 
 
@@ -103,30 +103,33 @@ class Mesh(Shape):
 
     # Corners of the triangles [m], (n, 3).
     points: Annotated[FloatArray, Quantity("m"), Axes("points", 3)] = field(kw_only=False)
-    # Indices of the three corners of each triangle, (m, 3); none for the convex hull of the points.
+    # Indices of the three corners of each triangle, (m, 3); None for the convex hull of `points`.
     triangles: Annotated[IntArray, Axes("triangles", 3)] | None = None
-    source: str = ""  # Where the mesh comes from, for messages
+    source: str = ""  # Source of the mesh, for messages
     _hull: Mesh | None = field(init=False, default=None, repr=False)
 
     def _check_together(self) -> None:
         who, points, corners = self.source or "a mesh", self.points, self.triangles
         if len(points) < 4:
-            raise InvalidInput(f"{who} needs at least 4 points of 3 coordinates [m].")
+            raise InvalidInput(f"{who} must have at least 4 points, but has {len(points)}.")
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread[2] <= 1e-9 * spread[0]:
-            raise InvalidInput(f"All points of {who} lie in a plane: a body has a volume.")
+            raise InvalidInput(
+                f"The points of {who} are in a plane, but a body must have a volume."
+            )
         if corners is None:
             return
         if not len(corners) or corners.min() < 0 or corners.max() >= len(points):
-            raise InvalidInput(f"A triangle of {who} has a corner that is none of its points.")
+            raise InvalidInput(f"A triangle of {who} has the index of a point that does not exist.")
 
     @property
     def hull(self) -> Mesh:
-        """Its convex hull: the same points, without triangles."""
+        """Convex hull of the mesh: the same points, without triangles."""
         if self.triangles is None:
             return self
         if self._hull is None:
-            # Cached because the collision library keeps its data for as long as the mesh lives.
+            # The hull is cached, because the collision library keeps its data for as long as the
+            # mesh lives.
             object.__setattr__(self, "_hull", Mesh(points=self.points, source=self.source))
         assert self._hull is not None
         return self._hull
@@ -152,19 +155,19 @@ ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
 class LinkShape(Checked):
     """A shape that moves with a link, or with the tool."""
 
-    name: Name  # Name of the link, for messages and exceptions
+    name: Name  # Name of the link, for messages and exclusions
     link: int  # 0 for the base, i for the link after the i-th joint
     shape: Shape
-    place: Frame = field(default_factory=Frame)  # The frame of the shape, in the frame of the link
-    tool: bool = False  # True if the shape is the tool's, or that of a part that the tool holds
-    # The exact body if `shape` is a larger convex one; it decides if `shape` comes too near.
+    place: Frame = field(default_factory=Frame)  # Frame of the shape in the frame of the link
+    tool: bool = False  # True if the shape belongs to the tool, or to a part that the tool holds
+    # Exact shape if `shape` is its convex hull; it is used where the hull violates the margin.
     exact: Shape | None = None
     assumed: bool = False  # True if the shape is an assumption
 
     def _check_together(self) -> None:
         if isinstance(self.shape, HalfSpace):
             raise InvalidInput(
-                f"The shape of {self.name} is a half-space, which moves with no link."
+                f"The shape of {self.name} must not be a half-space, which cannot move with a link."
             )
 
     def with_hull(self) -> LinkShape:
@@ -181,19 +184,19 @@ class LeftOut:
     # first, second: names of the links.
     first: str
     second: str
-    reason: str  # Reason for the exclusion
+    reason: str  # Reason why their distance is not checked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArmShapes(Checked):
     """The shapes of an arm's links and tool."""
 
-    # The shapes. A link may have several.
+    # Shapes of the links and of the tool; a link may have several shapes.
     shapes: tuple[LinkShape, ...]
-    # Pairs of links whose distance is not checked, with the reasons. Neighbouring links are never
-    # checked.
+    # Pairs of links whose distance is not checked, with the reasons. The distance of neighbouring
+    # links is never checked.
     left_out: tuple[LeftOut, ...] = ()
-    source: str = ""  # Where the shapes come from, and their licence
+    source: str = ""  # Source and licence of the shapes
 
     def _check_together(self) -> None:
         names = {x.name for x in self.shapes}
@@ -201,22 +204,24 @@ class ArmShapes(Checked):
             for name in (pair.first, pair.second):
                 if name not in names:
                     raise InvalidInput(
-                        f"The pair {pair.first}, {pair.second} cannot be excluded: {name} has no "
-                        f"shape; shapes are those of {', '.join(sorted(names))}."
+                        f"The pair {pair.first}, {pair.second} cannot be excluded, because {name} "
+                        f"has no shape. The arm has shapes of {', '.join(sorted(names))}."
                     )
 
     def with_tool(self, shapes: Iterable[LinkShape]) -> ArmShapes:
-        """Return the same links with other shapes of the tool."""
+        """Return the shapes with other shapes of the tool."""
         links = tuple(x for x in self.shapes if not x.tool)
         return replace(self, shapes=(*links, *(replace(x, tool=True) for x in shapes)))
 
 
-# Frames of obstacles: the base of the arm, or the part, in whose frame the paths are.
+# Frames to which obstacles are fixed: the base of the arm, or the part, which has the frame of the
+# paths.
 BASE, PART = "base", "part"
 # Name of the tool in `allow` of an obstacle.
 TOOL = "tool"
-# Name of a floor as an obstacle. Two floors are no obstacles: the mounting plane of the base, above
-# which links should stay, and no floor.
+# Name of the obstacle that represents a floor of a specified height. The values `AT_BASE` and
+# `NO_FLOOR` add no obstacle; with `AT_BASE`, links should stay above the mounting plane of the
+# base.
 FLOOR = "floor"
 AT_BASE: Literal["base"] = "base"
 NO_FLOOR: Literal["none"] = "none"
@@ -250,12 +255,12 @@ class Obstacle(Checked):
     >>> ball = ac.Obstacle(name="ball", shape=Sphere(radius=0.05), place=ac.Frame((0.5, 0.2, 0.1)))
 
     Args:
-        name: Its name, for messages.
-        shape: Its shape.
-        place: The frame of its shape, in the frame of `fixed_to`.
+        name: Name of the obstacle, for messages.
+        shape: Shape of the obstacle.
+        place: Frame of the shape in the frame of `fixed_to`.
         fixed_to: "base", or "part" for an obstacle that moves with the part.
         margin: Smallest allowed distance of links and tool [m]; None is the margin of the scene.
-        allow: Names of links that may touch it; "tool" is the tool.
+        allow: Names of links that may touch the obstacle; "tool" is the tool.
 
     Raises:
         InvalidInput: The name, the margin or `fixed_to` is invalid.
@@ -298,7 +303,7 @@ class Scene(Checked):
         if not isinstance(self.floor, str):
             frame = Frame(position=np.array([0.0, 0.0, self.floor]))
             floor = Obstacle(name=FLOOR, shape=HalfSpace(), place=frame)
-            # A copy of a scene with a floor has it already.
+            # A copy of a scene already contains its floor.
             others = (x for x in self.obstacles if not _is_same(x, floor))
             object.__setattr__(self, "obstacles", (*others, floor))
         names: set[str] = set()
@@ -317,7 +322,7 @@ class Scene(Checked):
 
 
 def _is_same(first: Obstacle, second: Obstacle) -> bool:
-    """True if two obstacles are the same half-space."""
+    """True if both obstacles are half-spaces with the same name and placement."""
     named = (first.name, first.fixed_to) == (second.name, second.fixed_to)
     same = isinstance(first.shape, HalfSpace) and named
     return same and bool(np.array_equal(first.place.matrix, second.place.matrix))

@@ -20,7 +20,8 @@ from armcontour.robot.limits import Limits
 if TYPE_CHECKING:
     from armcontour.robot.closed_form import ClosedForm
 
-# Joint axes are parallel if the sine of their angle is below this, for rounding errors.
+# Joint axes are parallel if the sine of their angle is below this, which allows for rounding
+# errors.
 PARALLEL = 1e-9
 
 
@@ -28,7 +29,7 @@ class ChainArm(Arm):
     """An arm whose tool moves by a chain of joints: in space, or with x and y in the plane z = 0.
 
     Attributes:
-        link_table: The chain as `link_table` has it, for compiled kinematics, (dof + 1, 12).
+        link_table: Table of the links for the compiled kinematics, (dof + 1, 12).
     """
 
     chain: Chain
@@ -37,7 +38,7 @@ class ChainArm(Arm):
     def _describe(
         self, name: str, chain: Chain, limits: Limits, source: str, limits_hint: str
     ) -> None:
-        """Check and store the attributes that all arms of a chain have."""
+        """Check and store the attributes of all arms that have a chain."""
         self.name = checks.check_name("name of an arm", name)
         self.chain = chain
         self.joint_names = chain.joints
@@ -64,7 +65,7 @@ class ChainArm(Arm):
 
     @cached_property
     def span(self) -> float:
-        """Distances from joint to joint, and on to the tool, together [m]."""
+        """Sum of the distances from joint to joint and from the last joint to the tool [m]."""
         end = self.chain.tip @ self.chain.tool
         parts = np.concatenate([self.chain.positions, end.position[None]])
         return float(np.linalg.norm(parts, axis=1).sum())
@@ -73,7 +74,7 @@ class ChainArm(Arm):
     def forward(self, q: npt.ArrayLike) -> FloatArray:
         """Poses of the tool in the work frame as homogeneous transforms, (..., 4, 4).
 
-        An arm in the plane has such poses, too: they lie in the plane z = 0.
+        Poses of a planar arm are in the plane z = 0.
 
             arm = load_arm("ur5e")
             arm.forward(np.zeros(6))[:3, 3]  # the tool point [m]
@@ -82,7 +83,7 @@ class ChainArm(Arm):
             q: Joint positions [rad], (..., dof).
 
         Raises:
-            InvalidInput: The number of columns is not that of the joints.
+            InvalidInput: The number of columns differs from the number of joints.
         """
         return transforms(self.poses(q))
 
@@ -93,27 +94,29 @@ class ChainArm(Arm):
         near: npt.ArrayLike | None = None,
         all: bool = False,  # noqa: A002, FBT001, FBT002
     ) -> FloatArray:
-        """Joint positions [rad] with which the tool has a pose, (dof,), within the joint ranges.
+        """Joint positions [rad], (dof,), at which the tool has a pose, within the joint ranges.
 
-        In closed form for arms of two joints and most arms of six; else by a search.
+        The solution has a closed form for planar arms and most six-joint arms; else it is searched.
 
             q = arm.inverse(arm.forward(start), near=start)
             elbow_up_and_down = arm.inverse(Frame((0.4, 0.1, 0.3), flipped), all=True)
 
         Args:
-            pose: The pose in the work frame: a 4 by 4 transform, a pinocchio.SE3 or a Frame. A
-                position alone [m] leaves the rotation free, and so does an arm in the plane, whose
-                poses have z = 0. Of several poses, (n, 4, 4), each starts from the one before it.
-            near: Joint positions [rad] to which the solution is nearest, (dof,); by default the
-                middle of the joint ranges.
-            all: Whether all configurations for one pose are returned, the nearest first, (k, dof).
-                They do not differ by whole turns. Of infinitely many, these are some.
+            pose: The pose in the work frame: a 4 by 4 transform, a pinocchio.SE3 or a Frame. If you
+                specify a position only [m], the rotation is free. Poses of a planar arm need z = 0;
+                their rotation is ignored. If you specify several poses, (n, 4, 4), the solution of
+                each pose starts from the previous solution.
+            near: Joint positions [rad], (dof,), to which the solution should be nearest; by default
+                the middle of the joint ranges.
+            all: Return all configurations for one pose, the nearest first, (k, dof). Configurations
+                that differ by whole turns count once. If there are infinitely many, a sample is
+                returned.
 
         Raises:
             Unreachable: No joint positions within the ranges reach the pose.
-            InvalidInput: It is no pose, or `near` is for another number of joints.
+            InvalidInput: `pose` is not a pose, or `near` does not have one value per joint.
         """
-        # An import by name: the solvers take the arms of this file.
+        # The import by name avoids a circular import, because the solvers import this module.
         solvers: Any = import_module("armcontour.robot.inverse")
         return np.asarray(solvers.solve(self, pose, near, every=all))
 
@@ -122,8 +125,7 @@ class ChainArm(Arm):
         """Geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
 
         The first three rows are the velocity of the tool point [m/rad], the last three the angular
-        velocity [rad/rad], along the axes of the work frame; pinocchio calls that
-        `LOCAL_WORLD_ALIGNED`.
+        velocity [rad/rad], along the axes of the work frame (`LOCAL_WORLD_ALIGNED` in pinocchio).
 
             arm = load_arm("ur5e")
             twist = arm.jacobian(q) @ dq
@@ -132,7 +134,7 @@ class ChainArm(Arm):
             q: Joint positions [rad], (..., dof).
 
         Raises:
-            InvalidInput: The number of columns is not that of the joints.
+            InvalidInput: The number of columns differs from the number of joints.
         """
         from armcontour.robot.kernels import jacobians
 
@@ -140,7 +142,7 @@ class ChainArm(Arm):
         return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
 
     def tool_position(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m], (n, dimension), in the plane eq. (1)-(2)."""
+        """Tool points [m], (n, dimension); for a planar arm by eq. (1)-(2)."""
         return self.poses(q)[..., : self.dimension, 3].copy()
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
@@ -162,7 +164,7 @@ class ChainArm(Arm):
         # Each link moves the origin of the next joint; the last link moves the tool.
         steps = _cross(angular, np.diff(points, axis=1))
         moving = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
-        # A joint does not move its own axis, so the axis may be taken as fixed in its own link.
+        # A joint does not move its own axis, so the axis is constant in the frame of its link.
         turning = _cross(angular, directions)
         arms, opening = points[:, -1:] - points[:, :-1], moving[:, -1:] - moving[:, :-1]
         rate = _cross(turning, arms) + _cross(directions, opening)
@@ -182,7 +184,7 @@ class ChainArm(Arm):
     def tool_jerk(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, dddq: npt.ArrayLike
     ) -> FloatArray:
-        """Tool jerk [m/s³], (..., dimension), from link to link; arguments as of every arm."""
+        """Tool jerk [m/s³], (..., dimension), propagated from link to link."""
         return self._motion(q, dq, ddq, dddq)[..., 12 : 12 + self.dimension]
 
     def tool_motion(
@@ -193,12 +195,12 @@ class ChainArm(Arm):
         return motion[..., : self.dimension], motion[..., 6 : 6 + self.dimension]
 
     def _motion(self, *states: npt.ArrayLike) -> FloatArray:
-        """Twist of the tool and its derivatives: as many as there are states after the first."""
-        # Numba is imported at first use: it loads slowly, and arms are also loaded to be listed.
+        """Pose of the tool, or its twist and the derivatives of the twist if dq, ... are given."""
+        # Numba is imported at first use, because it loads slowly and many arms are only listed.
         from armcontour.robot.kernels import tool_motion
 
         leading, rows = self._rows(*states)
-        # Derivatives above the order are not read.
+        # The kernel does not use derivatives above its order, so q stands for them.
         motion = tool_motion(self.link_table, len(rows) - 1, *(rows * 4)[:4])
         return np.asarray(motion.reshape(*leading, motion.shape[1]))
 
@@ -234,7 +236,7 @@ class SerialArm(ChainArm):
         chain: Joints and links of the arm.
         limits: Limits of the arm's joints and tool.
         source: Where the data of the arm come from.
-        limits_hint: What the user can do to add the limits that the arm lacks, for messages.
+        limits_hint: Advice on how to add the limits that the arm lacks, for messages.
         notes: Sentences on data that were ignored or chosen when the arm was read.
     """
 
@@ -257,10 +259,10 @@ class SerialArm(ChainArm):
 
     @cached_property
     def closed_form(self) -> ClosedForm | None:
-        """Closed-form inverse kinematics of the whole pose; None if the arm is of another kind."""
+        """Closed-form inverse kinematics of the whole pose; None if it does not support the arm."""
         from armcontour.robot.closed_form import ClosedForm
 
-        return ClosedForm.of(self.chain)
+        return ClosedForm.from_chain(self.chain)
 
     @cached_property
     def moves_in_a_plane(self) -> bool:
@@ -286,7 +288,7 @@ class SerialArm(ChainArm):
         """A copy of the arm with its tool points in another work frame.
 
         Args:
-            work: Work frame of the paths, in the frame of the base, in the forms of a tool.
+            work: Work frame of the paths in the frame of the base, in one of the forms of `tool`.
         """
         return self._with(self.chain.replace(base=Frame.from_pose(work).inverse), "closed_form")
 
@@ -329,7 +331,7 @@ class SerialArm(ChainArm):
         return self._motion(q, dq, ddq)[..., 6:]
 
     def _with(self, chain: Chain, *cached: str) -> SerialArm:
-        """Copy of the arm with another chain and with the cached values of some attributes."""
+        """Copy of the arm with another chain, with the cached values of some attributes."""
         arm = SerialArm(
             name=self.name,
             chain=chain,
@@ -338,14 +340,14 @@ class SerialArm(ChainArm):
             limits_hint=self.limits_hint,
             notes=self.notes,
         )
-        # The copy shares the shapes, also those that are not read yet.
+        # The copy shares the shapes, even if they have not been read yet.
         cached = ("shapes", "_read_shapes", *cached)
         vars(arm).update({key: x for key, x in vars(self).items() if key in cached})
         return arm
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Vector products, (..., 3); NumPy's own takes five times as long for few of them."""
+    """Vector products, (..., 3), five times as fast as `np.cross` for few vectors."""
     products = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         products[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]

@@ -1,4 +1,4 @@
-"""Compiled loop over the steps of the drives that move MuJoCo's bodies."""
+"""Compiled loop over the steps of the drives that move the rigid bodies of MuJoCo."""
 
 from __future__ import annotations
 
@@ -23,60 +23,55 @@ class Functions(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """A MuJoCo model and its state, both in MuJoCo's memory."""
+    """A MuJoCo model and its state; the arrays are views of MuJoCo's memory."""
 
-    model: int
-    data: int
-    # q, dq: positions [rad] and velocities [rad/s] of all degrees of freedom, (n,).
-    q: FloatArray
-    dq: FloatArray
-    torque: FloatArray  # Applied torques, or the gravity torques of an arm at rest [N m], (n,)
+    model: int  # Address of the mjModel
+    data: int  # Address of the mjData
+    q: FloatArray  # Positions of all degrees of freedom [rad], (n,)
+    dq: FloatArray  # Velocities of all degrees of freedom [rad/s], (n,)
+    torque: FloatArray  # Applied torques; in the controller, gravity torques at rest [N m], (n,)
 
     @classmethod
     def from_model(cls, model: Any, data: Any) -> Bodies:
-        """The bodies of a model, valid while its `data` exists."""
+        """The bodies of a model and its `data`, valid as long as `data` exists."""
         return cls(model._address, data._address, data.qpos, data.qvel, data.qfrc_applied)
 
 
 class Loops(NamedTuple):
-    """The loops of the drives, as in `RigidBodyPlant`."""
+    """Parameters and integrals of the loops of the drives, see `RigidBodyPlant`."""
 
-    # kp, kv, ki: gains [1/s], (dof,).
-    kp: FloatArray
-    kv: FloatArray
-    ki: FloatArray
-    integral: FloatArray  # Integrals of the velocity errors [rad], (dof,); updated
+    kp: FloatArray  # Gains of the position loops [1/s], (dof,)
+    kv: FloatArray  # Gains of the velocity loops [1/s], (dof,)
+    ki: FloatArray  # Integral gains of the velocity loops [1/s], (dof,)
+    integral: FloatArray  # Integrals of the velocity errors [rad], (dof,); updated by the loop
     step: float  # Time between two computations of the loops [s]
     inertia: FloatArray  # J [kg m²], (dof,)
     limit: FloatArray  # Torque limits [N m], (dof,)
-    holds: bool  # True if gravity is fed forward
-    on_top: bool  # True if the limits exclude the gravity torque
+    gravity_feedforward: bool  # True if the controller adds the gravity torque
+    gravity_added: bool  # True if the gravity torque is added to the limited torque
 
 
 class Rows(NamedTuple):
     """Output of the loop, one row per step."""
 
-    # q, dq: positions and velocities at the starts of the steps, and after the last one,
-    # (steps + 1, n).
-    q: FloatArray
-    dq: FloatArray
-    commanded_acceleration: FloatArray  # Before saturation [rad/s²], (steps, dof)
-    # commanded_torque, torque: torques before and after saturation [N m], (steps, dof).
-    commanded_torque: FloatArray
-    torque: FloatArray
+    q: FloatArray  # Positions at the starts of the steps and at the end [rad], (steps + 1, n)
+    dq: FloatArray  # Velocities at these times [rad/s], (steps + 1, n)
+    commanded_acceleration: FloatArray  # Accelerations before saturation [rad/s²], (steps, dof)
+    commanded_torque: FloatArray  # Torques before saturation [N m], (steps, dof)
+    torque: FloatArray  # Torques after saturation [N m], (steps, dof)
 
 
 POINTER = ir.IntType(8).as_pointer()
 
 
 def _intrinsic(function: Callable[..., Any]) -> Any:
-    """Decorator of functions that generate their own machine code."""
+    """Typed decorator for functions that generate machine code."""
     return intrinsic(function)
 
 
 @_intrinsic
 def _call(typing: Any, function: Any, model: Any, data: Any) -> Any:
-    """Call `function(model, data)`; all arguments are addresses."""
+    """Generate a call of `function(model, data)`; all arguments are addresses."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         kind = ir.FunctionType(ir.VoidType(), [POINTER, POINTER])
@@ -89,7 +84,7 @@ def _call(typing: Any, function: Any, model: Any, data: Any) -> Any:
 
 @_intrinsic
 def _call_rne(typing: Any, function: Any, model: Any, data: Any, result: Any) -> Any:
-    """Call `mj_rne(model, data, 0, result)`; all arguments are addresses."""
+    """Generate a call of `mj_rne(model, data, 0, result)`; all arguments are addresses."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         whole = ir.IntType(32)
@@ -114,14 +109,15 @@ def advance(
     noise: FloatArray,
     first: int,
     end: int,
-    wildest: float,
+    runaway_speed: float,
     rows: Rows,
 ) -> int:
-    """Simulate steps `first` to before `end`; return `end`, or the step with a runaway joint."""
-    # `known` is the controller's model of the arm, at rest. Each step of the drives has `parts`
-    # integration steps. commands (steps, dof) [rad]; integrated: those of the integrators, without
-    # acceleration feed-forward; noise of measured positions (steps, dof), or (0, dof). A joint runs
-    # away above the velocity `wildest` [rad/s].
+    """Simulate steps `first` to before `end`; returns `end`, or the step with a runaway joint."""
+    # controller: the controller's model of the arm, at rest. parts: integration steps per step of
+    # the drives. commands [rad], (steps, dof). integrated: commands of the integrators, without
+    # acceleration feed-forward [rad], (steps, dof). noise: noise of measured positions [rad],
+    # (steps, dof), or (0, dof) without noise. wildest: velocity above which joints run away
+    # [rad/s].
     dof, n = len(loops.kp), len(bodies.q)
     for k in range(first, end):
         for j in range(n):
@@ -130,7 +126,7 @@ def advance(
             controller.q[j] = bodies.q[n - dof + j]
             if len(noise):
                 controller.q[j] += noise[k, j]
-        if loops.holds:
+        if loops.gravity_feedforward:
             _call(functions.kinematics, controller.model, controller.data)
             _call(functions.com_pos, controller.model, controller.data)
             _call_rne(
@@ -141,11 +137,11 @@ def advance(
             loops.integral[j] += loops.step * error
             demanded = (commands[k, j] - controller.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
             demanded = (demanded + loops.ki[j] * loops.integral[j]) * loops.kv[j]
-            gravity = 0.0 if loops.on_top else controller.torque[j]
-            fed_forward = controller.torque[j] if loops.on_top else 0.0
+            gravity = 0.0 if loops.gravity_added else controller.torque[j]
+            fed_forward = controller.torque[j] if loops.gravity_added else 0.0
             required = demanded * loops.inertia[j] + gravity
             applied = max(min(required, loops.limit[j]), -loops.limit[j]) + fed_forward
-            # Anti-windup as in `ServoModel`.
+            # Anti-windup of the integrator, as in `ServoModel`.
             excess = (required + fed_forward - applied) / loops.inertia[j]
             loops.integral[j] -= loops.step * excess / loops.kv[j]
             bodies.torque[n - dof + j] = applied
@@ -159,8 +155,8 @@ def advance(
         speed = 0.0
         for j in range(n):
             speed += bodies.dq[j] ** 2
-        # NaN counts as a runaway, too.
-        if not speed < wildest**2:
+        # The negation is also true for NaN.
+        if not speed < runaway_speed**2:
             return k
     for j in range(n):
         rows.q[end, j], rows.dq[end, j] = bodies.q[j], bodies.dq[j]

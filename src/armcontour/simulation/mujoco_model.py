@@ -1,4 +1,4 @@
-"""The MuJoCo model of a chain of rigid bodies, its integration steps and its stability."""
+"""MuJoCo model of a chain of rigid bodies, its number of integration steps, and its stability."""
 
 from __future__ import annotations
 
@@ -16,40 +16,41 @@ from armcontour.motion import SetPoints
 from armcontour.robot.chain import Chain, join_bodies
 from armcontour.simulation.drive_loop import Functions
 
-# MuJoCo models friction as a stiff constraint, so a joint that sticks still creeps. With the
-# standard stiffness the position loop would remove the offset of a sticking joint within a second.
-# With the stiffest constraint (the largest impedance that MuJoCo accepts, and the shortest time in
-# steps in which a joint may be stopped) the offset remains for hours.
-STIFFEST = 0.9999
-SHORTEST_STEPS = 2.0
-# Inertia that counts as zero: relative to the arm's largest one, and absolute [kg m²].
-SINGULAR = 1e-12
-NOTHING = 1e-13
+# MuJoCo models friction as a stiff constraint, so a sticking joint creeps. With the standard
+# stiffness, the position loop would remove the offset of a sticking joint within a second. With the
+# stiffest constraint, the offset remains for hours. MAX_IMPEDANCE: largest impedance that MuJoCo
+# accepts. STOPPING_STEPS: shortest time in which a joint can be stopped [integration steps].
+MAX_IMPEDANCE = 0.9999
+STOPPING_STEPS = 2.0
+# An inertia counts as zero up to this share of the arm's largest inertia, or up to this value
+# [kg m²].
+SINGULAR_SHARE = 1e-12
+LEAST_INERTIA = 1e-13
 
 
 class Springs(NamedTuple):
-    """The springs between drives and links."""
+    """Springs and dampers between drives and links."""
 
     stiffness: FloatArray  # Torque per angle between motor and link [N m/rad], (dof,)
     damping: FloatArray  # Torque per velocity between motor and link [N m s/rad], (dof,)
 
 
-def load() -> Any:
-    """Import mujoco at first use."""
+def import_mujoco() -> Any:
+    """Import mujoco; raises an error with the installation command if it is missing."""
     try:
-        # Imported by name, because mujoco has no type annotations.
+        # Import by name, because mujoco has no type annotations.
         return importlib.import_module("mujoco")
     except ImportError:
         raise InvalidInput(
-            "A rigid-body plant needs the package mujoco, which is not installed: "
-            "pip install 'armcontour[experiment]'."
+            "A rigid-body plant requires the package mujoco, which is not installed. Install it "
+            "with: pip install 'armcontour[experiment]'."
         ) from None
 
 
-def functions() -> Functions:
-    """Addresses of MuJoCo's functions."""
-    # On Linux and macOS the symbols of a module include those of its libraries.
-    module = FilePath(load()._functions.__file__)
+def function_addresses() -> Functions:
+    """Addresses of the functions of MuJoCo that compiled code calls."""
+    # On Linux and macOS, symbols of a module include the symbols of its libraries.
+    module = FilePath(import_mujoco()._functions.__file__)
     library = ctypes.CDLL(str(module.with_name("mujoco.dll") if os.name == "nt" else module))
 
     def find(name: str) -> int:
@@ -58,25 +59,27 @@ def functions() -> Functions:
     return Functions(find("mj_step"), find("mj_kinematics"), find("mj_comPos"), find("mj_rne"))
 
 
-def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None = None) -> Any:
+def build_model(
+    chain: Chain, step: float, *, friction: bool, springs: Springs | None = None
+) -> Any:
     """Build the MuJoCo model of a chain; its payload becomes part of the last link."""
-    # The degrees of freedom are those of the links. With springs those of the motors follow: rotors
-    # with the armature and the friction of the drives. A fixed tendon, whose length is the angle
-    # between both, connects each rotor to its link.
-    mujoco = load()
+    # The degrees of freedom are the links, with springs followed by the motors: rotors with the
+    # armature and the friction of the drives. A fixed tendon connects each rotor to its link; its
+    # length is the angle between both.
+    mujoco = import_mujoco()
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = np.array(chain.gravity)
-    # The step is the cycle of the drives: the error of the integrator is far below the effect of a
-    # torque that is constant for a step.
+    # The error of this integrator is far below the effect of a torque that is constant for a drive
+    # cycle.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    # Tolerance of the iteration for friction: near rounding, and as fast as the default 1e-8. With
-    # 0 every step would use the maximum number of iterations.
+    # Tolerance of the friction solver. It is near rounding errors and as fast as the default 1e-8.
+    # With 0, every step would use the maximum number of iterations.
     spec.option.tolerance = 1e-12
-    # A diverging simulation is reported, so MuJoCo must not reset it.
+    # MuJoCo must not reset a diverging simulation, because divergence is reported as an error.
     disabled = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if not friction or not np.any(chain.coulomb):
-        # Dry friction is the only constraint; the search for constraints takes time.
+        # Without dry friction there are no constraints, and searching for them takes time.
         disabled |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     spec.option.disableflags = disabled
     masses, moments = _add_links(mujoco, spec, chain)
@@ -86,18 +89,18 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     model = spec.compile()
     if springs is not None:
         model.tendon_stiffness[:], model.tendon_damping[:] = springs
-    # MuJoCo's compiler refuses rods, laminas with rounding errors, and links without mass; its
-    # dynamics accept them, so masses and moments are set after compilation.
+    # Masses and moments are set after compilation, because MuJoCo's compiler rejects rods, laminas
+    # with rounding errors, and links without mass, although the dynamics support them.
     model.body_mass[1:], model.body_inertia[1:] = masses, moments
-    # Drives are the last degrees of freedom, without springs the only ones.
+    # The drives are the last degrees of freedom; without springs they are all of them.
     drives = slice(-len(chain), None)
     if friction:
         model.dof_damping[drives] = np.asarray(chain.viscous)
         model.dof_frictionloss[drives] = np.asarray(chain.coulomb)
-    model.dof_solimp[:] = [STIFFEST, STIFFEST, 1e-3, 0.5, 2.0]
+    model.dof_solimp[:] = [MAX_IMPEDANCE, MAX_IMPEDANCE, 1e-3, 0.5, 2.0]
     set_step(model, step)
-    # Joints without inertia are searched with additional inertia at every joint: otherwise MuJoCo
-    # writes a warning to a file.
+    # Joints without inertia are detected with additional inertia at every joint, because otherwise
+    # MuJoCo writes a warning to a file.
     for extra in (1.0, 0.0):
         model.dof_armature[:] = extra
         model.dof_armature[drives] += np.asarray(chain.armature)
@@ -111,19 +114,19 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
 def set_step(model: Any, step: float) -> None:
     """Set the integration step of a model [s]."""
     model.opt.timestep = step
-    model.dof_solref[:] = [SHORTEST_STEPS * step, 1.0]
+    model.dof_solref[:] = [STOPPING_STEPS * step, 1.0]
 
 
 def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
-    """Mass matrix at positions of the links, including the armature [kg m²]."""
-    # Its rows are the model's degrees of freedom, (dof, dof), or (2 dof, 2 dof) with springs.
+    """Mass matrix at positions q of the links, including the armature [kg m²]."""
+    # The shape is (dof, dof), with springs (2 dof, 2 dof).
     return np.asarray(mass_matrices(model, q[None])[0])
 
 
 def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
-    """Mass matrices as in `mass_matrix`, (k, n, n), at many positions, (k, dof)."""
-    mujoco = load()
-    # Allocating a state takes longer than computing a matrix.
+    """Mass matrices as in `mass_matrix`, (k, n, n), at several positions, (k, dof)."""
+    mujoco = import_mujoco()
+    # One state is used for all positions, because allocating it takes longer than a matrix.
     data, units = mujoco.MjData(model), np.eye(model.nv)
     matrices = np.empty((len(q), model.nv, model.nv))
     for position, matrix in zip(q, matrices, strict=True):
@@ -135,9 +138,9 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
     return matrices
 
 
-def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
-    """Gravity torques at positions q of the links [N m], (dof,); overwrites `data`."""
-    mujoco, torque = load(), np.zeros(model.nv)
+def gravity_torques(model: Any, data: Any, q: FloatArray) -> FloatArray:
+    """Gravity torques at positions q of the links [N m], (dof,); overwrites the state `data`."""
+    mujoco, torque = import_mujoco(), np.zeros(model.nv)
     data.qpos[: len(q)] = q
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -146,30 +149,30 @@ def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
 
 
 def _check_inertia(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
-    """Raise an error for a chain with a singular mass matrix; it names the joint."""
+    """Raise an error if the mass matrix is singular; the message names the joint."""
     values, vectors = np.linalg.eigh(matrix)
-    if values[0] <= max(SINGULAR * values[-1], NOTHING):
+    if values[0] <= max(SINGULAR_SHARE * values[-1], LEAST_INERTIA):
         j = int(np.argmax(np.abs(vectors[:, 0]))) % len(chain)
-        drive = f"{', or' if springs is None else ' and'} its drive an armature"
+        drive = f"{', or' if springs is None else ', and'} an armature of its drive"
         raise InvalidInput(
-            f"Joint {j + 1} ({chain.joints[j]}) turns no inertia, so its torque moves nothing: "
-            f"give the link after it a mass and an inertia{drive}."
+            f"Every joint must move an inertia, but joint {j + 1} ({chain.joints[j]}) moves none. "
+            f"Specify mass and inertia of the link after the joint{drive}."
         )
 
 
 def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[FloatArray]]:
-    """Add the links of a chain to a specification; return masses and principal moments."""
+    """Add the links of a chain to a specification; returns masses and principal moments."""
     body, masses, moments = spec.worldbody, [], []
     for k in range(len(chain)):
-        mass, center, inertia = _link(chain, k)
+        mass, center, inertia = _link_body(chain, k)
         principal, axes = np.linalg.eigh(inertia)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         body = body.add_body(
             pos=chain.positions[k],
-            quat=_quaternion(mujoco, chain.rotations[k]),
+            quat=_to_quaternion(mujoco, chain.rotations[k]),
             mass=1.0,
             ipos=center,
-            iquat=_quaternion(mujoco, axes),
+            iquat=_to_quaternion(mujoco, axes),
             inertia=np.ones(3),
             explicitinertial=True,
         )
@@ -180,7 +183,7 @@ def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[
 
 
 def _add_motors(mujoco: Any, spec: Any, count: int) -> None:
-    """Add a rotor per drive to a specification, and a tendon between rotor and link."""
+    """Add a rotor per drive to a specification, and a tendon between each rotor and its link."""
     for k in range(count):
         rotor = spec.worldbody.add_body(mass=1.0, inertia=np.ones(3), explicitinertial=True)
         rotor.add_joint(name=f"motor {k}", type=mujoco.mjtJoint.mjJNT_HINGE)
@@ -189,30 +192,31 @@ def _add_motors(mujoco: Any, spec: Any, count: int) -> None:
         spring.wrap_joint(f"link {k}", -1.0)
 
 
-def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
-    """Mass, centre of mass and inertia about it for link k; the last link includes the payload."""
+def _link_body(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
+    """Mass, centre of mass and central inertia of link k; the last link includes the payload."""
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     mass, center, inertia = float(chain.masses[k]), chain.centers[k], chain.inertias[k]
-    load = chain.payload
-    if load is None or load.mass == 0.0 or k + 1 < len(chain):
+    payload = chain.payload
+    if payload is None or payload.mass == 0.0 or k + 1 < len(chain):
         return mass, center, inertia
-    load_center = chain.tip.position + chain.tip.rotation @ load.center
-    turned = chain.tip.rotation @ load.inertia @ chain.tip.rotation.T
-    return join_bodies([(mass, center, inertia), (load.mass, load_center, turned)])
+    payload_center = chain.tip.position + chain.tip.rotation @ payload.center
+    turned = chain.tip.rotation @ payload.inertia @ chain.tip.rotation.T
+    return join_bodies([(mass, center, inertia), (payload.mass, payload_center, turned)])
 
 
-def _quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
-    """The quaternion of a rotation matrix, in MuJoCo's order w, x, y, z."""
+def _to_quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
+    """Quaternion of a rotation matrix in the order of MuJoCo, w, x, y, z, (4,)."""
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.array(rotation).ravel())
     return quaternion
 
 
-# Number of set-points at which stability is checked before the simulation.
-LOOKS = 50
-# Phase [rad] or decay of the fastest mode of springs and viscous friction per integration step; the
-# method is stable up to 2.8. Largest number of integration steps per step of the drives.
-PHASE = 0.5
+# Largest number of set-points at which stability is checked before the simulation.
+MAX_CHECKS = 50
+# MAX_PHASE: largest phase [rad] or decay exponent of the fastest mode of springs and viscous
+# friction per integration step; the integrator is stable up to 2.8. MAX_PARTS: largest number of
+# integration steps per step of the drives.
+MAX_PHASE = 0.5
 MAX_PARTS = 50
 
 
@@ -224,27 +228,27 @@ def count_parts(
     viscous: FloatArray,
     springs: Springs | None,
 ) -> int:
-    """Number of integration steps per step of the drives, checked at some of the set-points."""
-    # With a torque that is constant for a step h, a mode of rigid joints is stable if the rate of
-    # its velocity loop, K_v J / M, times h is below 2. With springs, the simulation detects
-    # unstable drives. loop (dof,): J K_v [N m s/rad].
+    """Number of integration steps per step of the drives; raises an error for unstable drives."""
+    # loop: J K_v [N m s/rad], (dof,). With a torque that is constant for a step h, rigid joints are
+    # stable if the rate K_v J / M of each mode of the velocity loops times h is below 2. Drives
+    # with springs are not checked, because the simulation detects their instability.
     k, d = (np.zeros_like(loop),) * 2 if springs is None else springs
     pulls = np.ones((1, 1)) if springs is None else np.array([[1.0, -1.0], [-1.0, 1.0]])
     stiffness, damping = np.kron(pulls, np.diag(k)), np.kron(pulls, np.diag(d))
     damping[-len(loop) :, -len(loop) :] += np.diag(viscous)
     largest, n = 1, len(damping)
-    looks = np.unique(np.linspace(0, len(set_points.q) - 1, LOOKS).astype(int))
+    looks = np.unique(np.linspace(0, len(set_points.q) - 1, MAX_CHECKS).astype(int))
     for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
         t = float(set_points.start_time + i * set_points.cycle)
         state = np.eye(2 * n, k=n)
         state[n:] = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
-        parts = int(np.ceil(np.abs(np.linalg.eigvals(state)).max() * step / PHASE))
+        parts = int(np.ceil(np.abs(np.linalg.eigvals(state)).max() * step / MAX_PHASE))
         if parts > MAX_PARTS:
             raise ExecutionError(
-                f"Springs or viscous friction of the joints take {parts} integration steps in a "
-                f"step of {step:.3g} s at t = {t:.4g} s, and at most {MAX_PARTS} are made: reduce "
-                "joint_stiffness, joint_damping or viscous friction, raise the inertias of drives "
-                "(armature), or shorten the step.",
+                f"Springs or viscous friction of the joints require {parts} integration steps in a "
+                f"step of {step:.3g} s at t = {t:.4g} s, but at most {MAX_PARTS} are supported. "
+                "Reduce joint_stiffness, joint_damping or viscous friction, increase the inertias "
+                "of drives (armature), or shorten the step.",
                 t=t,
                 needed=float(parts),
                 allowed=float(MAX_PARTS),
@@ -258,10 +262,10 @@ def count_parts(
         if fastest * step >= 2:
             j = int(np.argmax(np.abs(vectors[:, -1])))
             raise ExecutionError(
-                f"Joint {j + 1} is unstable at t = {t:.4g} s: its drive keeps a torque for a step "
-                f"of {step:.3g} s and corrects its velocity at a rate of {fastest:.4g} 1/s; "
-                f"shorten the step to {1 / fastest:.2g} s, lower the servo's gains, or give the "
-                "arm the inertias of its drives if they are missing.",
+                f"Joint {j + 1} is unstable at t = {t:.4g} s, because its drive holds a torque for "
+                f"a step of {step:.3g} s, but corrects its velocity at a rate of {fastest:.4g} "
+                f"1/s. Shorten the step to {1 / fastest:.2g} s, reduce the gains of the servo, or "
+                "specify the inertias of the drives (armature) of the arm if they are missing.",
                 t=t,
                 joint=j,
                 limit="step",

@@ -1,4 +1,4 @@
-"""`simulate`: plants that execute set-points, and the plant of independent joint servos."""
+"""`simulate`, base classes of plants, and the plant of independent joint servos."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from armcontour.robot.limits import or_unlimited
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation, respond_within
 
-# Longest time until rest after the last set-point [s], or in durations of the motion.
-PATIENCE = 60.0
-PATIENCE_IN_DURATIONS = 10.0
-# Velocity of a falling joint or an unstable servo [rad/s].
-RUNAWAY = 1e3
+# Longest time until rest after the last set-point: in seconds, and in durations of the motion.
+LONGEST_SETTLING = 60.0
+SETTLING_DURATIONS = 10.0
+# A joint runs away (it falls, or its servo is unstable) if its velocity exceeds this [rad/s].
+RUNAWAY_SPEED = 1e3
 SATURATIONS = ("acceleration", "torque", "none")
-# A joint is at rest below this velocity [rad/s] and this distance to the last set-point [rad].
+# A joint is at rest up to this velocity [rad/s] and this distance from the last set-point [rad].
 REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
-# After the last set-point the simulation continues in parts of this time [s] until rest.
-CHUNK = 0.25
-# Largest number of time constants between two results for which quintics are exact to 1e-11 of the
-# servo's acceleration per s².
-SMOOTH = 1.0
-# Set-points that reach a joint within this fraction of a step from a result count as reaching it
-# there.
-REACHED = 1e-6
-# Number of intervals between two results at which the motion is computed; cubics between them have
-# errors below 1e-11 rad for time constants of a millisecond.
-PARTS = 16
+# Duration of the parts in which the simulation continues until rest after the last set-point [s].
+REST_CHUNK = 0.25
+# Longest time between two results for which quintics between them are exact enough (1e-11 of the
+# servo's acceleration per s²) [time constants].
+MAX_TIME_CONSTANTS = 1.0
+# A set-point that reaches a joint within this share of a step from a result counts as reaching the
+# joint at the result.
+ARRIVAL_TOLERANCE = 1e-6
+# Number of parts into which the motion between two results is divided. Cubics over a part have
+# errors below 1e-11 rad for time constants of 1 ms.
+FINE_PARTS = 16
 
 
 class Plant(ABC):
@@ -46,7 +46,7 @@ class Plant(ABC):
 
     @abstractmethod
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points from rest at the first until rest at the last set-point.
+        """Execute set-points, from rest at the first set-point until rest at the last one.
 
         Args:
             set_points: The set-points.
@@ -54,37 +54,37 @@ class Plant(ABC):
         """
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
-        """Motion between results of an execution on this plant.
+        """Motion between successive results of an execution on this plant.
 
         Args:
             executed: The execution, with all results.
-            indices: Indices of the results at the starts, increasing, (m,).
+            indices: Indices of the results at the starts of the intervals, increasing, (m,).
 
         Returns:
-            The motion; None if it is not available (default).
+            The motion; None if the plant does not support it (default).
         """
         return None
 
     def __repr__(self) -> str:
-        """The class, and the arm if it has one."""
+        """The class, and the arm if the plant has one."""
         arm = getattr(self, "arm", None)
         return f"{type(self).__name__}({'' if arm is None else repr(arm)})"
 
 
 class LimitedPlant(Immutable, Plant):
-    """A plant whose drives saturate at limits: explicit ones, otherwise those of the plan."""
+    """A plant whose drives saturate at explicit limits, or by default at those of the plan."""
 
-    # A plant is immutable; the plant of an `Execution` has the limits of its plan.
+    # A plant is immutable. `Execution.plant` is a copy with the limits of the plan.
 
     limits: Limits | None
 
     @abstractmethod
-    def _drives(self, planned: Limits | None) -> dict[str, Any]:
-        """Saturating values by attribute name, with the limits of a plan."""
+    def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
+        """Values of attributes at which drives saturate, by name, for the limits of a plan."""
 
     @checked
     def for_plan(self, set_points: SetPoints) -> Self:
-        """Return the plant with the limits of a plan, unless it has explicit ones.
+        """The plant with the limits of a plan, unless the plant has explicit limits.
 
         Args:
             set_points: Set-points of the plan.
@@ -93,7 +93,7 @@ class LimitedPlant(Immutable, Plant):
         if planned is None:
             return self
         other = copy(self)
-        vars(other).update(self._drives(planned))
+        vars(other).update(self._saturation_values(planned))
         return other
 
 
@@ -112,12 +112,12 @@ def simulate(
 
     Args:
         set_points: The set-points.
-        plant: The plant; it must not be the model used for compensation.
+        plant: The plant; it should differ from the model for which compensation was computed.
         resolution: Largest time between two results [s]; it does not change the motion.
 
     Raises:
-        InvalidInput: The set-points are for another number of joints, the gains are too large for
-            the cycle, or there would be too many results.
+        InvalidInput: The set-points and the plant have different numbers of joints, the gains are
+            too large for the cycle, or there would be too many results.
         ExecutionError: Rigid bodies do not come to rest, or a drive is too weak to hold the arm.
     """
     fine = resolution
@@ -125,32 +125,31 @@ def simulate(
     checks.check_count(
         f"The simulation of {span:.4g} s of set-points with results every {fine:g} s",
         (span / set_points.cycle + 1) * max(set_points.cycle / fine, 1.0) * set_points.q.shape[1],
-        "take a coarser resolution or a higher speed, or leave the simulation out "
-        "(--no-simulation)",
+        "use a coarser resolution or a higher speed, or skip the simulation (--no-simulation)",
     )
     return plant.run(set_points, fine)
 
 
 def check_joints(set_points: SetPoints, arm: Arm) -> None:
-    """Check that the set-points have as many joints as the arm."""
+    """Raise an error if set-points and arm have different numbers of joints."""
     checks.check_type("A plant", set_points, SetPoints)
     if set_points.q.shape[1] != arm.dof:
         raise InvalidInput(
-            f"The set-points are for {set_points.q.shape[1]} joints, but the arm {arm.name} has "
-            f"{arm.dof}."
+            f"The set-points and the arm must have the same joints, but the set-points have "
+            f"{set_points.q.shape[1]} joints and the arm {arm.name} has {arm.dof}."
         )
 
 
 def check_weight(weight: FloatArray, limit: FloatArray, location: str, t: float) -> None:
-    """Check that the drives can hold the arm against gravity torques (dof,) [N m] at time t [s]."""
+    """Raise an error if gravity torques exceed torque limits at rest at time t [s]."""
+    # weight: magnitudes of the gravity torques [N m], (dof,). limit: torque limits [N m], (dof,).
     heavy = weight > limit
     if heavy.any():
         j = int(np.argmax(heavy))
         raise ExecutionError(
-            f"Joint {j + 1} takes {weight[j]:.4g} N m to be held against gravity at {location}, "
-            "but "
-            f"its drive gives at most {limit[j]:.4g} N m: raise its torque limit or lighten its "
-            "load.",
+            f"Joint {j + 1} requires {weight[j]:.4g} N m against gravity at {location}, but the "
+            f"torque limit of its drive is {limit[j]:.4g} N m. Increase the torque limit or reduce "
+            "the load.",
             t=t,
             joint=j,
             limit="joint_torque",
@@ -160,31 +159,30 @@ def check_weight(weight: FloatArray, limit: FloatArray, location: str, t: float)
 
 
 def count_intervals(set_points: SetPoints, servo: ServoModel) -> int:
-    """Number of cycles until all joints have received the last set-point."""
+    """Number of cycles until the last set-point has reached all joints."""
     delay = int(np.ceil(servo.dead_time.max() / set_points.cycle * (1 - 1e-12)))
     return len(set_points.q) - 1 + delay
 
 
-def patience(duration: float) -> float:
+def longest_settling(duration: float) -> float:
     """Longest time until rest after a motion of some duration [s]."""
-    return max(PATIENCE, PATIENCE_IN_DURATIONS * duration)
+    return max(LONGEST_SETTLING, SETTLING_DURATIONS * duration)
 
 
 class Part(NamedTuple):
     """Motion of all joints over some cycles."""
 
-    # q, dq: positions [rad] and velocities [rad/s] at the results, (n, dof).
-    q: FloatArray
-    dq: FloatArray
+    q: FloatArray  # Positions at the results [rad], (n, dof)
+    dq: FloatArray  # Velocities [rad/s], (n, dof)
     demand: FloatArray  # Demanded accelerations [rad/s²], (n, dof)
     ddq: FloatArray  # Accelerations after saturation [rad/s²], (n, dof)
     saturated: FloatArray  # Time in saturation [s], (dof,)
-    # Lowest and highest demand, including between results [rad/s²], (2, dof).
+    # demand_range: lowest and highest demand, also between results [rad/s²], (2, dof).
     demand_range: FloatArray
 
 
 def join_parts(parts: list[Part]) -> Part:
-    """Join consecutive parts."""
+    """Join consecutive parts into one part."""
     ends = np.concatenate([x.demand_range for x in parts])
     q, dq, demand, ddq = (np.concatenate([x[i] for x in parts]) for i in range(4))
     return Part(
@@ -198,7 +196,7 @@ def join_parts(parts: list[Part]) -> Part:
 
 
 class TorqueBounds:
-    """Acceleration bounds of the joints of an arm with masses, due to torque limits [N m]."""
+    """Acceleration bounds of the joints of an arm with masses that follow from torque limits."""
 
     def __init__(self, arm: Arm, limit: FloatArray, set_points: SetPoints) -> None:
         self.arm, self.limit, self.set_points = arm, limit, set_points
@@ -208,17 +206,18 @@ class TorqueBounds:
             check_weight(weight, limit, f"the {label} set-point", float(set_points.t[k]))
 
     def bounds_at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in interval k [rad/s²]."""
-        # If b alone exceeds T, both bounds have the same sign: the joint brakes or falls.
-        # q (dof,) [rad], dq (dof,) [rad/s].
-        fast = ~(np.abs(dq) < RUNAWAY)
+        """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in cycle k [rad/s²]."""
+        # T: torque limit. b: torque of the motion with ddq = 0. If the magnitude of b exceeds T,
+        # both bounds have the same sign, so the joint brakes or falls.
+        # q [rad], (dof,). dq [rad/s], (dof,).
+        fast = ~(np.abs(dq) < RUNAWAY_SPEED)
         if fast.any():
             j = int(np.argmax(fast))
             t = self.set_points.start_time + k * self.set_points.cycle
             raise ExecutionError(
-                f"Joint {j + 1} runs away at t = {t:.4g} s, at {abs(dq[j]):.3g} rad/s: its drive "
-                f"gives at most {self.limit[j]:.4g} N m; raise its torque limit or lighten its "
-                "load.",
+                f"Joint {j + 1} runs away at t = {t:.4g} s with {abs(dq[j]):.3g} rad/s, because "
+                f"the torque limit of its drive is {self.limit[j]:.4g} N m. Increase the torque "
+                "limit or reduce the load.",
                 t=t,
                 joint=j,
             )
@@ -228,10 +227,10 @@ class TorqueBounds:
 
 
 class ServoRun:
-    """Servos of all joints, with acceleration bounds that may change in every cycle."""
+    """Simulation of the servos of all joints; acceleration bounds may change in every cycle."""
 
-    # accelerations: lower and upper bounds, (dof,) each [rad/s²]; or torque limits, which determine
-    # the bounds of each cycle.
+    # accelerations: constant lower and upper bounds [rad/s²], (dof,) each. torque: if not None, it
+    # determines the bounds of each cycle instead.
 
     def __init__(
         self,
@@ -241,7 +240,7 @@ class ServoRun:
         accelerations: tuple[FloatArray, FloatArray],
         torque: TorqueBounds | None,
     ) -> None:
-        # Writable copies: the kernels would be compiled again for read-only arrays.
+        # Writable copies, because the kernels would be compiled again for read-only arrays.
         lower, upper = (np.array(x) for x in accelerations)
         self.bounds, self.torque = (lower, upper), torque
         self.simulation = ServoSimulation(
@@ -250,8 +249,7 @@ class ServoRun:
         self.held: FloatArray | None = None
 
     def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
-        """Simulate some cycles."""
-        # q (dof,) [rad], dq (dof,) [rad/s].
+        """Simulate `count` cycles from cycle `begin`, with q [rad] and dq [rad/s] at its start."""
         if self.torque is None or count == 0:
             return self._run(begin, count, q, dq, self.bounds)
         parts = []
@@ -268,7 +266,7 @@ class ServoRun:
         dq: FloatArray,
         bounds: tuple[FloatArray, FloatArray],
     ) -> Part:
-        """Simulate some cycles with constant acceleration bounds."""
+        """Simulate `count` cycles with constant acceleration bounds."""
         run = self.simulation.run(begin, begin + count, q, dq, bounds, self.held)
         self.held = run.held
         position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
@@ -278,7 +276,7 @@ class ServoRun:
 
 
 class ServoPlant(LimitedPlant):
-    """Independent joints, each with its own servo.
+    """Plant of independent joints, each with its own servo.
 
     >>> slower = ac.ServoPlant(arm, servo.replace(kp=20.0))
     >>> ac.simulate(set_points, slower).q.shape[1]
@@ -286,29 +284,29 @@ class ServoPlant(LimitedPlant):
 
     Args:
         arm: The arm.
-        servo: The servo of the simulated robot; it may differ from the model used for compensation.
-        limits: Limits with the joint accelerations or torques that saturate, instead of those of
-            the plan; a plan without limits uses the arm's.
-        saturation: Limit at which a second-order servo saturates. "acceleration" is (7):
+        servo: The servo of the simulated robot; it may differ from the nominal servo.
+        limits: Limits with the joint accelerations or torques at which drives saturate, instead of
+            the limits of the plan; for a plan without limits, those of the arm are used.
+        saturation: Limit at which a servo of order "second" saturates. "acceleration" is (7) with
             acceleration_limit of the servo, otherwise joint_acceleration. "torque" bounds the
             acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the state at the start of
-            each cycle, where T is joint_torque and b the torque of gravity, centrifugal and
-            Coriolis effects and friction; accelerations of other joints are neglected. "none" never
-            saturates. By default "acceleration" if there are such limits; otherwise "torque" if
-            there are such limits and the arm has masses; otherwise "none". Joints of other orders
-            never saturate.
+            each cycle, where T is joint_torque and b is the torque of gravity, centrifugal and
+            Coriolis effects and friction; accelerations of other joints are neglected. "none"
+            disables saturation. The default is "acceleration" if acceleration limits are known,
+            otherwise "torque" if torque limits and masses are known, otherwise "none". Joints of
+            other orders do not saturate.
 
-    Once made, a plant does not change; the plant of an `Execution` has the limits of its plan.
+    A plant is immutable. `Execution.plant` is a copy with the limits of the plan.
 
     Attributes:
         limits: The explicit limits, or None.
         saturation: The explicit or default saturation.
         lower, acceleration: Acceleration bounds [rad/s²], (dof,); infinite without limits.
-        torque_limit: Torque limits [N m], (dof,); None unless torque saturates.
+        torque_limit: Torque limits [N m], (dof,); None unless torques saturate.
 
     Raises:
-        InvalidInput: Gains or limits do not fit the arm, the servo is of first order and saturates,
-            or torque saturates but limits or masses are missing.
+        InvalidInput: Gains or limits do not fit the arm, saturation is specified for a servo of
+            another order, or torque limits or masses are missing for saturation "torque".
     """
 
     saturation: str
@@ -328,14 +326,14 @@ class ServoPlant(LimitedPlant):
         self.arm = arm
         self.servo = servo.for_joints(arm.dof)
         self.limits = limits
-        self._asked = saturation
-        vars(self).update(self._drives(None))
+        self._requested_saturation = saturation
+        vars(self).update(self._saturation_values(None))
 
-    def _drives(self, planned: Limits | None) -> dict[str, Any]:
-        """Saturating values by attribute name, with the limits of a plan."""
+    def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
+        """Values of attributes at which drives saturate, by name, for the limits of a plan."""
         arm, servo = self.arm, self.servo
         resolved = resolve_limits("A ServoPlant", arm, self.limits, planned)
-        saturation = _saturation(self._asked, servo, resolved, arm)
+        saturation = _resolve_saturation(self._requested_saturation, servo, resolved, arm)
         torque_limit = None
         lower, upper = np.full((2, arm.dof), [[-np.inf], [np.inf]])
         if saturation == "acceleration":
@@ -343,8 +341,8 @@ class ServoPlant(LimitedPlant):
         if saturation == "torque":
             if resolved.joint_torque is None:
                 raise InvalidInput(
-                    "Saturation of torque needs joint_torque among the limits: give it, or let "
-                    "the plant saturate in acceleration.",
+                    "Saturation 'torque' requires the limit joint_torque, which is missing. "
+                    "Specify joint_torque, or use saturation 'acceleration'.",
                     limit="joint_torque",
                 )
             torque_limit = checks.frozen_array(or_unlimited(resolved.joint_torque, arm.dof))
@@ -358,11 +356,11 @@ class ServoPlant(LimitedPlant):
         }
 
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points; the motion is exact between the events of saturation.
+        """Execute set-points; the motion is exact between the starts and ends of saturation.
 
         Raises:
-            InvalidInput: The set-points are for another number of joints, or the gains are too
-                large for the cycle.
+            InvalidInput: The set-points have another number of joints, or the gains are too large
+                for the cycle.
             ExecutionError: A drive is too weak to hold the arm.
         """
         check_joints(set_points, self.arm)
@@ -370,7 +368,7 @@ class ServoPlant(LimitedPlant):
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points with the limits of this plant."""
+        """Execute set-points with the limits of this plant, which `for_plan` has set."""
         steps = int(np.ceil(set_points.cycle / resolution * (1 - 1e-12)))
         parts, unsettled = self._until_rest(set_points, steps)
         whole = join_parts(parts)
@@ -390,18 +388,18 @@ class ServoPlant(LimitedPlant):
         )
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
-        """Motion between results of an execution on this plant.
+        """Motion between successive results of an execution on this plant.
 
-        Quintics where the motion is smooth. Otherwise the motion is exact at PARTS times and where
-        a set-point reaches a joint, with cubics between them.
+        Intervals with smooth motion are quintics. Otherwise the motion is exact at 16 uniform times
+        of the interval and when set-points reach joints, and cubic between these times.
 
         Args:
-            executed: The execution, at regular times.
-            indices: Indices of the results before, increasing, (m,).
+            executed: The execution, at uniform times.
+            indices: Indices of the results at the starts of the intervals, increasing, (m,).
 
         Returns:
-            The motion; None if the torque limits depend on a result that the execution does not
-            have.
+            The motion; None if the torque limits depend on a result that is missing in the
+            execution.
         """
         motion, set_points = executed, executed.set_points
         steps = round(set_points.cycle / float(motion.t[1] - motion.t[0]))
@@ -414,12 +412,12 @@ class ServoPlant(LimitedPlant):
             k, phase = divmod(round(float(motion.t[i] - set_points.start_time) / width), steps)
             bounds = self.lower, self.acceleration
             if self.torque_limit is not None:
-                # The bounds of a cycle follow from the state at its start.
+                # The bounds in a cycle follow from the state at the start of the cycle.
                 if i < phase:
                     return None
                 limits = TorqueBounds(self.arm, self.torque_limit, set_points)
                 bounds = limits.bounds_at(k, motion.q[i - phase], motion.dq[i - phase])
-            times = (phase + np.arange(PARTS + 1) / PARTS) * width
+            times = (phase + np.arange(FINE_PARTS + 1) / FINE_PARTS) * width
             held = np.where(self.servo.ki > 0, motion.demand[i], np.clip(motion.demand[i], *bounds))
             if self.servo.drive_cycle and self.servo.kv is None:
                 held = motion.dq[i]
@@ -431,7 +429,9 @@ class ServoPlant(LimitedPlant):
         return FineMotion(t=t, q=q, before=before, after=after)
 
     def _smooth_between(self, demand: FloatArray, width: float) -> bool:
-        """True if the motion has no events between results and quintics are exact enough."""
+        """True if the motion has no kink between results, and quintics are exact enough."""
+        # demand: demand at the starts and ends of the intervals [rad/s²], (2, m, dof). width: time
+        # between results [s].
         servo = self.servo
         jumps = servo.interpolation == "step" or servo.has_feedforward or servo.friction.any()
         if (
@@ -447,21 +447,21 @@ class ServoPlant(LimitedPlant):
         if not ((self.lower < demand) & (demand < self.acceleration)).all():
             return False
         delay = servo.dead_time / width
-        slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH
-        return bool(slow and (abs(delay - np.round(delay)) < REACHED).all())
+        slow = max(servo.kv.max(), servo.kp.max()) * width <= MAX_TIME_CONSTANTS
+        return bool(slow and (abs(delay - np.round(delay)) < ARRIVAL_TOLERANCE).all())
 
     def _until_rest(
         self, set_points: SetPoints, steps: int
     ) -> tuple[list[Part], FloatArray | None]:
-        """The run in parts, including the initial state, and `Execution.unsettled`."""
-        run = self._begin(set_points, steps)
+        """Parts of the run from the initial state until rest, and `Execution.unsettled`."""
+        run = self._start_run(set_points, steps)
         first, last = set_points.q[0], set_points.q[-1]
         still = np.zeros((1, len(first)))
         begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
         done = count_intervals(set_points, self.servo)
         parts = [begin, run.advance(0, done, first, np.zeros_like(first))]
-        chunk = int(np.ceil(CHUNK / set_points.cycle))
-        last_one = done + int(np.ceil(PATIENCE / set_points.cycle))
+        chunk = int(np.ceil(REST_CHUNK / set_points.cycle))
+        last_one = done + int(np.ceil(LONGEST_SETTLING / set_points.cycle))
         q, dq = (
             x[-1] if len(x) else y for x, y in zip(parts[1][:2], (first, 0 * first), strict=True)
         )
@@ -473,16 +473,16 @@ class ServoPlant(LimitedPlant):
             done += chunk
         return parts, None
 
-    def _begin(self, set_points: SetPoints, steps: int) -> ServoRun:
-        """A run of the servos with `steps` results per cycle."""
+    def _start_run(self, set_points: SetPoints, steps: int) -> ServoRun:
+        """Prepare a run of the servos with `steps` results per cycle."""
         bounds = None
         if self.torque_limit is not None:
             bounds = TorqueBounds(self.arm, self.torque_limit, set_points)
         return ServoRun(set_points, steps, self.servo, (self.lower, self.acceleration), bounds)
 
 
-def _saturation(requested: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
-    """Check the requested saturation, or choose the default for None."""
+def _resolve_saturation(requested: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
+    """Check the requested saturation, or select the default if it is None."""
     second = servo.kv is not None
     if requested is None:
         if servo.acceleration_limit is not None:
@@ -495,7 +495,7 @@ def _saturation(requested: str | None, servo: ServoModel, limits: Limits, arm: A
     checks.check_choice("saturation", requested, SATURATIONS)
     if not second and requested != "none":
         raise InvalidInput(
-            f"A servo of order {servo.order} has no acceleration that its {requested} could limit: "
-            "remove saturation, or use a servo of order second."
+            f"Saturation {requested!r} requires a servo of order second, but the servo is of order "
+            f"{servo.order}. Remove saturation, or use a servo of order second."
         )
     return requested

@@ -1,4 +1,4 @@
-"""The plant of rigid bodies in MuJoCo, with drives that are not tuned to the job."""
+"""The plant of rigid bodies, simulated by MuJoCo, with drives that do not depend on the job."""
 
 from __future__ import annotations
 
@@ -24,66 +24,67 @@ from armcontour.simulation import drive_loop, mujoco_model
 from armcontour.simulation.drive_loop import Bodies, Loops, Rows
 from armcontour.simulation.mujoco_model import Springs, count_parts
 from armcontour.simulation.plant import (
-    PATIENCE,
-    RUNAWAY,
+    LONGEST_SETTLING,
+    RUNAWAY_SPEED,
     LimitedPlant,
     check_joints,
     check_weight,
     count_intervals,
-    patience,
+    longest_settling,
 )
 
-# Cycle time of a drive's velocity loop [s]: 4 kHz is usual, divides every usual cycle,
-# and delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
-STEP = 2.5e-4
-# Shortest and longest cycle time [s]: each cycle is a step of the simulation, which takes some
-# microseconds; no arm is controlled with longer cycles.
-STEPS = (1e-6, 0.1)
-# Largest noise of a position measurement [rad]; no encoder is worse.
+# Default cycle time of a drive [s]. 4 kHz is usual, every usual cycle of set-points is a multiple
+# of it, and it delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
+DEFAULT_STEP = 2.5e-4
+# Shortest and longest cycle time of a drive [s]. Each cycle is a step of the simulation, which
+# takes some microseconds. Drives of arms do not have longer cycles.
+STEP_RANGE = (1e-6, 0.1)
+# Largest noise of a position measurement [rad]; real encoders have less.
 LARGEST_NOISE = 0.1
-DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEPS)]
+DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEP_RANGE)]
 PositionNoise = Annotated[float, Quantity("rad", "2 deg", within=(0.0, LARGEST_NOISE))]
-# After the last set-point a joint is at rest when it stays within this range [rad], a micron at 1
-# m, for this time [s] and for the slowest time constant of a position loop. The test does not
-# depend on the rest position, which friction and gravity determine.
+# After the last set-point, a joint is at rest if it stays within a range of REST_RANGE [rad] (1 µm
+# at 1 m) for REST_TIME [s] and for the slowest time constant of a position loop. The test does not
+# use the rest position, because it depends on friction and gravity.
 REST_TIME = 0.25
 REST_RANGE = 1e-6
-# Noise of the measured position moves a joint by less than this many standard deviations.
+# Additional range of a joint at rest due to noise of the measured position [standard deviations].
 REST_NOISE = 4.0
-# Tolerance of the equilibrium under the arm's weight [rad], and largest number of iterations.
-EQUILIBRIUM = 1e-13
-ITERATIONS = 200
-# Default damping of a joint over its stiffness [s]: 0.3 % of critical at 10 Hz, less than gears
-# have. Without damping, modes above the cycle of the drives take minutes to decay, because held
-# torques hardly damp them.
+# Equilibrium under gravity: position change at which the iteration ends [rad], and largest number
+# of iterations.
+EQUILIBRIUM_TOLERANCE = 1e-13
+MAX_ITERATIONS = 200
+# Default ratio of the damping of a joint spring to its stiffness [s]. It is 0.3 % of critical
+# damping at 10 Hz, less than that of gears. Without damping, modes that are faster than the drive
+# cycle take minutes to decay, because torques that are held for a cycle hardly damp them.
 DAMPING_TIME = 1e-4
-# Number of random poses in which a drive must be able to give the acceleration limits.
+# Number of random poses in which the default torque limits allow the acceleration limits.
 RATED_POSES = 200
 # Duration of one block of the simulation [s].
-BLOCK = 1.0
-# Number of integration steps in one compiled call, which take up to 0.1 s.
-STEPS_AT_ONCE = 1000
+BLOCK_DURATION = 1.0
+# Largest number of integration steps in one compiled call; a call takes up to 0.1 s.
+MAX_CALL_STEPS = 1000
 
 
 class RigidBodyPlant(LimitedPlant):
-    """The arm's rigid bodies with a sampled position and velocity loop on every joint.
+    """Plant of the arm's rigid bodies with sampled position and velocity loops of all joints.
 
-    In every step each drive sets its torque to `J K_v (K_p (u - q) - dq)` and keeps it constant for
-    the step. An integrator in the velocity loop adds `J K_v k_i` times the sum of the velocity
-    errors of all steps, with anti-windup as in `ServoModel`. The controller may add the gravity
-    torque. u is the command at the time of the step minus the servo's dead time. J is the servo's
-    inertia. By default J is the nominal inertia of the joint with its drive, without payload, with
-    all joints in the middle of the arm's joint ranges (at 0 for a joint without a range), which
-    does not depend on the job.
+    At the start of every step (drive cycle), each drive sets its torque to
+    `J K_v (K_p (u - q) - dq)` and holds it for the step. An integrator in the velocity loop adds
+    `J K_v k_i` times the sum of the velocity errors of all steps, with anti-windup as in
+    `ServoModel`. The controller can add the gravity torque. u is the command, delayed by the dead
+    time of the servo. J is the inertia of the servo. By default J is the inertia of the joint with
+    its drive, without payload, with all joints in the middle of their ranges (at 0 without a
+    range). Therefore J does not depend on the job.
 
     With `joint_stiffness`, drives move the links through springs and dampers (Spong's model):
 
         M(q) q'' + c(q, q') + g(q) = K (theta - q) + D (theta' - q')
         B theta'' + friction(theta') = tau - K (theta - q) - D (theta' - q')
 
-    theta are the motor positions on the link side, and B the inertias of the drives (armature).
-    Encoders are at the motors: the loops and gravity feed-forward use theta. The rotation of rotors
-    with the links that carry them is neglected, as in Spong (1987).
+    theta are the motor positions reflected to the joints, and B are the inertias of the drives
+    (armature). The loops and the gravity feed-forward use theta, because encoders are at the
+    motors. The rotation of rotors with the links that carry them is neglected, as in Spong (1987).
 
     >>> heavy = arm.with_dynamics(payload=ac.Payload(mass=0.5), armature=0.1)
     >>> plant = ac.RigidBodyPlant(heavy, servo, noise=1e-5, seed=1)
@@ -91,43 +92,44 @@ class RigidBodyPlant(LimitedPlant):
     2
 
     Args:
-        arm: The arm; its chain must have masses.
-        servo: The gains of the drives, a servo of second order.
-        limits: Limits with the joint torques that saturate, instead of those of the plan; a plan
-            without limits uses the arm's. Without torque limits, the drives are just strong enough
-            for the acceleration limits of all joints at once in the worst pose.
+        arm: The arm, with masses.
+        servo: The gains of the drives, a servo of order "second".
+        limits: Limits with the joint torques at which drives saturate, instead of the limits of the
+            plan; for a plan without limits, those of the arm are used. Without torque limits, the
+            drives are strong enough for the acceleration limits of all joints together in the worst
+            pose.
         step: Cycle time of the drives [s]; it is shortened to an integer fraction of the cycle.
-        gravity_feedforward: Whether the controller adds the gravity torque, including that of the
+        gravity_feedforward: True if the controller adds the gravity torque, including that of the
             payload in its model.
-        friction: Whether the chain's viscous and Coulomb friction act.
+        friction: True to simulate viscous and Coulomb friction of the arm.
         noise: Standard deviation of measured joint positions [rad], independent in every step.
-            Measured velocities have no noise because the filters of drives are unknown.
-        seed: Seed of the noise, the same in every run.
-        controller: The controller's model of the arm, for J, for the gravity torque and for torque
-            limits that follow from acceleration limits: for example without a payload that it does
-            not know. By default the arm itself.
-        joint_stiffness: K, stiffness between each drive and its link [N m/rad], one for all joints
+            Measured velocities have no noise, because the filters of drives are unknown.
+        seed: Seed of the noise, which is the same in every run.
+        controller: The controller's model of the arm, for example without a payload that the
+            controller does not know; by default the arm itself. It determines J, the gravity
+            torque, and torque limits that follow from acceleration limits.
+        joint_stiffness: Stiffness K between each drive and its link [N m/rad], one for all joints
             or one per joint; None for rigid joints.
-        joint_damping: D, damping between each drive and its link [N m s/rad], one for all joints or
-            one per joint; by default DAMPING_TIME times the stiffness, less than gears have.
+        joint_damping: Damping D between each drive and its link [N m s/rad], one for all joints or
+            one per joint; by default 1e-4 s times the stiffness, which is less than that of gears.
 
     A plant is immutable.
 
     Attributes:
-        limits: The given limits, or None.
+        limits: The explicit limits, or None.
         reference: Joint positions at which J is computed [rad], (dof,).
         nominal_inertia: J [kg m²], (dof,).
         torque_limit: Torque limits [N m], (dof,); infinite without limits.
 
     Raises:
         InvalidInput: The arm or `controller` has no masses, gains or limits do not fit the arm, the
-            servo is not of second order or has friction, cycle or acceleration limit, the step is
-            outside STEPS, the noise is too large, a drive with a spring has no inertia, or mujoco
-            is not installed.
+            servo is not of order "second" or has friction, a drive cycle or an acceleration limit,
+            the step is not from 1 µs to 0.1 s, the noise is too large, a drive with a spring has no
+            inertia, or mujoco is not installed.
     """
 
     torque_limit: FloatArray
-    _on_top: bool
+    _gravity_added: bool
 
     @checked
     def __init__(
@@ -136,7 +138,7 @@ class RigidBodyPlant(LimitedPlant):
         servo: ServoModel,
         limits: Limits | None = None,
         *,
-        step: DriveCycle = STEP,
+        step: DriveCycle = DEFAULT_STEP,
         gravity_feedforward: bool = True,
         friction: bool = True,
         noise: PositionNoise = 0.0,
@@ -146,20 +148,21 @@ class RigidBodyPlant(LimitedPlant):
         joint_damping: Annotated[npt.ArrayLike, DAMPING] | None = None,
     ) -> None:
         self.arm = arm
-        self.chain = _bodies(arm)
-        self.controller_chain = self.chain if controller is None else _bodies(controller)
+        self.chain = _require_chain(arm)
+        self.controller_chain = self.chain if controller is None else _require_chain(controller)
         if len(self.controller_chain) != arm.dof:
             raise InvalidInput(
-                f"The arm {arm.name} has {arm.dof} joints, but the arm that its controller knows "
-                f"has {len(self.controller_chain)}."
+                f"arm and controller must have the same joints, but the arm {arm.name} has "
+                f"{arm.dof} joints and the controller has {len(self.controller_chain)}."
             )
         self.servo = servo.for_joints(arm.dof)
         self.servo.check_orders("A rigid-body plant", integrator=True)
         if self.servo.acceleration_limit is not None:
             smallest = float(self.servo.acceleration_limit.min())
             raise InvalidInput(
-                "A rigid-body plant saturates at torques, but the servo has an acceleration_limit "
-                f"of {smallest} rad/s²: remove it, and give the plant limits with joint_torque."
+                "A rigid-body plant saturates at torque limits, but the servo has an "
+                f"acceleration_limit of {smallest} rad/s². Remove acceleration_limit, and specify "
+                "limits of the plant with joint_torque."
             )
         assert self.servo.kv is not None
         self.kv = self.servo.kv
@@ -170,26 +173,26 @@ class RigidBodyPlant(LimitedPlant):
         self.seed = seed
         self.reference = arm.limits.middle(arm.dof)
         if self.servo.inertia is None:
-            model = mujoco_model.build(
-                self.controller_chain.replace(payload=None), STEP, friction=False
+            model = mujoco_model.build_model(
+                self.controller_chain.replace(payload=None), DEFAULT_STEP, friction=False
             )
             matrix = mujoco_model.mass_matrix(model, self.reference)
             self.nominal_inertia = np.asarray(np.diagonal(matrix))
         else:
             self.nominal_inertia = self.servo.inertia
         self.limits = limits
-        vars(self).update(self._drives(None))
-        self._springs = _springs(self.chain, joint_stiffness, joint_damping)
+        vars(self).update(self._saturation_values(None))
+        self._springs = _make_springs(self.chain, joint_stiffness, joint_damping)
 
-    def _drives(self, planned: Limits | None) -> dict[str, Any]:
-        """Saturating values by attribute name, with the limits of a plan."""
+    def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
+        """Values of attributes at which drives saturate, by name, for the limits of a plan."""
         resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
         torques = _torque_limits(resolved, self.arm.limits, self.controller_chain)
-        # A limit that follows from accelerations bounds the torque for motion alone; a torque limit
-        # bounds the sum of the torques for motion and gravity.
+        # A torque limit restricts the sum of the torques for motion and gravity. A limit that
+        # follows from acceleration limits restricts only the torque for motion (_gravity_added).
         return {
             "torque_limit": checks.frozen_array(torques),
-            "_on_top": resolved.joint_torque is None,
+            "_gravity_added": resolved.joint_torque is None,
         }
 
     @property
@@ -205,20 +208,19 @@ class RigidBodyPlant(LimitedPlant):
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
         """Execute set-points from the equilibrium at the first set-point.
 
-        The equilibrium of a drive is the set-point itself with an integrator, with gravity
-        feed-forward of the whole weight, or without gravity. Otherwise it is the sagged position
-        without friction.
+        The equilibrium of a joint is the set-point if it has an integrator, gravity feed-forward of
+        the whole weight, or no weight. Otherwise the joint sags, without friction.
 
         Raises:
-            InvalidInput: The set-points are for another number of joints, or the resolution is
-                finer than the step.
+            InvalidInput: The set-points have another number of joints, or the resolution is finer
+                than the step.
             ExecutionError: The drives are unstable, too weak to hold the arm, or do not settle.
         """
         check_joints(set_points, self.arm)
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points with the limits of this plant."""
+        """Execute set-points with the limits of this plant, which `for_plan` has set."""
         steps = int(np.ceil(set_points.cycle / self.step * (1 - 1e-12)))
         span = set_points.cycle / steps
         every = _steps_per_result(steps, span, resolution)
@@ -228,7 +230,7 @@ class RigidBodyPlant(LimitedPlant):
             robot.model, set_points, span, loop, viscous * self.friction, self._springs
         )
         robot.refine(parts)
-        rows = max(1, round(BLOCK / set_points.cycle))
+        rows = max(1, round(BLOCK_DURATION / set_points.cycle))
         logs = []
         command = self._command(set_points, steps, self.servo)
         integrated = command
@@ -246,7 +248,7 @@ class RigidBodyPlant(LimitedPlant):
     def _command(
         self, set_points: SetPoints, steps: int, servo: ServoModel
     ) -> Callable[[int, int], FloatArray]:
-        """Function of k and count: commands in every step of `count` cycles from k on."""
+        """Function (k, count): commands of all steps in `count` cycles from cycle k, (n, dof)."""
         q, cycle = set_points.q, set_points.cycle
         plain = servo.interpolation != "cubic" and not servo.has_feedforward
         if plain and not servo.dead_time.any():
@@ -262,11 +264,11 @@ class RigidBodyPlant(LimitedPlant):
     def _come_to_rest(
         self, robot: _Robot, set_points: SetPoints, steps: int, every: int
     ) -> list[_Log]:
-        """Simulate after the last set-point until all joints are at rest."""
+        """Simulate after the last set-point until all joints are at rest; returns the logs."""
         window = rest_window(self.servo)
         commands = np.tile(set_points.q[-1], (int(np.ceil(window / set_points.cycle)) * steps, 1))
         begin = robot.now
-        longest = patience(begin - set_points.start_time)
+        longest = longest_settling(begin - set_points.start_time)
         logs = []
         while robot.now - begin <= longest:
             log = robot.advance(commands, commands)
@@ -279,20 +281,21 @@ class RigidBodyPlant(LimitedPlant):
         j = worst % self.arm.dof
         offset = abs(float(log.q[-1, worst] - set_points.q[-1, j]))
         missing = (
-            "; the inertia of its drive, armature, is missing"
+            " The inertia of its drive (armature) is missing."
             if np.asarray(self.chain.armature)[j] == 0
             else ""
         )
         raise ExecutionError(
-            f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point: "
-            f"{offset:.3g} rad from it, it still moves by {moved[worst]:.3g} rad in {window:.3g} "
-            f"s, so its servo gains, torque limit and friction do not let it settle{missing}.",
+            f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point. It "
+            f"moves by {moved[worst]:.3g} rad in {window:.3g} s, {offset:.3g} rad from the "
+            "set-point. With its servo gains, torque limit and friction, the joint does not "
+            f"settle.{missing}",
             t=robot.now,
             joint=j,
         )
 
     def _check_strength(self, log: _Log, last: FloatArray, now: float) -> None:
-        """Raise an error if a drive at rest is always at its torque limit."""
+        """Raise an error if a drive is at its torque limit all the time at rest."""
         weak = (log.torque_demand != log.torque).all(axis=0)
         if not weak.any():
             return
@@ -300,9 +303,9 @@ class RigidBodyPlant(LimitedPlant):
         needed, allowed = (float(abs(x[-1, j])) for x in (log.torque_demand, log.torque))
         offset = log.q[-1, -self.arm.dof :] - last
         raise ExecutionError(
-            f"Joint {j + 1} rests {abs(offset[j]):.3g} rad from its last set-point, "
-            f"because its drive gives {allowed:.4g} N m but its servo requires {needed:.4g} N m: "
-            "raise its torque limit or lighten its load.",
+            f"Joint {j + 1} rests {abs(offset[j]):.3g} rad from its last set-point, because its "
+            f"servo requires {needed:.4g} N m, but the torque limit of its drive is {allowed:.4g} "
+            "N m. Increase the torque limit or reduce the load.",
             t=now,
             joint=j,
             limit="joint_torque",
@@ -311,7 +314,7 @@ class RigidBodyPlant(LimitedPlant):
         )
 
     def _execution(self, set_points: SetPoints, logs: list[_Log], span: float) -> Execution:
-        """The execution of consecutive logs with the time `span` between results [s]."""
+        """Join consecutive logs with the time `span` between results [s] to an execution."""
         columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in LOGGED}
         dof = self.arm.dof
         return Execution(
@@ -331,11 +334,11 @@ class RigidBodyPlant(LimitedPlant):
         )
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion:
-        """Motion between results of an execution: cubics of the joints.
+        """Motion between successive results of an execution: cubics of the joint positions.
 
         Args:
-            executed: The execution, with all of its results.
-            indices: Indices of the results before, increasing, (m,).
+            executed: The execution, with all results.
+            indices: Indices of the results at the starts of the intervals, increasing, (m,).
         """
         return FineMotion.through(executed.t, executed.q, executed.dq, None, indices)
 
@@ -346,10 +349,10 @@ LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Log:
-    """Results of some steps."""
+    """Results of n successive steps of the drives."""
 
     # q, dq: positions [rad] and velocities [rad/s] of the links at the starts of the steps,
-    # (n, dof); with joint springs, followed by those of the motors, (n, 2 dof).
+    # (n, dof); with joint springs followed by those of the motors, (n, 2 dof).
     q: FloatArray
     dq: FloatArray
     ddq: FloatArray  # Mean accelerations over the steps [rad/s²], of the same shape
@@ -369,7 +372,7 @@ class _Log:
         torque: FloatArray,
         step: float,
     ) -> _Log:
-        """Log from states at the starts of steps and at the end, (n + 1, ...), and held values."""
+        """Log from states at the starts of steps and at the end, (n + 1, ...), and loop outputs."""
         return cls(
             q=q[:-1],
             dq=dq[:-1],
@@ -382,11 +385,11 @@ class _Log:
         )
 
     def moved(self, step: float) -> FloatArray:
-        """Range of motion of links and motors, including within steps [rad], (dof,) or (2 dof,)."""
+        """Range of motion of links and motors, also within steps [rad], (dof,) or (2 dof,)."""
         return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
 
     def thinned(self, every: int) -> _Log:
-        """Copy of every n-th step, so that the memory of the other steps is freed."""
+        """Copy with every n-th step, so that the memory of the other steps can be freed."""
         return _Log(
             demand_range=self.demand_range,
             saturated=self.saturated,
@@ -395,33 +398,36 @@ class _Log:
 
 
 class _Robot:
-    """One run of a plant: the state of the bodies, and the drives."""
+    """One run of a plant: state of the rigid bodies and of the drives."""
 
     def __init__(self, plant: RigidBodyPlant, step: float, set_points: SetPoints) -> None:
         self.plant = plant
         self.step = step
         self.start = set_points.start_time
         self.steps = 0
-        self.mujoco = mujoco_model.load()
+        self.mujoco = mujoco_model.import_mujoco()
         springs = plant._springs
-        self.model = mujoco_model.build(plant.chain, step, friction=plant.friction, springs=springs)
+        self.model = mujoco_model.build_model(
+            plant.chain, step, friction=plant.friction, springs=springs
+        )
         self.data = self.mujoco.MjData(self.model)
         self.parts = 1
-        # The controller's model with a state at rest, for the gravity torques.
-        self.known_model = (
+        # controller_model, controller_data: the controller's model with a state at rest, for
+        # gravity torques.
+        self.controller_model = (
             self.model
             if plant.controller_chain is plant.chain and springs is None
-            else mujoco_model.build(plant.controller_chain, step, friction=False)
+            else mujoco_model.build_model(plant.controller_chain, step, friction=False)
         )
-        self.still = self.mujoco.MjData(self.known_model)
+        self.controller_data = self.mujoco.MjData(self.controller_model)
         self.rng = np.random.default_rng(plant.seed)
         motors, links, torque = self._equilibrium(np.array(set_points.q[0]))
-        # Without springs both are equal.
+        # Without springs, motors and links are the same degrees of freedom.
         self.data.qpos[-len(motors) :] = motors
         self.data.qpos[: len(links)] = links
-        self.functions = mujoco_model.functions()
+        self.functions = mujoco_model.function_addresses()
         self.bodies = Bodies.from_model(self.model, self.data)
-        self.controller = Bodies.from_model(self.known_model, self.still)
+        self.controller = Bodies.from_model(self.controller_model, self.controller_data)
         ki = np.array(plant.servo.ki)
         integral = torque / (plant.nominal_inertia * plant.kv * np.where(ki > 0, ki, np.inf))
         self.loops = Loops(
@@ -432,25 +438,26 @@ class _Robot:
             step=step,
             inertia=np.array(plant.nominal_inertia),
             limit=np.array(plant.torque_limit),
-            holds=plant.gravity_feedforward,
-            on_top=plant._on_top,
+            gravity_feedforward=plant.gravity_feedforward,
+            gravity_added=plant._gravity_added,
         )
 
     @property
     def now(self) -> float:
-        """Time since the start of the plan [s]."""
+        """Simulated time, in the time of the plan [s]."""
         return self.start + self.steps * self.step
 
     def refine(self, parts: int) -> None:
-        """Integrate every step in this number of parts."""
+        """Divide every step of the drives into this number of integration steps."""
         self.parts = parts
         mujoco_model.set_step(self.model, self.step / parts)
-        # Compiled calls of MuJoCo cannot raise exceptions: an error would end the process. A step
-        # from Python shows errors, because all steps run the same code.
+        # An error in a compiled call of MuJoCo would end the process, because it cannot raise an
+        # exception. So one step is simulated from Python first, where errors are exceptions.
         self.mujoco.mj_step(self.model, self.mujoco.MjData(self.model))
 
     def advance(self, commands: FloatArray, integrated: FloatArray) -> _Log:
-        """Simulate one step per row of the commands."""
+        """Simulate one step per row of the commands [rad], (n, dof)."""
+        # integrated: commands of the integrators, without acceleration feed-forward.
         n, dof = commands.shape
         q, dq = (np.empty((n + 1, self.model.nv)) for _ in range(2))
         rows = Rows(q, dq, *(np.empty((n, dof)) for _ in range(3)))
@@ -458,13 +465,13 @@ class _Robot:
         if self.plant.noise:
             noise = self.rng.normal(0.0, self.plant.noise, (n, dof))
         commands, integrated = (np.ascontiguousarray(x) for x in (commands, integrated))
-        # Python handles signals between calls.
-        at_once = max(1, STEPS_AT_ONCE // self.parts)
+        # The steps are divided into calls, because Python handles signals only between calls.
+        at_once = max(1, MAX_CALL_STEPS // self.parts)
         for first in range(0, n, at_once):
             end = min(first + at_once, n)
             reached = drive_loop.advance(
                 self.functions, self.bodies, self.controller, self.loops, self.parts,
-                commands, integrated, noise, first, end, RUNAWAY, rows,
+                commands, integrated, noise, first, end, RUNAWAY_SPEED, rows,
             )  # fmt: skip
             if reached != end:
                 self._raise_runaway(reached)
@@ -472,90 +479,93 @@ class _Robot:
         return _Log.from_steps(*rows, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rest positions with the first set-point as command [rad]."""
-        # The integrator, or otherwise the position loop, holds the weight that is not fed forward;
-        # a spring holds the whole weight.
-        # Returns positions of the motors and of the links, without springs the same [rad], and
-        # torques of the loops [N m], (dof,) each.
+        """Rest positions of motors and links [rad], and torques of the loops [N m], (dof,) each."""
+        # The command is the first set-point. The integrator, or without it the position loop,
+        # compensates the weight that is not fed forward. Springs carry the whole weight. Without
+        # springs, motors and links have the same positions.
         plant, springs = self.plant, self.plant._springs
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
         motors = links = first
-        weight, fed = mujoco_model.weight(self.model, self.data, links), self._fed_forward(motors)
-        for _ in range(ITERATIONS):
+        weight, fed = (
+            mujoco_model.gravity_torques(self.model, self.data, links),
+            self._controller_gravity(motors),
+        )
+        for _ in range(MAX_ITERATIONS):
             before = motors, links
             motors = first - (weight - fed) / gain
             links = motors if springs is None else motors - weight / springs.stiffness
             moved = np.abs(np.subtract((motors, links), before)).max(axis=0)
-            if moved.max() <= EQUILIBRIUM:
+            if moved.max() <= EQUILIBRIUM_TOLERANCE:
                 break
             weight, fed = (
-                mujoco_model.weight(self.model, self.data, links),
-                self._fed_forward(motors),
+                mujoco_model.gravity_torques(self.model, self.data, links),
+                self._controller_gravity(motors),
             )
         else:
             j = int(np.argmax(moved))
             loops = "servo gains are" if springs is None else "servo gains or its stiffness are"
             raise ExecutionError(
-                f"Joint {j + 1} has no equilibrium near its first set-point: its {loops} too low "
-                "for the weight that gravity feed-forward does not hold.",
+                f"Joint {j + 1} has no equilibrium near its first set-point, because its {loops} "
+                "too low for the weight that gravity feed-forward does not compensate. Increase "
+                "them, or use gravity feed-forward.",
                 t=self.start,
                 joint=j,
             )
         location, torque = "the first set-point", weight - fed
-        if plant._on_top and plant.gravity_feedforward:
+        if plant._gravity_added and plant.gravity_feedforward:
             weight, location = torque, f"{location}, in addition to gravity feed-forward"
         check_weight(np.abs(weight), plant.torque_limit, location, self.start)
         return motors, links, torque
 
-    def _fed_forward(self, q: FloatArray) -> FloatArray:
-        """Gravity torques that the controller adds at q [N m], (dof,)."""
+    def _controller_gravity(self, q: FloatArray) -> FloatArray:
+        """Gravity torques that the controller adds at positions q [N m], (dof,)."""
         if not self.plant.gravity_feedforward:
             return np.zeros(len(q))
-        return mujoco_model.weight(self.known_model, self.still, q)
+        return mujoco_model.gravity_torques(self.controller_model, self.controller_data, q)
 
     def _raise_runaway(self, k: int) -> None:
-        """Raise the error of a joint faster than `RUNAWAY` in step k of the commands."""
+        """Raise the error for a joint that is faster than RUNAWAY_SPEED in step k."""
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
         speed, j = velocity[j], j % self.plant.arm.dof
         t = self.start + (self.steps + k + 1) * self.step
         raise ExecutionError(
-            f"Joint {j + 1} runs away at t = {t:.4g} s, at {speed:.3g} rad/s: its servo is "
-            f"unstable with a step of {self.step:.3g} s; lower its gains or shorten the step.",
+            f"Joint {j + 1} runs away at t = {t:.4g} s with {speed:.3g} rad/s, because its servo "
+            f"is unstable with a step of {self.step:.3g} s. Reduce its gains or shorten the step.",
             t=t,
             joint=j,
         )
 
 
 def can_simulate() -> bool:
-    """True if MuJoCo, which simulates the bodies, is installed."""
+    """True if MuJoCo, which simulates the rigid bodies, is installed."""
     return importlib.util.find_spec("mujoco") is not None
 
 
 def require_mujoco() -> None:
-    """Check that MuJoCo is installed."""
-    mujoco_model.load()
+    """Raise an error if MuJoCo is not installed."""
+    mujoco_model.import_mujoco()
 
 
 def rest_window(servo: ServoModel) -> float:
     """Time for which the joints must stay within `REST_RANGE` to be at rest [s]."""
-    # The slowest time constant of a cascade is at most the sum.
+    # The slowest time constant of a loop with an integrator is at most the sum of both.
     slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
-    return min(max(REST_TIME, float(slowest.max())), PATIENCE)
+    return min(max(REST_TIME, float(slowest.max())), LONGEST_SETTLING)
 
 
 def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
-    """Check that joint damping comes with joint stiffness."""
+    """Raise an error if joint damping is specified without joint stiffness."""
     if stiffness is None and damping is not None:
         raise InvalidInput(
-            "joint_damping is the damping of the springs between drives and links, so it needs "
-            "their joint_stiffness: give both."
+            "joint_damping requires joint_stiffness, because it is the damping of the springs "
+            "between drives and links. Specify both."
         )
 
 
 def _interpolate(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
-    """Linear or stepped commands at the starts of all steps between set-points, (n steps, dof)."""
+    """Interpolated or held commands at the starts of all steps between set-points q [rad]."""
     if interpolation == "step":
         return np.repeat(q[:-1], steps, axis=0)
     fraction = np.arange(steps)[:, None] / steps
@@ -563,25 +573,26 @@ def _interpolate(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
     return np.asarray(between.reshape(-1, q.shape[1]))
 
 
-def _bodies(arm: Arm) -> Chain:
-    """The chain of an arm; an error without masses or with another number of joints."""
+def _require_chain(arm: Arm) -> Chain:
+    """The chain of an arm; raises an error if masses are missing or joints differ."""
     chain = arm.chain
     if chain is None or not arm.has_bodies:
         raise InvalidInput(
-            f"The masses of the arm {arm.name} are not known, so it has no rigid bodies: load it "
-            "from a file whose links have masses, centres of mass and inertias."
+            f"A rigid-body plant requires masses, but those of the arm {arm.name} are not known. "
+            "Load the arm from a file whose links have masses, centres of mass and inertias."
         )
     if len(chain) != arm.dof:
         raise InvalidInput(
-            f"The arm {arm.name} has {arm.dof} joints, but its chain has {len(chain)}."
+            f"The chain of an arm must have all of its joints, but the arm {arm.name} has "
+            f"{arm.dof} joints and its chain has {len(chain)}."
         )
     return chain
 
 
-def _springs(
+def _make_springs(
     chain: Chain, stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None
 ) -> Springs | None:
-    """The springs between drives and links; None for rigid joints."""
+    """Check and make the springs between drives and links; None for rigid joints."""
     check_damping(stiffness, damping)
     if stiffness is None:
         return None
@@ -594,17 +605,17 @@ def _springs(
     if light.any():
         j = int(np.argmax(light))
         raise InvalidInput(
-            f"Joint {j + 1} ({chain.joints[j]}) has a spring between its drive and its link, but "
-            "its drive has no inertia: give the arm the inertias of its drives (armature), or "
-            "remove joint_stiffness."
+            f"joint_stiffness requires the inertia of each drive, but the drive of joint {j + 1} "
+            f"({chain.joints[j]}) has none. Specify the inertias of the drives (armature) of the "
+            "arm, or remove joint_stiffness."
         )
     return Springs(checks.frozen_array(k), checks.frozen_array(d))
 
 
 def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
     """Torque limits of the drives [N m], (dof,)."""
-    # Without torque limits the drives are rated for the acceleration limits of all joints at once,
-    # without payload, in each of `RATED_POSES` random poses.
+    # Without torque limits, the drives are strong enough for the acceleration limits of all joints
+    # together, without payload, in RATED_POSES random poses.
     if limits.joint_torque is not None:
         return limits.joint_torque
     dof = len(chain)
@@ -612,22 +623,22 @@ def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArr
         return np.full(dof, np.inf)
     if not limits.same_both_ways():
         raise InvalidInput(
-            "The rigid-body plant saturates alike in both directions: give it one value of "
-            "joint_acceleration per joint, or joint_torque."
+            "A rigid-body plant requires the same acceleration limits in both directions, but they "
+            "differ. Specify one value of joint_acceleration per joint, or joint_torque."
         )
     lower, upper = (np.clip(x, -np.pi, np.pi) for x in arm_limits.joint_range(dof))
     shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
-    model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
+    model = mujoco_model.build_model(chain.replace(payload=None), DEFAULT_STEP, friction=False)
     matrices = np.abs(mujoco_model.mass_matrices(model, lower + shares * (upper - lower)))
     return np.asarray(np.max([x @ limits.acceleration_bounds(dof)[1] for x in matrices], axis=0))
 
 
 def _steps_per_result(steps: int, span: float, resolution: float) -> int:
-    """Largest divisor of the steps of a cycle that keeps the resolution."""
+    """Number of steps per result: the largest divisor of `steps` that satisfies the resolution."""
     if span > resolution * (1 + 1e-9):
         raise InvalidInput(
-            f"The rigid-body plant moves in steps of {span:.4g} s, so it has no results every "
-            f"{resolution:.4g} s: give it a step of at most that, or ask for a coarser resolution."
+            f"The step of the rigid-body plant must be at most the resolution of {resolution:.4g} "
+            f"s, but is {span:.4g} s. Specify a shorter step or a coarser resolution."
         )
     fitting = (m for m in range(steps, 0, -1) if steps % m == 0)
     return next(m for m in fitting if m * span <= resolution * (1 + 1e-9))

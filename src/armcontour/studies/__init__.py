@@ -1,1 +1,1 @@
-"""Studies that plan one job many times: certificates, and placements of a part or a base."""
+"""Studies that plan a job many times: certificates, and placements of a part or a base."""

@@ -1,1 +1,1 @@
-"""The Studio: a local page on which a job is changed while the robot's answer is seen."""
+"""The Studio: a local web page on which you edit a job and see the resulting robot motion."""

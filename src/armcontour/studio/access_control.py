@@ -1,4 +1,4 @@
-"""Access control of the Studio: only its own page, opened with the token of the printed address."""
+"""Access control: the Studio serves only its own page, opened with the token in the address."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ Send: TypeAlias = Callable[[Message], Awaitable[None]]
 App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 ADDRESS = "127.0.0.1"
-# 128 bits cannot be guessed.
+# Number of random bytes of the token: 128 bits cannot be guessed.
 TOKEN_BYTES = 16
-# Largest upload, and largest message of a page [bytes].
+# Maximum size of an upload and of a message of a page [bytes].
 MAX_UPLOAD = 64 * MEGABYTE
 MAX_MESSAGE = 16 * MEGABYTE
-# Messages of one page per second, and burst: a page sends one per frame of the screen.
+# Maximum rate [messages/s] and burst [messages] of a page; it sends one message per screen frame.
 RATE, BURST = 500.0, 1000.0
-# A header that pages of other servers can send only after a CORS preflight, which fails.
+# Required header of POST requests. Pages of other servers can send it only after a CORS preflight
+# request, which this server refuses.
 PAGE_HEADER = b"x-armcontour"
 
 
 def make_token() -> str:
-    """Random token, hexadecimal."""
+    """Create a random token of hexadecimal digits."""
     return secrets.token_hex(TOKEN_BYTES)
 
 
@@ -52,11 +53,11 @@ class Endpoint:
 
     @property
     def page(self) -> str:
-        """Address of the page with the token. Browsers do not send the part after `#`."""
+        """Address of the page with the token after `#`; browsers do not send that part."""
         return f"http://{ADDRESS}:{self.port}/#{self.token}"
 
     def accepts(self, token: object) -> bool:
-        """True if the token is right; takes the same time for all wrong tokens."""
+        """True if the token is correct; the comparison takes the same time for all wrong tokens."""
         text = token if isinstance(token, str) else ""
         return secrets.compare_digest(text.encode("utf-8", "replace"), self.token.encode())
 
@@ -81,7 +82,7 @@ class Endpoint:
 
 
 class RefusedRequest(Exception):
-    """A request that is refused, with its HTTP status."""
+    """Refusal of a request, with the HTTP status of the response."""
 
     def __init__(self, status: int, sentence: str) -> None:
         super().__init__(sentence)
@@ -89,13 +90,13 @@ class RefusedRequest(Exception):
 
 
 class AccessControl:
-    """ASGI middleware that refuses requests of anything but the Studio's own page."""
+    """ASGI middleware that accepts requests only from the Studio's own page."""
 
     def __init__(self, app: App, endpoint: Endpoint) -> None:
         self.app, self.endpoint = app, endpoint
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer or refuse a request."""
+        """Pass a valid request to the application; refuse others."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -111,7 +112,7 @@ class AccessControl:
             await self.app(scope, _bounded(receive), answer)
         except RefusedRequest as refusal:
             if scope["type"] == "websocket":
-                # Closed before it is accepted, which browsers see as status 403.
+                # A websocket that is closed before it is accepted results in status 403.
                 await send({"type": "websocket.close"})
             else:
                 await respond(answer, refusal.status, f"{refusal}\n".encode(), "text/plain")
@@ -119,11 +120,13 @@ class AccessControl:
     def _check(self, scope: Scope) -> None:
         """Refuse a request that the Studio's own page would not send."""
         headers = scope["headers"]
-        # Both headers are compared with this server. That they are equal proves nothing, because a
-        # foreign name may point to this machine (DNS rebinding).
+        # Host and Origin are compared with the address of this server, not with each other, because
+        # a foreign host name can resolve to this machine (DNS rebinding).
         if not _is_one_of(_header_values(headers, b"host"), self.endpoint.hosts):
             raise RefusedRequest(
-                400, "This is the Studio of armcontour: open the address it printed."
+                400,
+                "The Studio of armcontour does not accept this address. Open the address that "
+                "armcontour studio has printed.",
             )
         origins = _header_values(headers, b"origin")
         method = scope.get("method", "GET")
@@ -131,35 +134,41 @@ class AccessControl:
         if not (reads and not origins) and not _is_one_of(origins, self.endpoint.origins):
             raise RefusedRequest(403, "Only the Studio's own page may send this request.")
         if method not in ("GET", "HEAD", "POST"):
-            raise RefusedRequest(405, f"The Studio does not know the method {method}.")
+            raise RefusedRequest(
+                405, f"The Studio supports the methods GET, HEAD and POST, but not {method}."
+            )
         if scope["type"] == "websocket" or is_public(scope["path"]):
             # A websocket sends the token in its first message, because it cannot have headers.
             return
         if method == "POST" and _header_values(headers, PAGE_HEADER) != [b"1"]:
             raise RefusedRequest(
-                403, "A request that changes something needs the header X-Armcontour."
+                403, "A POST request to the Studio requires the header X-Armcontour with value 1."
             )
         kind, _, token = b"".join(_header_values(headers, b"authorization")).partition(b" ")
         if kind.lower() != b"bearer" or not self.endpoint.accepts(token.decode("latin-1")):
-            raise RefusedRequest(401, "The token is missing or wrong: open the address it printed.")
+            raise RefusedRequest(
+                401,
+                "The token is missing or wrong. Open the address that armcontour studio has "
+                "printed.",
+            )
         length = b"".join(_header_values(headers, b"content-length"))
         if length.isdigit() and int(length) > MAX_UPLOAD:
             raise _too_large()
 
 
 def is_public(path: str) -> bool:
-    """True for files of the page, which contain no user data."""
+    """True for the files of the page, which need no token because they contain no user data."""
     return path == "/" or path.startswith("/static/")
 
 
 class RateLimit:
-    """Rate limit of messages, with bursts."""
+    """Limit of the message rate that permits short bursts (token bucket)."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._remaining, self._last = clock, BURST, clock()
 
     def allow(self) -> bool:
-        """Count one message; False if it exceeds the limit."""
+        """Count one message; returns False if the message exceeds the limit."""
         now = self._clock()
         self._remaining = min(BURST, self._remaining + RATE * (now - self._last))
         self._last = now
@@ -176,7 +185,7 @@ async def respond(
     kind: str,
     headers: Iterable[tuple[bytes, bytes]] = (),
 ) -> None:
-    """Send a complete response."""
+    """Send a response with status, headers and body."""
     if kind.startswith("text/") or kind == "application/json":
         kind += "; charset=utf-8"
     own_headers = [(b"content-type", kind.encode()), (b"content-length", str(len(body)).encode())]
@@ -187,7 +196,7 @@ async def respond(
 
 
 def _bounded(receive: Receive) -> Receive:
-    """Limit the size of request bodies."""
+    """Wrap `receive` so that a request body larger than MAX_UPLOAD is refused."""
     size = 0
 
     async def bounded() -> Message:
@@ -205,8 +214,9 @@ def _bounded(receive: Receive) -> Receive:
 def _too_large() -> RefusedRequest:
     return RefusedRequest(
         413,
-        f"A file opened in the Studio may have {MAX_UPLOAD // MEGABYTE} MB: name a larger one "
-        "in the job file, or give a larger log to armcontour identify or armcontour learn.",
+        f"A file that is opened in the Studio must not exceed {MAX_UPLOAD // MEGABYTE} MB. Specify "
+        "a larger file in the job file, or use armcontour identify or armcontour learn for a "
+        "larger log.",
     )
 
 

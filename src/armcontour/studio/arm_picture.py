@@ -1,4 +1,4 @@
-"""Frame with the arm and its cell in space."""
+"""Message frame with the arm and the bodies of its cell, which the page draws in 3D."""
 
 from __future__ import annotations
 
@@ -28,19 +28,20 @@ from armcontour.robot.scene import (
 )
 from armcontour.studio.page_frame import PageFrame
 
-# The page moves the links: frame of link i in link i - 1 = `origin` of its joint, then a rotation
-# by q[i] about `axis`. Link 0 is the base; the tool is in the last link.
+# The page computes the link poses: the pose of link i in the frame of link i - 1 is the `origin` of
+# its joint, followed by a rotation by q[i] about `axis`. Link 0 is the base. The tool is fixed to
+# the last link.
 
-# Sides of round bodies.
+# Number of sides of the polygons that approximate circles.
 SIDES = 24
-# Larger meshes are drawn as convex hulls.
+# Meshes with more triangles are drawn as convex hulls.
 MAX_TRIANGLES = 4_000
-# Size of a table relative to the reach of the arm, and its thickness [m].
+# Half side length of a table, as a factor of the arm's reach, and its thickness [m].
 TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
 
 
 def arm_frame(job: Job) -> PageFrame:
-    """Frame with the arm of a job and the bodies in its cell."""
+    """Message frame with the joints of a job's arm and the bodies in its cell."""
     arm, chain = job.arm, job.arm.chain
     assert chain is not None, "every arm of a job has a chain"
     base = chain.base
@@ -66,13 +67,13 @@ def arm_frame(job: Job) -> PageFrame:
         "work": matrix(base.inverse),
         "reach": _reach(chain),
         "bodies": bodies,
-        "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are not known."],
+        "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are unknown."],
     }
     return PageFrame("arm", header, arrays)
 
 
 def matrix(frame: Frame) -> FloatArray:
-    """Homogeneous matrix of a frame, (4, 4)."""
+    """Homogeneous transform of a frame, (4, 4)."""
     homogeneous = np.eye(4)
     homogeneous[:3, :3], homogeneous[:3, 3] = frame.rotation, frame.position
     return homogeneous
@@ -85,7 +86,7 @@ def _reach(chain: Chain) -> float:
 
 
 def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Bodies of links, tool and obstacles, and their triangles, (n, 3, 3)."""
+    """Bodies of links, tool and obstacles, and by name their triangle arrays [m], (n, 3, 3)."""
     bodies: list[dict[str, Any]] = []
     arrays: dict[str, npt.NDArray[Any]] = {}
 
@@ -105,12 +106,13 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
             triangles_of(link_shape.exact or link_shape.shape),
         )
     for obstacle in scene.obstacles:
-        # Link 0 is the base, whose frame in the work frame is the chain's base.
+        # Obstacles are drawn in the base frame (link 0). `chain.base`: pose of the base in the work
+        # frame.
         pose = obstacle.place
         if obstacle.fixed_to != BASE:
             pose = chain.base.inverse @ pose
         if isinstance(obstacle.shape, HalfSpace):
-            # The table is drawn below the arm, independent of the origin of its plane.
+            # The table is centred below the base, wherever the origin of its plane is.
             foot = -(pose.rotation.T @ pose.position) * [1, 1, 0]
             pose = pose @ Frame(position=foot + [0, 0, -TABLE_THICKNESS / 2])
             side = 2 * TABLE_SIZE * max(_reach(chain), 0.5)
@@ -124,23 +126,23 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
 
 @lru_cache(maxsize=64)
 def triangles_of(shape: Shape) -> FloatArray:
-    """Triangles of a shape, or the hull of a large mesh [m], (n, 3, 3), outward normals."""
+    """Triangles of a shape or of the hull of a large mesh [m], (n, 3, 3), with outward normals."""
     match shape:
         case Box():
             ring = shape.size[:2] / 2 * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
-            return _around([(ring, -shape.size[2] / 2), (ring, shape.size[2] / 2)])
+            return _triangulate_rings([(ring, -shape.size[2] / 2), (ring, shape.size[2] / 2)])
         case Sphere():
-            return _rounded(shape.radius, 0.0)
+            return _capsule_triangles(shape.radius, 0.0)
         case Capsule():
-            return _rounded(shape.radius, shape.length)
+            return _capsule_triangles(shape.radius, shape.length)
         case Cylinder():
             ring = _ring(shape.radius)
-            return _around([(ring, -shape.length / 2), (ring, shape.length / 2)])
+            return _triangulate_rings([(ring, -shape.length / 2), (ring, shape.length / 2)])
         case Mesh() if shape.triangles is not None and len(shape.triangles) <= MAX_TRIANGLES:
             return np.asarray(shape.points[shape.triangles])
         case Mesh():
             return _hull(shape.points)
-    raise TypeError(f"A {type(shape).__name__} has no triangles.")
+    raise TypeError(f"A {type(shape).__name__} cannot be drawn as triangles.")
 
 
 def _ring(radius: float) -> FloatArray:
@@ -149,9 +151,9 @@ def _ring(radius: float) -> FloatArray:
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-def _rounded(radius: float, length: float) -> FloatArray:
-    """Triangles of a capsule along z [m], (n, 3, 3); of a sphere if `length` is 0."""
-    # The poles are separate points; a sphere has one ring at its equator, a capsule has two.
+def _capsule_triangles(radius: float, length: float) -> FloatArray:
+    """Triangles of a capsule along z [m], (n, 3, 3); a capsule of length 0 is a sphere."""
+    # The poles are separate points. A sphere has one ring at its equator, a capsule has two.
     angles = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)[1:-1]
     rings = [
         (_ring(radius * np.cos(angle)), radius * np.sin(angle) + end * length / 2)
@@ -160,15 +162,15 @@ def _rounded(radius: float, length: float) -> FloatArray:
         if end * angle > 0 or (abs(angle) < 1e-9 and (length > 0 or end > 0))
     ]
     pole = radius + length / 2
-    return _around(rings, (-pole, pole))
+    return _triangulate_rings(rings, (-pole, pole))
 
 
-def _around(
+def _triangulate_rings(
     rings: Sequence[tuple[FloatArray, float]], poles: tuple[float, float] | None = None
 ) -> FloatArray:
-    """Triangles of a body from polygons (n, 2) [m] with their z, lowest first; `poles`.
+    """Triangles of a body from rings: polygons (n, 2) [m] with their z [m], lowest ring first.
 
-    Its ends.
+    `poles`: z of the lowest and highest point [m]; without poles, the ends are flat.
     """
     low, high = poles or (rings[0][1], rings[-1][1])
     points = [np.column_stack([ring, np.full(len(ring), z)]) for ring, z in rings]
@@ -181,7 +183,10 @@ def _around(
 
 
 def _fan(ring: FloatArray, middle: FloatArray) -> FloatArray:
-    """Triangles between the sides of a polygon and a point, which is repeated, (n, 3, 3)."""
+    """Triangles between the sides of a polygon and a point, (n, 3, 3).
+
+    `middle` contains the point n times, (n, 3).
+    """
     return np.stack([ring, np.roll(ring, -1, axis=0), middle], 1)
 
 
@@ -191,7 +196,7 @@ def _hull(points: FloatArray) -> FloatArray:
 
     hull = ConvexHull(points)
     corners = hull.points[hull.simplices]
-    # The normals of the hull point outwards, but the order of its corners is arbitrary.
+    # The normals in `equations` point outwards, but the vertex order of the simplices is arbitrary.
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inside_out = np.einsum("ij,ij->i", across, hull.equations[:, :3]) < 0
     corners[inside_out] = corners[inside_out][:, ::-1]

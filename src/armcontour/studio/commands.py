@@ -1,4 +1,4 @@
-"""Commands of a page: one method for each `op` of its messages, and the edits of gestures."""
+"""Commands of a page: one method for each value of `op` in its messages, and gestures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.text import show
-from armcontour.files.job_edits import Change
+from armcontour.files.job_text_edits import Change
 from armcontour.studio.description import label_of
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Revision
@@ -29,16 +29,16 @@ from armcontour.studio.start_page import (
 )
 from armcontour.studio.view import Detail
 
-# Largest number of edits of a message, because each may read the job again.
+# Maximum number of edits in a message, because the job may be read again for each edit.
 MAX_EDITS = 100
 
-# Largest width of a detail, and largest error of its lines [px].
+# Maximum width of a detail, and maximum deviation of its drawn lines [px].
 MAX_PIXELS, PIXEL_ERROR = 20_000, 0.25
 
 
 @dataclass(slots=True)
 class Gesture:
-    """A drag or similar interaction; each of its messages contains all edits since its start."""
+    """A drag or similar interaction. Each of its messages contains all edits since its start."""
 
     number: Any
     rev: int
@@ -46,7 +46,7 @@ class Gesture:
 
 
 class Gestures:
-    """Active gestures, at most one per page."""
+    """The active gestures, at most one per page."""
 
     def __init__(self, display: Display) -> None:
         self._display, self._editor = display, display.editor
@@ -71,7 +71,7 @@ class Gestures:
                 self._active.pop(page, None)
 
     def cancel(self, page: Page, message: PageMessage) -> None:
-        """Discard a gesture."""
+        """Discard the gesture of a page and show the document without its edits."""
         self._active.pop(page, None)
         self._display.show()
 
@@ -82,7 +82,7 @@ class Gestures:
             self._display.show()
 
     def _gesture(self, page: Page, message: PageMessage) -> Gesture:
-        """The gesture of a message. It ends if the document has changed since its start."""
+        """The gesture of a message; a gesture ends if the document has changed since its start."""
         gesture = self._active.get(page)
         if gesture is None or gesture.number != message.get("gesture"):
             entry, now = message.get("rev"), self._editor.rev
@@ -97,20 +97,22 @@ class Gestures:
 
 
 def _read_edits(message: PageMessage) -> list[Mapping[str, Any]]:
-    """The edits of a message, a list of 1 to MAX_EDITS mappings."""
+    """The edits of a message: a list of 1 to MAX_EDITS mappings."""
     edits = message.get("edits")
     if not isinstance(edits, list) or not edits or not all(isinstance(x, dict) for x in edits):
-        raise InvalidInput(f"The message {message.get('op')} needs edits, a list of mappings.")
+        raise InvalidInput(
+            f"The message {message.get('op')} requires `edits`, a non-empty list of mappings."
+        )
     if len(edits) > MAX_EDITS:
         raise InvalidInput(
-            f"The message has {len(edits)} edits, and at most {MAX_EDITS} are made at once: "
-            "change the text of the job instead."
+            f"The message has {len(edits)} edits, but at most {MAX_EDITS} are allowed. Edit the "
+            "text of the job instead."
         )
     return edits
 
 
 class Commands:
-    """Executes the messages of pages on the document and on its display."""
+    """Executes the commands in messages of pages."""
 
     def __init__(
         self, display: Display, confine: Callable[[Sequence[FilePath]], None] = lambda named: None
@@ -143,10 +145,10 @@ class Commands:
         }
 
     def execute(self, page: Page, message: PageMessage) -> None:
-        """Execute a message and respond; `op` selects the command."""
+        """Execute the command that `op` of a message selects."""
         act = self._methods.get(str(message.get("op")))
         if act is None:
-            raise InvalidInput(f"The Studio does not know {show(message.get('op'))}.")
+            raise InvalidInput(f"The Studio has no command {show(message.get('op'))}.")
         act(page, message)
 
     def _commit(self, revision: Revision, label: str) -> None:
@@ -158,7 +160,7 @@ class Commands:
         """Change keys of the document and show it."""
         self._commit(self._editor.revise_keys(changes), label)
 
-    # The text and its file.
+    # Commands that change the text or its file
 
     def _undo(self, page: Page, message: PageMessage) -> None:
         self._editor.undo()
@@ -180,8 +182,8 @@ class Commands:
             return
         if document.changed_on_disk() and not force:
             sentence = (
-                f"{document.file.name} was changed by another program since it was opened: "
-                "overwrite it, or reload it."
+                f"Another program has changed {document.file.name} since it was opened. Overwrite "
+                "or reload the file."
             )
             facts = {"sentence": sentence, "diff": document.conflict()}
             send(PageFrame("conflict", facts), to=page)
@@ -193,7 +195,7 @@ class Commands:
 
     def _reload(self, page: Page, message: PageMessage) -> None:
         self._editor.reload()
-        # Files of the job may have changed, too.
+        # The files that the job names may have changed too.
         self._display.scheduler.forget_figures()
         self._display.show_all()
 
@@ -211,14 +213,14 @@ class Commands:
             self._display.open()
 
     def _discard(self, page: Page, message: PageMessage) -> None:
-        """Remove the draft of an earlier session."""
+        """Delete the draft of an earlier session."""
         self._editor.discard()
         self._display.show_document()
 
     def _diff(self, page: Page, message: PageMessage) -> None:
         self._display.send(PageFrame("diff", {"text": self._editor.document.diff()}), to=page)
 
-    # Other jobs.
+    # Commands that open other jobs
 
     def _start(self, page: Page, message: PageMessage) -> None:
         self._display.send(start_frame(), to=page)
@@ -230,7 +232,7 @@ class Commands:
         self._show_opened(before)
 
     def _open_recent(self, page: Page, message: PageMessage) -> None:
-        """Open a recent file or draft, in any folder."""
+        """Open a recent file or draft, which may be in any folder."""
         entry, editor = find_recent(_required_text(message, "id")), self._editor
         draft, cell = entry.get("draft"), entry.get("cell")
         file = FilePath(entry["file"]) if draft is None else FilePath(draft.folder, draft.name)
@@ -244,13 +246,13 @@ class Commands:
         self._show_opened(before)
 
     def _show_opened(self, before: Document) -> None:
-        """Show the new document, and report where unsaved changes of the previous one are kept."""
+        """Show the new document; report that unsaved changes of the previous one are in a draft."""
         self._display.open()
         sentence = before.unsaved()
         if sentence is not None:
             self._display.send(PageFrame("notice", {"sentence": sentence}))
 
-    # Runs.
+    # Commands for runs
 
     def _select(self, page: Page, message: PageMessage) -> None:
         self._editor.select(_required_text(message, "run"))
@@ -264,12 +266,12 @@ class Commands:
         name = _required_text(message, "name")
         self._change(remove_run(self._editor.state.data, name), f"remove the run {name}")
 
-    # Poses and tasks.
+    # Commands for poses, details and tasks
 
     def _pose(self, page: Page, message: PageMessage) -> None:
         t, motion = message.get("t"), str(message.get("of"))
         if isinstance(t, bool) or not isinstance(t, int | float):
-            raise InvalidInput("A pose needs a time in seconds.")
+            raise InvalidInput("The message pose requires `t`, a time in seconds.")
         q = self._display.scheduler.pose(float(t), motion)
         self._display.send(PageFrame("pose", {"q": q, "t": t, "of": motion}), to=page)
 
@@ -277,7 +279,10 @@ class Commands:
         """Draw the visible part of the picture with the resolution of the screen."""
         box = checks.check_numbers("box", message.get("box") or [], "m")
         if box.shape != (4,):
-            raise InvalidInput("box needs four numbers: smallest u and v, largest u and v.")
+            raise InvalidInput(
+                f"box must have four numbers (minimum u, minimum v, maximum u, maximum v), but has "
+                f"the shape {box.shape}."
+            )
         px = max(
             checks.positive("px", message.get("px"), "m"),
             np.ptp(box.reshape(2, 2), 0).max() / MAX_PIXELS,
@@ -290,7 +295,7 @@ class Commands:
     def _task(self, page: Page, message: PageMessage) -> None:
         options = message.get("options") or {}
         if not isinstance(options, dict):
-            raise InvalidInput("The options of a task are a mapping.")
+            raise InvalidInput("The options of a task must be a mapping.")
         id, task = _required_text(message, "id"), _required_text(message, "task")
         if task == "compare":
             options = {**options, "text": self._editor.document.previous_text}
@@ -304,8 +309,11 @@ class Commands:
 
 
 def _required_text(message: PageMessage, name: str) -> str:
-    """A required text of a message, at most LONGEST_NAME characters."""
+    """Value of a required key of a message: text of 1 to LONGEST_NAME characters."""
     value = message.get(name)
     if not isinstance(value, str) or not 0 < len(value) <= checks.LONGEST_NAME:
-        raise InvalidInput(f"The message {message.get('op')} needs {name}, a short text.")
+        raise InvalidInput(
+            f"The message {message.get('op')} requires `{name}`, a text of 1 to "
+            f"{checks.LONGEST_NAME} characters."
+        )
     return value

@@ -1,4 +1,4 @@
-"""Connections of pages to the session, which is created while the server already answers."""
+"""Connections of pages to the session; the server accepts pages before the session exists."""
 
 from __future__ import annotations
 
@@ -18,43 +18,43 @@ if TYPE_CHECKING:
     from armcontour.studio.session import Session
 
 
-# Largest number of messages queued for a page that does not read.
+# Maximum number of messages queued for a page. A page that reads too slowly is disconnected.
 MAX_QUEUED = 1000
-# Largest number of messages of a page queued for the session: more than a user causes.
+# Maximum number of messages of a page queued until the session exists. A user causes fewer.
 MAX_EARLY = 100
 
-# Task of the progress frames during the start.
+# Task name in the progress frames during the start.
 START = "start"
-# Cell of the empty plane that is opened without a file.
+# Built-in cell of the empty plane that the Studio shows if it is started without a file.
 DEFAULT_CELL = "ur5e"
 
 
 class OpenPage:
-    """An open page. Messages may be sent from any thread."""
+    """A page with an open websocket; any thread may call `send`."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._news = asyncio.Event()
         self._lock = threading.Lock()
-        # Queued messages in the order of sending.
+        # Queued messages for the page by replacement key, oldest first.
         self._waiting: dict[object, bytes] = {}
         self.is_slow = False
-        # Queued messages of the page; None after the page has joined the session.
+        # Messages from the page that wait for the session; None after the page has joined it.
         self.early: list[PageMessage] | None = []
 
     def send(self, data: bytes, replaces: str | None = None) -> None:
-        """Queue a message; it replaces a queued one with the same `replaces`."""
+        """Queue a message; it replaces a queued message with the same `replaces`."""
         with self._lock:
             key = object() if replaces is None else replaces
             self._waiting.pop(key, None)
             self._waiting[key] = data
             self.is_slow = len(self._waiting) > MAX_QUEUED
-        # The event loop is closed when the server ends.
+        # The event loop is closed when the server shuts down.
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._news.set)
 
     async def write(self, send: Send) -> None:
-        """Send queued messages until cancelled or until the page stops reading."""
+        """Send queued messages until the task is cancelled or the page reads too slowly."""
         while not self.is_slow:
             await self._news.wait()
             self._news.clear()
@@ -68,20 +68,20 @@ class OpenPage:
 
 
 class SessionHost:
-    """Creates the session, and holds pages and their messages until it is ready."""
+    """Creates the session; queues pages and their messages until the session exists."""
 
     def __init__(self, make: Callable[[Callable[[bytes], None]], Session]) -> None:
         self._make = make
         self._lock = threading.Lock()
         self._progress: bytes | None = None
-        # Ends the server; assigned when it runs.
+        # Function that stops the server; assigned when the server runs.
         self.stop: Callable[[], None] = lambda: None
         self.pages: list[OpenPage] = []
         self.session: Session | None = None
         self.failure: BaseException | None = None
 
     def start(self) -> None:
-        """Create the session in this thread; if that fails, the server ends."""
+        """Create the session in the calling thread; a failure stops the server."""
         try:
             session = self._make(self._broadcast)
             with self._lock:
@@ -103,7 +103,7 @@ class SessionHost:
                 page.send(self._progress)
 
     def receive(self, page: OpenPage, message: PageMessage) -> bool:
-        """Pass a message to the session, or queue it; False if too many are queued."""
+        """Pass a message to the session or queue it; returns False if the queue is full."""
         with self._lock:
             if page.early is not None:
                 page.early.append(message)
@@ -121,14 +121,14 @@ class SessionHost:
                 self.session.leave(page)
 
     def _admit(self, page: OpenPage, session: Session) -> None:
-        """Add a page to the session, and pass on the messages that it has queued."""
+        """Add a page to the session, then process the queued messages of the page."""
         session.join(page)
         early, page.early = page.early or (), None
         for message in early:
             session.receive(page, message)
 
     def _broadcast(self, data: bytes) -> None:
-        """Send the progress of the start to all pages."""
+        """Send the progress of the start to all pages, also to those that join later."""
         with self._lock:
             self._progress = data
             for page in self.pages:
@@ -159,7 +159,8 @@ def open_session(
     from armcontour.studio.workers import TaskWorker
 
     named: list[FilePath] = []
-    # The job file may be a link to another folder; the user has named it.
+    # Files in `named` may be read wherever they are, because the user has named them. For example,
+    # the job file can be a symbolic link to another folder.
     with listen_to_reading(lambda place, content: named.append(place)):
         if file is None:
             document = start_page.blank_document(DEFAULT_CELL, FilePath.cwd(), drafts.START)

@@ -1,4 +1,4 @@
-"""Frame `document`: file, runs, waypoints, slider values and obstacles for the page."""
+"""Message frame `document`: file, runs, waypoints, slider values and obstacles of the job."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
-from armcontour.files.cell import OWN_PATH
-from armcontour.files.job_edits import Keys, line_of, value_at
+from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_form import usual_ranges
 from armcontour.files.job_model import JobModel
+from armcontour.files.job_text_edits import Keys, line_of, value_at
 from armcontour.files.patch import full_key, locate_key
 from armcontour.files.si_data import quantity_of
 from armcontour.files.units import unit_of
@@ -28,7 +28,7 @@ from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of
 from armcontour.studio.page_frame import PageFrame
 
-# Labels of edits in the undo list.
+# Labels of edits in the undo list, by `do` of the edit.
 LABELS = {
     "move_waypoint": "move waypoint {number}",
     "set_waypoint": "set waypoint {number}",
@@ -48,30 +48,33 @@ LABELS = {
 
 @cache
 def slider_ranges() -> dict[Keys, tuple[float, float]]:
-    """Keys with a slider and their usual ranges, without those of the real servo."""
+    """Usual range [SI] of each key that has a slider; keys of the plant have none."""
     every = usual_ranges().items()
     return {keys: x for keys, x in every if len(keys) <= 2 and keys[0] != "plant"}
 
 
 def slider_rows(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[str, Any]]:
-    """Slider rows by key for the shown run, in SI units; by joint if values differ."""
+    """Slider rows of the shown run by key, in SI units.
+
+    A quantity whose joint values differ has one row per joint, with the joint index in the key.
+    """
     return dict(x for keys in slider_ranges() for x in _quantity(keys, data, job, run))
 
 
 def _quantity(
     keys: Keys, data: Mapping[str, Any], job: Job, run: str
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Slider row of a quantity, or those of its joints."""
+    """Yield key and slider row of a quantity, or of each of its joints if the values differ."""
     written = value_at(data, locate_key(keys, data, run))
     value = value_of(keys, job, run_of(job, run))
     key = ".".join(map(str, keys))
     if not isinstance(value, np.ndarray):
         yield key, _row(keys, value, written)
         return
-    # Bounds of a range have no slider.
+    # Ranges (lower and upper bounds) have no slider.
     if value.ndim == 2:
         return
-    # An infinite or zero gain has no slider.
+    # Infinite and zero gains have no slider.
     finite = np.flatnonzero(np.isfinite(value) & (value > 0))
     if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(finite):
         for k in finite.tolist():
@@ -82,7 +85,7 @@ def _quantity(
 
 
 def _row(keys: Keys, value: float | None, written: Any) -> dict[str, Any]:
-    """Value and range of a slider."""
+    """Slider row: value and range in SI units, and the unit in which the value is written."""
     kind = quantity_of(JobModel, full_key(keys))
     assert kind is not None
     unit, factor = unit_of(written, kind)
@@ -99,18 +102,18 @@ def _row(keys: Keys, value: float | None, written: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class JobState:
-    """Job of the document between gestures; None where the data make no job."""
+    """The job of the document without the edits of active gestures."""
 
     data: Mapping[str, Any]
-    # None if the data make no job.
+    # None if the data are not a valid job.
     job: Job | None
-    # None if no job was valid yet.
+    # Handles of the last valid job; None if no job was valid yet.
     handles: Handles | None
     error: InvalidInput | None = None
 
 
 def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
-    """Label of edits in the undo list."""
+    """Label of a list of edits in the undo list."""
     first = edits[0]
     index = first.get("index")
     words = LABELS[str(first["do"])].format(
@@ -124,7 +127,7 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
 def document_frame(
     document: Document, state: JobState, run: str, *, draft: str | None
 ) -> PageFrame:
-    """The frame `document`."""
+    """Message frame `document`, which describes the whole document."""
     data, handles = state.data, state.handles
     header: dict[str, Any] = {
         "name": data.get("name"),
@@ -158,7 +161,7 @@ def document_frame(
 
 
 def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Runs of a job with their methods."""
+    """Name, timing, compensation and corner shape of each run in the data of a job."""
     runs = data.get("runs")
     rows = []
     for name, run in runs.items() if isinstance(runs, Mapping) else ():
@@ -176,14 +179,14 @@ def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _method(options: Any, default: str) -> str:
-    """Name of a method, or of the default one."""
+    """Name of the method in the options of a run, or the default."""
     return str(options.get("method", default) if isinstance(options, Mapping) else default)
 
 
 def _path(
     data: Mapping[str, Any], handles: Handles | None, state: JobState, run: str
 ) -> dict[str, Any]:
-    """Source of the path, and whether its points can be moved."""
+    """Source, axes and units of the path, and whether its waypoints can be edited or created."""
     if handles is None:
         why = "" if state.error is None else str(state.error)
         return {"editable": False, "convertible": False, "why_not": why, "notes": []}
@@ -204,20 +207,20 @@ def _path(
 
 
 def _options(path: Any) -> Any:
-    """Keys of the path without its points."""
+    """Keys of the path except those that contain its points."""
     if not isinstance(path, Mapping):
         return path
-    return {key: x for key, x in path.items() if key not in OWN_PATH}
+    return {key: x for key, x in path.items() if key not in GEOMETRY_KEYS}
 
 
 def _layers(job: Job) -> list[str]:
-    """Layers of the drawing, including those that are not run."""
+    """Names of the layers of the drawing, including layers that the program does not execute."""
     run = (x.layer for x in job.program.contours)
     return sorted({*run, *job.program.other_layers} - {""})
 
 
 def _name(key: Any) -> str:
-    """Last name of a key, which may be a list of names."""
+    """Last name in a key (dotted text or list of names); indices are skipped."""
     parts = key if isinstance(key, list) else str(key).split(".")
     return str(next((x for x in reversed(parts) if not str(x).isdecimal()), ""))
 

@@ -1,4 +1,4 @@
-"""`Document`: the text of a job file, with undo and redo, and its file."""
+"""Class `Document`: the text of a job file with its undo history."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from typing import Any, NamedTuple
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_bytes
 from armcontour.files.cell import drawing_text
-from armcontour.files.job_edits import Change, change_data, change_text, file_names
 from armcontour.files.job_file import read_data
+from armcontour.files.job_text_edits import Change, change_data, change_text, file_names
 from armcontour.studio.drafts import BOM, Draft, decode_text, drop_draft, find_draft, write_file
 
+# States of the file on disk, see `Document.on_disk`.
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
-# Largest number of characters in the history; the last text is always kept.
+# Maximum number of characters in the undo history; the last text always stays.
 MAX_HISTORY = 50_000_000
 
 
 class HistoryEntry(NamedTuple):
-    """A text in the history with its data, and the label of the change that replaced it."""
+    """Text and data before (undo) or after (redo) a change, and the label of the change."""
 
     label: str
     text: str
@@ -30,7 +31,7 @@ class HistoryEntry(NamedTuple):
 
 
 class Document:
-    """Text of a job file with its history. Undoing every change restores the same bytes."""
+    """Text of a job file with its undo history; undoing all changes restores the same bytes."""
 
     def __init__(
         self,
@@ -68,16 +69,16 @@ class Document:
     def of_text(
         cls, text: str, folder: FilePath | None, name: str, key: str = "", upload: bool = False
     ) -> Document:
-        """A job without a file, such as an upload; without a folder, it may name no files."""
+        """Create a job without a file, such as an upload; `folder` None: it must not name files."""
         key = key or f"text {name} {text}"
         return cls(text, source=name, folder=folder, key=key, upload=upload)
 
     @classmethod
     def of_drawing(cls, file: str | FilePath, cell: str) -> Document:
-        """The job of a drawing in a built-in cell or job file, saved next to the drawing."""
+        """Create the job of a drawing in a cell (name or job file), next to the drawing."""
         drawing = FilePath(file).absolute()
         if not drawing.is_file():
-            raise InvalidInput(f"There is no drawing {drawing}.")
+            raise InvalidInput(f"The drawing {drawing} does not exist.")
         file_next = drawing.with_suffix(".yaml")
         text = drawing_text(cell, drawing, file_next.parent)
         cell_key = FilePath(cell).absolute() if FilePath(cell).suffix else cell
@@ -86,7 +87,7 @@ class Document:
 
     @property
     def data(self) -> Mapping[str, Any]:
-        """Data of the text, as written."""
+        """Keys and values of the text, as written."""
         return self._data
 
     @property
@@ -106,17 +107,17 @@ class Document:
 
     @property
     def previous_text(self) -> str:
-        """The text before the last change; "" without one."""
+        """The text before the last change; empty if there is no change."""
         return self._past[-1].text if self._past else ""
 
     @property
     def undo_label(self) -> str | None:
-        """Label of the change that `undo` reverts; None without one."""
+        """Label of the change that `undo` reverts; None if there is no such change."""
         return self._past[-1].label if self._past else None
 
     @property
     def redo_label(self) -> str | None:
-        """Label of the change that `redo` repeats; None without one."""
+        """Label of the change that `redo` repeats; None if there is no such change."""
         return self._future[-1].label if self._future else None
 
     def apply(self, changes: Sequence[Change], label: str) -> None:
@@ -125,7 +126,7 @@ class Document:
         self._set_text(text, change_data(self._data, changes), label)
 
     def replace(self, text: str, label: str) -> None:
-        """Replace the text as one step of undo; line breaks follow the old text."""
+        """Replace the text as one step of undo; keeps Windows line breaks of the old text."""
         text = text.removeprefix(BOM)
         # Browsers convert all line breaks to line feeds.
         if "\r\n" in self.text and "\r" not in text:
@@ -141,7 +142,7 @@ class Document:
         self._move_history(self._future, self._past, "redo")
 
     def on_disk(self) -> str:
-        """The file compared with the text read or saved: same, changed, missing or none."""
+        """State of the file compared with the last read or save: same, changed, missing or none."""
         if self.file is None:
             return NONE
         if not self.file.exists():
@@ -149,17 +150,22 @@ class Document:
         return SAME if self._read_file() == self._saved else CHANGED
 
     def changed_on_disk(self) -> bool:
-        """True if another program has changed or created the file since it was read or saved."""
+        """True if another program has changed or created the file since the last read or save."""
         return self.on_disk() == CHANGED
 
     def save(self, *, force: bool = False) -> None:
-        """Write the file atomically, with `force` over foreign changes, and remove the draft."""
+        """Write the file atomically and delete the draft.
+
+        A file that another program has changed is overwritten only with `force`.
+        """
         if self.file is None:
-            raise InvalidInput(f"{self.source} has no file to save to: download it instead.")
+            raise InvalidInput(
+                f"{self.source} cannot be saved because it has no file. Download it instead."
+            )
         if not force and self.changed_on_disk():
             raise InvalidInput(
-                f"{self.file} was changed by another program since it was read: reload it, or "
-                "overwrite it."
+                f"Another program has changed {self.file} since it was read. Reload or overwrite "
+                "the file."
             )
         content = ((BOM if self._has_bom else "") + self.text).encode()
         write_file(self.file, content)
@@ -167,11 +173,11 @@ class Document:
         self.write_draft()
 
     def diff(self) -> str:
-        """Changes since the file was read or saved, as a unified diff."""
+        """Unified diff from the text that was read or saved to the current text."""
         return _diff(self.saved_text, self.text, self.source, "saved", "now")
 
     def conflict(self) -> str:
-        """Differences between the file on disk and the text, as a unified diff."""
+        """Unified diff from the file on disk to the current text."""
         exists = self.on_disk() in (SAME, CHANGED)
         text = decode_text(self._read_file(), self.file) if exists else ""
         return _diff(text.removeprefix(BOM), self.text, self.source, "on disk", "now")
@@ -179,7 +185,7 @@ class Document:
     def reload(self) -> None:
         """Replace the text by the file on disk, as one step of undo."""
         if self.file is None:
-            raise InvalidInput(f"{self.source} has no file to read again.")
+            raise InvalidInput(f"{self.source} cannot be reloaded because it has no file.")
         content = self._read_file()
         text = decode_text(content, self.file)
         body = text.removeprefix(BOM)
@@ -188,29 +194,29 @@ class Document:
         self._set_text(body, data, "reload")
 
     def write_draft(self) -> bool:
-        """Write the draft, or remove it if nothing is unsaved; returns whether a draft exists."""
-        # The job of a drawing can be generated again.
-        made = self._saved is None and self.text == self._opened
-        if self.dirty and not made:
+        """Write the draft, or delete it if nothing is unsaved; returns True if a draft exists."""
+        # An unchanged job of a drawing needs no draft, because it can be generated again.
+        is_generated = self._saved is None and self.text == self._opened
+        if self.dirty and not is_generated:
             named = (self.source, str(self.folder), self._opened)
             if self.earlier not in (None, self.text):
-                # An earlier draft that the user has not restored or discarded is kept separately.
+                # An earlier draft that is neither restored nor discarded gets its own key.
                 Draft(self._earlier_key, *named, self.earlier or "", upload=True).write()
             return Draft(self.key, *named, self.text, self._upload).write()
-        # The earlier draft is offered again.
+        # The earlier draft stays, so that the page offers it again.
         if self.earlier is not None:
             return True
         drop_draft(self.key)
         return False
 
     def unsaved(self) -> str | None:
-        """Sentence on unsaved changes in the draft; None without any."""
+        """Message that unsaved changes are in the draft; None without unsaved changes."""
         if not (self.dirty and self.write_draft()):
             return None
-        return f"Changes of {self.source} that were not saved are kept as its draft."
+        return f"The unsaved changes of {self.source} are stored as a draft."
 
     def drop_earlier(self) -> None:
-        """Remove the draft of an earlier session after it was restored or discarded."""
+        """Delete the draft of an earlier session after it was restored or discarded."""
         drop_draft(self._earlier_key)
         self.earlier = None
 
@@ -220,21 +226,22 @@ class Document:
         return f"{self.key}, before {hashlib.sha256((self.earlier or '').encode()).hexdigest()}"
 
     def _parse(self, text: str) -> dict[str, Any]:
-        """Data of a text. Refuses a text that is no mapping or names files without a folder."""
+        """Data of a text, which must be a mapping; a job without a folder must not name files."""
         data = read_data(text, self.source)
         self._refuse_files(text)
         return data
 
     def _refuse_files(self, text: str) -> None:
-        """Refuse names of files in a job without a folder."""
+        """Raise InvalidInput if a job without a folder names files."""
         for name in file_names(text, self.source) if self.folder is None else ():
             raise InvalidInput(
-                f"{self.source} names the file {name}, which is not here, because only the job was "
-                "opened: start armcontour studio with the job file in its folder."
+                f"{self.source} refers to the file {name}, which the Studio cannot read because "
+                "only the job was uploaded. Start armcontour studio with the job file in its "
+                "folder."
             )
 
     def _set_text(self, text: str, data: dict[str, Any], label: str) -> None:
-        """Take a new text as one step of undo."""
+        """Replace text and data as one step of undo."""
         if text == self.text:
             return
         self._refuse_files(text)
@@ -248,7 +255,7 @@ class Document:
     def _move_history(
         self, source: list[HistoryEntry], destination: list[HistoryEntry], action: str
     ) -> None:
-        """Move a history entry from one list to the other, and take its text."""
+        """Restore the last text of `source`, and append the current text to `destination`."""
         if not source:
             raise InvalidInput(f"There is nothing to {action}.")
         label, text, data = source.pop()

@@ -16,18 +16,18 @@ from armcontour.core.file_access import read_bytes
 from armcontour.core.staging import unwritable, write_atomically
 
 BOM = "\ufeff"
-# Key of the document of a Studio that is started without a file.
+# Draft key of the document that the Studio shows if it is started without a file.
 START = "start"
 
 
 def state_folder() -> FilePath:
-    """The user's folder for drafts and uploads that outlive a session."""
+    """The user's folder for drafts and uploads, which stay after the end of a session."""
     folder = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
     return FilePath(folder or os.path.expanduser("~/.local/state")) / "armcontour" / "studio"
 
 
 def make_private(folder: FilePath) -> None:
-    """Create a folder below `state_folder` that only the user can read."""
+    """Create a folder below `state_folder` that only the user can access."""
     try:
         state_folder().mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -37,13 +37,17 @@ def make_private(folder: FilePath) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """An unsaved text and the document that it belongs to."""
+    """An unsaved text and the document to which it belongs."""
 
+    # Identity of the document.
     key: str
     name: str
     folder: str
+    # Text of the document when it was opened.
     opened: str
+    # Unsaved text.
     text: str
+    # True if no command opens the document again, such as an uploaded job.
     upload: bool
 
     def write(self) -> bool:
@@ -58,12 +62,12 @@ class Draft:
 
 
 def draft_file(key: str) -> FilePath:
-    """File of a draft."""
+    """File of the draft of a document."""
     return state_folder() / "drafts" / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
 
 def find_draft(key: str, job: FilePath | None) -> Draft | None:
-    """Draft of a document if it is newer than its job file, else None."""
+    """Draft of a document; None if the draft equals the job file or is older."""
     file = draft_file(key)
     try:
         saved = None
@@ -78,7 +82,7 @@ def find_draft(key: str, job: FilePath | None) -> Draft | None:
 
 
 def drop_draft(key: str) -> None:
-    """Remove the draft of a document."""
+    """Delete the draft of a document."""
     with suppress(OSError):
         draft_file(key).unlink()
 
@@ -102,15 +106,15 @@ def _read_draft(file: FilePath) -> Draft | None:
 
 
 def decode_text(content: bytes, file: FilePath | None) -> str:
-    """Decode a UTF-8 file; line breaks stay."""
+    """Decode the content of a UTF-8 file; line breaks are not converted."""
     try:
         return content.decode()
     except UnicodeDecodeError:
-        raise InvalidInput(f"{file} cannot be read: it is not UTF-8 text.") from None
+        raise InvalidInput(f"{file} cannot be read because it is not UTF-8 text.") from None
 
 
 def write_file(file: FilePath, content: bytes) -> None:
-    """Write a file atomically; a link stays a link."""
+    """Write a file atomically; if the file is a symbolic link, write its target."""
     if file.is_symlink():
         read_bytes(file, "job file")
     target = FilePath(os.path.realpath(file))

@@ -1,4 +1,4 @@
-"""Editor of a document: its job, the shown run, and the results of edits. It knows no page."""
+"""Editor of a document, independent of pages: its job, the shown run, and results of edits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files.cell import YAML
-from armcontour.files.job_edits import Change, change_data, change_text
+from armcontour.files.job_text_edits import Change, change_data, change_text
 from armcontour.jobs import Job
 from armcontour.studio.description import JobState, runs_of
 from armcontour.studio.document import Document
@@ -21,26 +21,27 @@ from armcontour.studio.handles import EditState, blank_handles, handles_of, is_b
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.uploads import Uploads
 
-# A run with this timing is shown first.
+# Timing method of the run that is shown first.
 FASTEST = "optimal"
-# Edits that change the handles.
+# Edits after which the handles must be computed again.
 HANDLE_EDITS = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "draw")
-NOTHING_DRAWN = "Nothing is drawn yet: draw with the pen, or open a drawing."
+NOTHING_DRAWN = "The job has no path yet. Draw with the pen, or open a drawing."
 
 
 def check_trusted_xacro(
     data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
 ) -> None:
-    """Refuse an arm from a .xacro file, a program, that the user has not named."""
-    # An arm file can name another arm; without --trust-xacro, reading it refuses a .xacro file.
+    """Raise InvalidInput if the arm is a .xacro file (can run code) that is not in `trusted`."""
+    # A YAML file of an arm can refer to a .xacro file. Without trusted files, the reader of the
+    # YAML file refuses it.
     programs = (".xacro", *YAML) if trusted else (".xacro",)
     file = arm_file_of(data)
     if file is None or not file.lower().endswith(programs):
         return
     if (folder / file).resolve() not in trusted:
         raise InvalidInput(
-            f"{file} is a program, or may name one: start the Studio with a job file that names "
-            "it, and with --trust-xacro."
+            f"The arm file {file} can run code. To use it, start the Studio with a job file that "
+            "refers to it, and with --trust-xacro."
         )
 
 
@@ -53,16 +54,17 @@ def arm_file_of(data: Mapping[str, Any]) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """The document as edits change it: changed keys, or a new text."""
+    """Data of the document after edits, and the edits: changed keys or a new text."""
 
     data: Mapping[str, Any]
-    # None if the whole text is new.
+    # None if the text is replaced.
     changes: tuple[Change, ...] | None = ()
+    # New text; None if keys are changed.
     text: str | None = None
 
 
 class Editor:
-    """A document and its job between edits."""
+    """A document, its job without the edits of active gestures, and the shown run."""
 
     def __init__(
         self, document: Document, previewer: CoarsePlanner, trusted: Iterable[FilePath]
@@ -78,7 +80,7 @@ class Editor:
 
     @property
     def folder(self) -> FilePath:
-        """Folder against which relative file names are resolved."""
+        """Folder to which file names in the job are relative."""
         return self.document.folder or FilePath.cwd()
 
     @property
@@ -87,43 +89,43 @@ class Editor:
         return self.folder, self.uploads.root
 
     def open(self, document: Document) -> None:
-        """Edit another document; refuses one that makes no job."""
+        """Edit another document; raises InvalidInput if its data are not a valid job."""
         before, self.previewer.folder = self.previewer.folder, document.folder or FilePath.cwd()
         self.previewer.forget()
         state = self._read_state(document.data)
         if state.job is None and not is_blank(document.data):
             self.previewer.folder = before
-            raise state.error or InvalidInput("There is no job.")
+            raise state.error or InvalidInput("The document is not a valid job.")
         self.document, self.run, self._other_draft = document, "", None
         self._count_revision(state)
 
     @property
     def id(self) -> str:
-        """Identity of document and drawing. Frames of others are not shown."""
+        """Identity of document and drawing; the page ignores frames with another identity."""
         handles = self.state.handles
         return f"{self.document.id} {'' if handles is None else handles.file}"
 
     @property
     def draft(self) -> str | None:
-        """Name of an unsaved document of an earlier session, else None."""
+        """Name of an unsaved document of an earlier session; None if there is none."""
         if self.document.earlier is not None:
             return self.document.source
         return None if self._other_draft is None else self._other_draft.name
 
     def restore(self, draft: Draft | None = None) -> None:
-        """Restore a draft, by default that of the document, else that of the newest upload."""
+        """Restore a draft; default: draft of the document, else the newest draft of an upload."""
         if draft is None and self.document.earlier is None:
             draft = self._other_draft
         if draft is not None:
             folder = FilePath(draft.folder)
             self.open(Document.of_text(draft.opened, folder, draft.name, draft.key, upload=True))
         if self.document.earlier is None:
-            raise InvalidInput("There is no draft.")
-        self.commit(self.revise_text(self.document.earlier), "take the draft")
+            raise InvalidInput("There is no draft that can be restored.")
+        self.commit(self.revise_text(self.document.earlier), "restore the draft")
         self.document.drop_earlier()
 
     def discard(self) -> None:
-        """Remove the draft of an earlier session."""
+        """Delete the draft of an earlier session."""
         if self.document.earlier is None and self._other_draft is not None:
             drop_draft(self._other_draft.key)
             self._other_draft = None
@@ -138,8 +140,8 @@ class Editor:
         self._refresh()
 
     def commit(self, revision: Revision, label: str) -> None:
-        """Change the text in one step of undo; refuses changes after which there is no job."""
-        # Read before the text changes, so that an invalid job changes nothing.
+        """Change the text as one step of undo; raises an error if a valid job becomes invalid."""
+        # The job is read before the text changes, so that an invalid job leaves the text unchanged.
         state = self._read_state(revision.data)
         if state.error is not None and self.state.job is not None:
             raise state.error
@@ -172,7 +174,7 @@ class Editor:
             return self.revise_text(edits[0].get("text"))
         state = self.state
         if state.handles is None:
-            raise state.error or InvalidInput("There is no job to be edited yet.")
+            raise state.error or InvalidInput("The document is not a valid job yet. Edit its text.")
         data, handles, changes = dict(state.data), state.handles, list[Change]()
         for k, edit in enumerate(edits):
             if k and edits[k - 1].get("do") in HANDLE_EDITS:
@@ -183,27 +185,27 @@ class Editor:
         return self._check_trust(Revision(data, tuple(changes)))
 
     def revise_text(self, text: Any) -> Revision:
-        """The document with another text."""
+        """Revision of the document with a new text."""
         if not isinstance(text, str):
             raise InvalidInput("The text of a job must be a string.")
         data = load(text, self.document.source)
         if not isinstance(data, dict):
-            raise InvalidInput("A job is a mapping of keys such as arm, path and runs.")
+            raise InvalidInput("A job must be a mapping of keys such as arm, path and runs.")
         return self._check_trust(Revision(data, None, text))
 
     def revise_keys(self, changes: Sequence[Change]) -> Revision:
-        """The document with some keys changed."""
+        """Revision of the document with changed keys."""
         return self._check_trust(Revision(change_data(self.state.data, changes), tuple(changes)))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
-        """Name of the run to show: the last shown, else the first optimal one, else the first."""
+        """Name of the run to show: the last shown run, the first optimal run, or the first run."""
         runs = runs_of(data)
         names = [x["name"] for x in runs]
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
         return self.run if self.run in names else next(iter([*fast, *names]), "")
 
     def request(self, revision: Revision, options: Mapping[str, Any]) -> dict[str, Any]:
-        """Request for the task process, as fields of `tasks.request.Request`."""
+        """Request for the task process: the fields of `tasks.request.Request`."""
         text = self.document.text if revision.text is None else revision.text
         if revision.changes:
             text = change_text(text, revision.changes, self.document.source)
@@ -220,7 +222,7 @@ class Editor:
         }
 
     def _find_other_draft(self) -> Draft | None:
-        """Newest draft of an upload, if the document has none. No command opens it again."""
+        """Newest draft of an upload in this folder; None if the document itself has a draft."""
         if self.document.earlier is not None:
             return None
         return next((x for x in all_drafts() if x.upload and x.folder == str(self.folder)), None)
@@ -231,17 +233,17 @@ class Editor:
         self._refresh(state)
 
     def _refresh(self, state: JobState | None = None) -> None:
-        """Read the job of the document, unless it is given."""
+        """Update the shown run and the job; reads the job unless `state` is given."""
         self.run = self.run_of(self.document.data)
         self.state = state or self._read_state(self.document.data)
 
     def _check_trust(self, revision: Revision) -> Revision:
-        """Refuse a .xacro arm that the user has not named."""
+        """Return the revision; raises InvalidInput if its arm is an untrusted .xacro file."""
         check_trusted_xacro(revision.data, self.folder, self._trusted)
         return revision
 
     def _read_state(self, data: Mapping[str, Any]) -> JobState:
-        """The job of data, and its handles."""
+        """Job and handles of data, or the error if the data are not a valid job."""
         try:
             job = self._make_job(data)
             return JobState(data, job, handles_of(job, data))
@@ -250,7 +252,7 @@ class Editor:
                 with suppress(InvalidInput):
                     handles = blank_handles(data, self._make_job)
                     return JobState(data, None, handles, InvalidInput(NOTHING_DRAWN))
-            # The picture of the last job stays, greyed, until the text makes a job again.
+            # The page shows the last valid job in grey until the text is a valid job again.
             return JobState(data, None, self.state.handles, error)
 
     def _make_job(self, data: Mapping[str, Any]) -> Job:

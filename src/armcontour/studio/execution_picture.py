@@ -1,4 +1,4 @@
-"""Frames with the simulated execution: magnified deviations (64-bit) and joint usage."""
+"""Message frames with the simulated execution: tool deviation and shares of joint limits."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from armcontour.robot.limit_use import use_of
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import PreviewExecution
 from armcontour.studio.view import Detail, View, in_space, sample_times, select_points, to_float32
-from armcontour.verification.contour_execution import ContourExecution
+from armcontour.verification.contour_errors import ContourExecution
 from armcontour.verification.error_profile import error_rows
 from armcontour.verification.evaluation import (
     demand_ratio,
@@ -27,15 +27,15 @@ from armcontour.verification.evaluation import (
     settled_row,
 )
 
-# Approximate limit of the samples of an execution.
+# Approximate maximum number of drawn samples of an execution.
 MAX_SAMPLES = 4_000
-# Largest number of breaks that are evaluated, and approximate limit of the times drawn for extremes
-# in addition to the evenly spaced ones.
+# Maximum number of breaks at which joint usage is evaluated, and approximate maximum number of
+# times with extreme usage that are drawn in addition to evenly spaced times.
 MAX_BREAKS, MAX_TIMES = 2_000, 1_000
 
 
 def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
-    """Frame with the deviation of the tool from the path and the joint usage of an execution."""
+    """Message frame with figures, tool deviation, joint demand and poses of an execution."""
     planned = executed.planned
     header = {
         "run": planned.run.name,
@@ -50,7 +50,7 @@ def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
 def execution_lines(
     executed: PreviewExecution, view: View, detail: Detail | None = None
 ) -> dict[str, Any]:
-    """Arrays of the tool deviation along the visible part of the path."""
+    """Arrays of tool deviation and demand (share of acceleration limit) on the visible path."""
     limits, commanded_acceleration = executed.planned.run.limits, executed.execution.demand
     commanded_acceleration = signed_shares("joint_acceleration", limits, commanded_acceleration)
     return tool_lines(executed.pieces, view, detail, demand=commanded_acceleration)
@@ -62,7 +62,10 @@ def tool_lines(
     detail: Detail | None = None,
     **columns: FloatArray,
 ) -> dict[str, Any]:
-    """Arrays of the tool deviation; `columns` are further values of each sample, (n, k)."""
+    """Arrays of the tool deviation; `columns` are further values per sample, (n, k).
+
+    Deviations are computed with 64 bits, because the page magnifies them.
+    """
     base = np.concatenate([x.on_path for x in pieces])
     detail = detail or Detail.for_points(view.uv(base))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
@@ -93,7 +96,7 @@ def tool_lines(
 
 
 def _figures(executed: PreviewExecution) -> Data:
-    """Figures of the execution, as in an evaluation."""
+    """Figures of the execution: the same rows as in the evaluation of a run."""
     planned, execution, errors = executed.planned, executed.execution, executed.errors
     end_time, limits = planned.run.end_time, planned.run.limits
     end = executed.settled if end_time is None else end_time
@@ -110,7 +113,7 @@ def _figures(executed: PreviewExecution) -> Data:
 
 
 def _poses(execution: Execution) -> dict[str, FloatArray]:
-    """Arrays for playing the arm, including rapids."""
+    """Arrays with which the page animates the arm: times, joint and tool positions."""
     t = execution.t
     even = np.searchsorted(t, t[0] + sample_times(t[-1] - t[0]))
     poses = np.unique(np.minimum(even, len(t) - 1))
@@ -123,13 +126,14 @@ def _poses(execution: Execution) -> dict[str, FloatArray]:
 
 
 def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
-    """Arrays of joint positions and shares of joint limits over time."""
+    """Arrays over time of joint positions and signed shares of joint limits."""
     breaks = trajectory.breaks
     if len(breaks) > MAX_BREAKS:
         breaks = breaks[np.linspace(0, len(breaks) - 1, MAX_BREAKS).astype(np.intp)]
-    # The page interpolates linearly between these times, and rapids have few breaks.
+    # Evenly spaced times are added, because rapids have few breaks and the page interpolates
+    # linearly between times.
     even = sample_times(trajectory.duration)
-    # Accelerations jump, so each break has a value from the left and one from the right.
+    # Accelerations jump at breaks, so each break has a value from the left and one from the right.
     t = np.concatenate([breaks[1:], breaks[:-1], even])
     order = np.argsort(t, kind="stable")
     sides = trajectory.motion(breaks[1:], side="left"), trajectory.motion(t[len(breaks) - 1 :])
@@ -152,5 +156,5 @@ def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, A
 
 
 def signed_shares(name: str, limits: Limits, values: FloatArray) -> FloatArray:
-    """Shares of a joint limit with the signs of the values, (n, dof)."""
+    """Values as shares of a joint limit, with the signs of the values, (n, dof)."""
     return np.copysign(use_of(name, limits, values).ratio, values)

@@ -1,4 +1,4 @@
-"""Editable elements of a job: plane of the picture, waypoints, obstacles; state of an edit."""
+"""Handles: waypoints and obstacles that the page can edit, and the plane of the picture."""
 
 from __future__ import annotations
 
@@ -15,71 +15,76 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import show
-from armcontour.files.cell import OWN_PATH
+from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_arm import frame_of
-from armcontour.files.job_edits import Change, Keys, change_data
 from armcontour.files.job_model import FrameModel, PathModel
+from armcontour.files.job_text_edits import Change, Keys, change_data
 from armcontour.files.scene_file import BodiesModel, SceneModel
 from armcontour.files.si_data import in_si
 from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job
 from armcontour.studio.view import Plane, in_space
 
-# Role, keys, position in the frame of the path [m] (None if computed) and written coordinates.
+# Role, keys, position in the part frame [m] (None if computed) and coordinates as written.
 PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
 LENGTH, ANGLE = Quantity("m", "1 mm"), Quantity("rad", "90 deg")
-# Tolerance of a point on a plane or line [m].
+# Maximum distance at which a point counts as lying on a plane or line [m].
 FLAT = 1e-9
-# Cosine of the largest angle between a plane's normal and an axis along it.
+# If the absolute x component of a normal is at least this, the normal counts as parallel to x.
 STEEP = 0.9
 AXES = frozen_array(np.eye(3))
-# Keys of lists of obstacles.
+# Keys of the obstacle lists of a scene.
 BODIES = tuple(x.name for x in fields(BodiesModel))
-# Accuracy of written coordinates [m].
+# Maximum rounding error of written coordinates [m].
 EXACT = 1e-13
 POINTS, SEGMENTS, SPLINE, FILE = "points", "segments", "spline", "file"
 POINT, VIA, CENTER, END = "point", "via", "center", "end"
-# Kind of an empty path, and the size of its picture [m].
+# Kind of an empty path, and the side length of its picture [m].
 BLANK, BLANK_SIDE = "blank", 0.2
 FROM_FILE = "The contours come from {file}, so their points cannot be moved."
-COMPUTED = "This end follows from the centre and the angle of its arc: move the centre."
+COMPUTED = "The centre and the angle of its arc determine this end. Move the centre instead."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Waypoint:
-    """A point of a job file; ends of segments come first, then via and centre points."""
+    """A point of the path in the job file: end of a segment, via point or centre of an arc."""
 
+    # Index in `Handles.waypoints`.
     index: int
     # Keys in the file; () if the point is computed.
     keys: Keys
-    # Position in the frame of the path [m], (3,)
+    # Position in the work frame [m], (3,)
     point: FloatArray
     # Position in the picture [m], (2,)
     uv: FloatArray
+    # Coordinates as written in the file.
     written: tuple[Any, ...]
     # "point"; "via" or "center" of an arc; "end" of an arc around a centre.
     role: str = POINT
 
     @property
     def why_not(self) -> str | None:
-        """Reason why the point cannot be moved; None if it can."""
+        """Reason why the point cannot be moved; None if it can be moved."""
         return None if self.keys else COMPUTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Handles:
-    """Editable elements of a job in the picture."""
+    """Waypoints of a job in the plane of the picture."""
 
     job: Job
     # "points", "segments", "spline", "file" or "blank"
     kind: str
+    # Drawing of the path, as named in the job.
     file: str | None
+    # Part frame.
     frame: Frame
     plane: Plane
     # Centre of the path in the picture [m], (2,)
     centre: FloatArray
+    # Ends of segments in path order, then via points and centres of arcs.
     waypoints: tuple[Waypoint, ...]
-    # Reason why no point can be moved; None if they can.
+    # Reason why no point can be moved; None if points can be moved.
     why_not: str | None
 
     @property
@@ -89,12 +94,12 @@ class Handles:
 
     @property
     def ends(self) -> tuple[Waypoint, ...]:
-        """Waypoints at the ends of segments, in order."""
+        """Waypoints at the ends of segments, in path order."""
         return tuple(x for x in self.waypoints if x.role in (POINT, END))
 
     @property
     def origin(self) -> Waypoint:
-        """Origin of the file, as a template for the format of new points."""
+        """Origin of the part frame as a waypoint, whose format and position new points follow."""
         position, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
         return Waypoint(
             index=0, keys=(), point=position, uv=self.plane.uv(position), written=written
@@ -102,7 +107,10 @@ class Handles:
 
     @property
     def axes(self) -> dict[str, Any]:
-        """Axes in the picture for displayed coordinates, of the file or else of the picture."""
+        """Axes of displayed coordinates: x and y of the part frame, or right and up in the picture.
+
+        The part frame is used if its x-y plane is parallel to the picture.
+        """
         rotation = self.frame.rotation
         if abs(abs(self.plane.normal @ rotation[:, 2]) - 1) > FLAT:
             return {"names": ["right", "up"], "origin": [0, 0], "x": [1, 0], "y": [0, 1]}
@@ -110,20 +118,20 @@ class Handles:
         return {"names": ["x", "y"], "origin": self.plane.uv(self.frame.position), "x": x, "y": y}
 
     def is_removable(self, point: Waypoint) -> bool:
-        """True if a point can be removed from the path."""
+        """True if the waypoint can be removed from the path."""
         ends = self.ends
         is_start_of_arc = point.index == 0 and ends[1].role == END
         return point.role in (POINT, END) and len(ends) > 2 and not is_start_of_arc
 
     def is_divisible(self, index: int) -> bool:
-        """True if a point can be inserted before a waypoint. Arcs cannot be divided."""
+        """True if a waypoint can be inserted before waypoint `index`: its segment is not an arc."""
         arcs = {x.keys[2] for x in self.waypoints if x.role in (VIA, CENTER)}
         return index - 1 not in arcs
 
     def to_file(
         self, uv: npt.ArrayLike, like: Waypoint, *, within: float = EXACT
     ) -> tuple[Any, ...]:
-        """File coordinates of a point in the picture [m], formatted like a neighbour."""
+        """Coordinates in the job file of a point in the picture [m], formatted like a neighbour."""
         moved = like.point + self.plane.lift(uv) - self.plane.lift(like.uv)
         back = self.frame.inverse
         new_values = (back.position + back.rotation @ moved)[: len(like.written)]
@@ -135,7 +143,7 @@ class Handles:
 
 
 def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
-    """Editable elements of a job with the data of its file."""
+    """Handles of a job; `data`: data of its file."""
     path = data.get("path") or {}
     si = in_si(path, PathModel)
     frame = frame_of("path.frame", FrameModel(**(si.get("frame") or {})))
@@ -165,14 +173,14 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
 
 
 def is_blank(data: Mapping[str, Any]) -> bool:
-    """True if nothing is drawn on the path of a job yet."""
+    """True if the path of a job is still empty."""
     path = data.get("path")
-    return isinstance(path, Mapping) and not any(path.get(x) for x in (*OWN_PATH, FILE))
+    return isinstance(path, Mapping) and not any(path.get(x) for x in (*GEOMETRY_KEYS, FILE))
 
 
 def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Handles:
     """Handles of a job with an empty path."""
-    # A placeholder line. Only points in space have an orientation.
+    # A line replaces the missing path. A path with orientations needs points in space.
     dimension = 3 if "orientation" in data["path"] else 2
     line = [[0.0] * dimension, [BLANK_SIDE, BLANK_SIDE, 0.0][:dimension]]
     drawn = change_data(data, [Change(("path", POINTS), line)])
@@ -180,7 +188,7 @@ def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Ha
 
 
 def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The obstacles that a job file gives itself, without those of other files."""
+    """Obstacles in the job file, without obstacles of other scene files."""
     scene = data.get("scene") or {}
     si = in_si(scene, SceneModel)
     return [
@@ -191,14 +199,14 @@ def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _unit(body: Mapping[str, Any]) -> tuple[str, float]:
-    """The unit in which the lengths of a body are written, and its size in SI units."""
+    """Unit in which the lengths of a body are written, and the factor that converts it to m."""
     return unit_of((body.get("at") or body.get("size") or [body.get("radius")])[0], LENGTH)
 
 
 def _read_points(
     kind: str, path: Mapping[str, Any], si: Mapping[str, Any]
 ) -> Iterator[PointRecord]:
-    """Points of a job file without a drawing; ends of segments come first."""
+    """Yield the points of a path of waypoints: ends of segments, then via points and centres."""
     if kind != SEGMENTS:
         inner: Keys = (POINTS,) if kind == POINTS else (SPLINE, POINTS)
         points = path[POINTS] if kind == POINTS else path[SPLINE][POINTS]
@@ -220,14 +228,14 @@ def _read_points(
 
 
 def _ends(job: Job, records: Sequence[PointRecord]) -> FloatArray:
-    """Ends of segments [m], (n + 1, 3), if the file does not give all of them; else (0, 3)."""
+    """Ends of all segments [m], (n + 1, 3), if some are computed; otherwise empty, (0, 3)."""
     if all(x[2] is not None for x in records):
         return np.empty((0, 3))
     return np.array([in_space(x) for x in job.program.contours[0].path.vertices])
 
 
 def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Plane:
-    """Plane of the picture: x-y of `frame`, or the plane through the points [m] if it is None."""
+    """Plane of the picture: x-y plane of `frame`; if `frame` is None, the plane of the points."""
     if job.arm.dimension == 2:
         return Plane(origin=np.zeros(3), x=AXES[0], y=AXES[1])
     if frame is not None:
@@ -240,11 +248,11 @@ def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Pl
     flat = bool(np.abs(offsets @ along[2]).max() <= FLAT)
     normal = along[2]
     if np.abs(offsets @ along[1]).max() <= FLAT:
-        # Points on a line: the plane nearest to horizontal, or vertical for a vertical line.
+        # The points are on a line: the plane through the line that is nearest to horizontal.
         up = AXES[2] if abs(along[0][2]) < 1 - FLAT else AXES[1]
         normal = up - (up @ along[0]) * along[0]
     elif not flat:
-        # The plane must not rotate while a point is dragged.
+        # The normal is the nearest axis, so that the plane stays while a point is dragged.
         normal = AXES[int(np.argmax(np.abs(normal)))]
     normal = normal / np.linalg.norm(normal)
     plane = _plane_across(normal, middle, flat=flat)
@@ -253,11 +261,11 @@ def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Pl
 
 
 def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane:
-    """Plane through a point normal to a direction; its x axis is near that of the frame."""
+    """Plane through a point with a normal; its x axis is near the x axis of the work frame."""
     nearest = int(np.argmax(np.abs(normal)))
     if abs(normal[nearest]) >= 1 - FLAT**2:
         normal = AXES[nearest] * np.sign(normal[nearest])
-    # The y axis if the x axis is normal to the plane.
+    # If the normal is nearly parallel to x, the plane's x axis is near the y axis instead.
     along = AXES[0] if nearest != 0 or abs(normal[0]) < STEEP else AXES[1]
     x = along - (along @ normal) * normal
     x = x / np.linalg.norm(x)
@@ -272,7 +280,7 @@ def _vertices(job: Job) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EditState:
-    """Data, shown run and handles that an edit starts from."""
+    """Data, shown run and handles before an edit."""
 
     data: Mapping[str, Any]
     run: str
@@ -280,8 +288,10 @@ class EditState:
 
 
 def uv_of(name: str, value: Any) -> FloatArray:
-    """Read two coordinates in the picture [m] from an edit, (2,)."""
+    """Read a point in the picture [m] from an edit; returns an array (2,)."""
     coordinates = checks.check_numbers(name, value, "m")
     if coordinates.shape != (2,):
-        raise InvalidInput(f"{name} must be two coordinates in the picture, not {show(value)}.")
+        raise InvalidInput(
+            f"{name} must be a list of two coordinates in the picture, but is {show(value)}."
+        )
     return coordinates

@@ -1,4 +1,4 @@
-"""Frames: messages of the server to the page, as bytes."""
+"""Message frames: binary messages of the server to the page."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ import numpy.typing as npt
 from armcontour.core.errors import InvalidInput
 from armcontour.core.render import jsonable
 
-# Layout: length of the header (u32), JSON header, zeros, little-endian arrays; arrays begin at
-# multiples of 8 and their offsets count from the first byte after the zeros. Numbers that are not
-# finite are null in the header.
+# Layout of the bytes: length of the header (u32), JSON header, zeros, little-endian arrays. The
+# arrays begin at multiples of 8 bytes. Their offsets count from the first byte after the zeros.
+# Numbers that are not finite are null in the header.
 ALIGNED = 8
 LENGTH = struct.Struct("<I")
-# Types of arrays, by the names that the page knows.
+# Array types that the page can read.
 TYPES = ("f4", "f8", "u1", "u2", "u4", "i4")
-# Types of files by their endings.
+# Media types of files by file name extension.
 FILE_TYPES = {
     ".csv": "text/csv",
     ".html": "text/html",
@@ -34,7 +34,7 @@ FILE_TYPES = {
     ".yaml": "application/yaml",
     ".zip": "application/zip",
 }
-# Options of the command line in a sentence, which also names the key of the job file.
+# Command line options in a message, which the Studio removes. The message also names the job key.
 _OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
 _BEFORE = r",? (?:or|also with|such as)| as"
 _OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTION}(?=\))")
@@ -42,33 +42,36 @@ _OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTIO
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageFrame:
-    """A message to the page: a JSON header and numeric arrays."""
+    """A message to the page: kind, JSON header and numeric arrays."""
 
-    # What it is, such as "picture".
+    # Kind of the frame, such as "picture".
     kind: str
     header: Mapping[str, Any] = field(default_factory=dict)
     arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
     def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> PageFrame:
-        """A result with a file as array `content`."""
+        """Create a frame `result` with the bytes of a file as array `content`."""
         kind = FILE_TYPES.get(PurePath(name).suffix, "application/octet-stream")
         facts = {**header, "name": name, "type": kind, "bytes": len(content)}
         return cls("result", facts, {"content": np.frombuffer(content, np.uint8)})
 
     def stamped(self, **facts: Any) -> PageFrame:
-        """Copy with more facts in the header."""
+        """Copy of the frame with additional values in the header."""
         return replace(self, header={**self.header, **facts})
 
     def pack(self) -> bytes:
-        """The frame as bytes."""
+        """Encode the frame as bytes."""
         layouts: dict[str, Any] = {}
         parts: list[bytes] = []
         end = 0
         for name, values in self.arrays.items():
             kind = f"{values.dtype.kind}{values.dtype.itemsize}"
             if kind not in TYPES:
-                raise InvalidInput(f"The array {name} of a frame has the type {values.dtype}.")
+                raise InvalidInput(
+                    f"The array {name} of a frame must have one of the types {', '.join(TYPES)}, "
+                    f"but has {kind}."
+                )
             layouts[name] = {"type": kind, "shape": list(values.shape), "at": end}
             data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
             parts += [data, bytes(-len(data) % ALIGNED)]
@@ -80,7 +83,7 @@ class PageFrame:
 
     @classmethod
     def unpack(cls, data: bytes) -> PageFrame:
-        """Decode a frame; its arrays are read-only."""
+        """Decode a frame from bytes; its arrays are read-only."""
         (count,) = LENGTH.unpack_from(data)
         header = json.loads(data[LENGTH.size : LENGTH.size + count])
         begin = LENGTH.size + count
@@ -97,10 +100,11 @@ def _to_json(header: Mapping[str, Any]) -> str:
     try:
         return json.dumps(header, ensure_ascii=False, allow_nan=False, default=jsonable)
     except (TypeError, ValueError):
-        # Keys that are no texts, and numbers that are not finite, are rare.
+        # The slower conversion of the whole header is needed only for keys that are not text and
+        # for numbers that are not finite.
         return json.dumps(jsonable(header), ensure_ascii=False, allow_nan=False)
 
 
 def without_options(sentence: str) -> str:
-    """Remove options of the command line from a sentence: the page does not have them."""
+    """Remove command line options from a message, because the Studio does not have them."""
     return _OPTIONS.sub("", sentence)

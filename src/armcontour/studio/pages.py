@@ -1,4 +1,4 @@
-"""Pages of a session: frames sent to them, files for download, and the shown document."""
+"""Open pages of a session: frames sent to the pages, files for download, the shown document."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.files.job_edits import key_in
+from armcontour.files.job_text_edits import key_in
 from armcontour.studio.description import document_frame
 from armcontour.studio.editor import Editor, Revision
 from armcontour.studio.handles import is_blank
@@ -24,9 +24,9 @@ from armcontour.studio.workers import PreviewWorker
 
 # A message of a page.
 PageMessage: TypeAlias = Mapping[str, Any]
-# Largest number and total size [bytes] of files for download; the newest is always kept.
+# Maximum number and total size [bytes] of stored files for download; the newest file always stays.
 MAX_FILES, MAX_BYTES = 20, 200_000_000
-# Frames that newer ones of the same kind replace.
+# Kinds of frames of which a page needs only the newest one.
 NEWEST_ONLY = {"arm", "changes", "detail", "document", "executed", "figures"} | {
     *("picture", "pose", "refusal")
 }
@@ -36,7 +36,7 @@ class Page(Protocol):
     """A page that receives frames; `send` may be called from any thread."""
 
     def send(self, data: bytes, replaces: str | None = None) -> None:
-        """Send a frame; it replaces a queued one with the same `replaces`."""
+        """Send a frame; it replaces a queued frame with the same `replaces`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,16 +56,16 @@ class Pages:
         self._lock = RLock()
         self._numbers: dict[Page, int] = {}
         self._joined = 0
-        # Number of the last message of each page, by page number.
+        # Number of the last recorded message of each page, by page number.
         self._seqs: dict[int, int] = {}
-        # Current frames for new pages, by replacement key.
+        # Frames that a new page receives, by replacement key.
         self._current_frames: dict[str, PageFrame] = {}
-        # Messages that the newest figures answer.
+        # Numbers of the messages that the newest frame `figures` answers, by page number.
         self._figures_answers: Mapping[int, int] = {}
 
     @property
     def answers(self) -> dict[int, int]:
-        """Number of the last message of each page, by page number."""
+        """Number of the last recorded message of each page, by page number."""
         with self._lock:
             return dict(self._seqs)
 
@@ -83,11 +83,11 @@ class Pages:
             self._seqs.pop(self._numbers.pop(page, 0), None)
 
     def record(self, page: Page, message: PageMessage) -> bool:
-        """Record the number of a message; False if the page is closed."""
+        """Record the number of a message; returns False if the page is closed."""
         seq = message.get("seq")
         with self._lock:
             is_open = page in self._numbers
-            # A request of a detail changes nothing.
+            # A request for a detail is not recorded, because it does not change the document.
             counts = is_open and message.get("op") != "detail"
             if counts and isinstance(seq, int) and not isinstance(seq, bool):
                 self._seqs[self._numbers[page]] = seq
@@ -96,7 +96,7 @@ class Pages:
     def send(
         self, frame: PageFrame, *, to: Page | None = None, answers: Mapping[int, int] | None = None
     ) -> None:
-        """Send a frame to one page or to all, with the number of the message it answers."""
+        """Send a frame to one page or to all, with the number of the message that it answers."""
         key, sentence = _replacement_key(frame), frame.header.get("sentence")
         if isinstance(sentence, str):
             frame = frame.stamped(sentence=without_options(sentence))
@@ -113,7 +113,7 @@ class Pages:
                     page.send(packed[seq], key)
 
     def keep_file(self, name: str, kind: str, data: bytes) -> str:
-        """Keep a file for download; returns its number."""
+        """Store a file for download; returns its random identifier."""
         number = secrets.token_hex(8)
         with self._lock:
             self.files[number] = File(name, kind, data)
@@ -124,12 +124,12 @@ class Pages:
         return number
 
     def _remember(self, key: str, frame: PageFrame, answers: Mapping[int, int]) -> None:
-        """Keep a frame for future pages, and discard the frames that it makes obsolete."""
+        """Store a frame for pages that join later, and discard frames that it makes obsolete."""
         if frame.kind == "figures":
             self._figures_answers = answers
         if frame.kind == "picture":
             old = ["executed", "refusal"]
-            # The exact picture may arrive after the figures of the same edit.
+            # An exact picture of the same edit can follow the figures, which then stay valid.
             if any(seq > self._figures_answers.get(number, -1) for number, seq in answers.items()):
                 old += ["figures", "changes"]
             for kind in old:
@@ -138,14 +138,17 @@ class Pages:
 
 
 def _replacement_key(frame: PageFrame) -> str | None:
-    """Kind of a frame, with the task for progress; None if every frame of the kind is needed."""
+    """Key of the frames that a frame replaces: its kind; for progress, also the task identifier.
+
+    None if pages need every frame of the kind.
+    """
     if frame.kind == "progress":
         return f"progress/{frame.header.get('id')}"
     return frame.kind if frame.kind in NEWEST_ONLY else None
 
 
 class Display:
-    """Shows the document of an editor on pages."""
+    """Shows the document of an editor on all pages."""
 
     def __init__(
         self,
@@ -157,7 +160,7 @@ class Display:
         self.editor = editor
         self.lock = RLock()
         self.pages = Pages()
-        # Shown revision, including the edits of a gesture.
+        # Shown revision, including the edits of an active gesture.
         self._revision = Revision({})
         self._on_disk = ""
         self.scheduler = Scheduler(
@@ -165,7 +168,7 @@ class Display:
         )
 
     def show_all(self) -> None:
-        """Show the document and its run."""
+        """Send the frame `document`, then plan and show the run."""
         self.show_document()
         self.show()
 
@@ -178,12 +181,14 @@ class Display:
         self.send(frame.stamped(id=editor.id, logs=logs), to=to)
 
     def show(self, revision: Revision | None = None, *, moving: bool = False) -> None:
-        """Plan and show a state of the document; `moving` if a gesture continues."""
+        """Plan and show a revision, by default the document; `moving`: a gesture is active."""
         editor = self.editor
         self._revision = revision = Revision(editor.state.data) if revision is None else revision
         handles = editor.state.handles
         if handles is None:
-            self.send_refusal(editor.state.error or InvalidInput("There is no job yet."))
+            self.send_refusal(
+                editor.state.error or InvalidInput("The document is not a valid job yet.")
+            )
             return
         view = View(handles.plane, handles.centre)
         if is_blank(revision.data):
@@ -210,7 +215,7 @@ class Display:
         self.show_all()
 
     def look(self) -> None:
-        """Inform the pages if the job file has changed on disk."""
+        """Send the frame `document` if the job file has changed on disk."""
         if self._on_disk and self.editor.document.on_disk() != self._on_disk:
             self.show_document()
 
@@ -223,7 +228,7 @@ class Display:
         self.pages.send(frame.stamped(rev=self.editor.rev, document=self.editor.id), to=to)
 
     def send_refusal(self, error: ArmContourError, *, dropped: bool = False) -> None:
-        """Report an impossible edit; `dropped`: the gesture is over, so show the document again."""
+        """Send an error to all pages; `dropped`: the edit was discarded, so show the document."""
         if dropped:
             self.show_document()
         facts = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
@@ -233,7 +238,7 @@ class Display:
             self.show()
 
     def _send_state_frame(self, frame: PageFrame, state: DocumentState | None) -> bool:
-        """Send a frame of the scheduler, unless the document has changed since."""
+        """Send a frame of the scheduler; False if the document has changed since its request."""
         if state is None:
             self.send(self._with_file(frame))
             return True
@@ -244,7 +249,7 @@ class Display:
         return True
 
     def _with_file(self, frame: PageFrame) -> PageFrame:
-        """Replace a file in a frame by its number for download."""
+        """Store the file in a frame for download, and replace it by its identifier."""
         if frame.kind != "result" or "content" not in frame.arrays:
             return frame
         header, content = frame.header, frame.arrays["content"].tobytes()

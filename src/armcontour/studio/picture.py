@@ -1,4 +1,4 @@
-"""Frames with the picture of a plan, of a program without a plan, or of a refusal."""
+"""Message frames with the picture of a plan or of a program, and the header of a refusal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
 from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data
-from armcontour.files.job_edits import key_in
+from armcontour.files.job_text_edits import key_in
 from armcontour.geometry import Path, RoundedPath
 from armcontour.jobs import Rounding, Run
 from armcontour.jobs.single_corners import corner_waypoints
@@ -27,41 +27,42 @@ from armcontour.studio.preview import Preview, PreviewExecution, Tier
 from armcontour.studio.view import Detail, View, in_space, select_points, to_float32
 from armcontour.verification.evaluation import duration_row
 
-# Approximate limits of the number of points for the speed; the lower one is for short paths.
+# Approximate limits of the number of drawn points: maximum, and maximum for simple paths.
 MAX_POINTS, MIN_POINTS = 20_000, 1_200
-# Changes of the active limit are drawn if the interval is longer than this many line errors.
+# The interval of an active limit is always drawn if it is longer than this factor times the drawing
+# tolerance.
 VISIBLE_STRETCH = 8.0
-# Index without an active limit.
+# Limit index that means: no active limit.
 NO_LIMIT = 255
 
-# Points per rapid, and approximate limit for all rapids.
+# Number of points per rapid, and approximate maximum for all rapids.
 RAPID_POINTS, MAX_RAPID_POINTS = 16, 50_000
-# Largest numbers of corners (handles) and of shortfalls (sentences).
+# Maximum number of corners with handles, and of listed speed shortfalls.
 MAX_CORNERS, MAX_SHORTFALLS = 400, 60
-# Smallest share of the duration in the legend.
+# Minimum share of the duration of a kind of limit in the legend.
 MIN_SHARE = 5e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanCurve:
-    """Points along all contours of a plan, with arc lengths over all contours."""
+    """The n drawn points along all contours of a plan."""
 
-    # [m], (n, dimension)
+    # Points [m], (n, dimension)
     points: FloatArray
-    # Arc lengths over all contours [m], (n,)
+    # Arc lengths, cumulated over all contours [m], (n,)
     s: FloatArray
-    # [s], (n,)
+    # Times [s], (n,)
     t: FloatArray
-    # [m/s], (n,)
+    # Tool speeds [m/s], (n,)
     speed: FloatArray
-    # Assigned velocities, NaN without one [m/s], (n,)
+    # Assigned velocities [m/s], (n,); NaN if not assigned.
     assigned: FloatArray
-    # Index of the first point of each line, and n.
+    # Index of the first point of each line, and n at the end.
     ends: IntArray
 
     @classmethod
     def from_plan(cls, planned: Preview, view: View, detail: Detail) -> PlanCurve:
-        """Visible points of a plan: points of curves and grid points of its laws."""
+        """Sample the visible part of a plan: at points of curves and grid points of its timing."""
         rows: list[tuple[FloatArray, ...]] = []
         for contour, span in zip(
             planned.path.contours, planned.trajectory.contour_spans, strict=True
@@ -90,11 +91,11 @@ class PlanCurve:
         return cls(points[k], s[k], t[k], speed[k], assigned[k], ends)
 
     def drawn_indices(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
-        """Indices of the drawn points: shape, changes of the limit, extremes of the speed."""
+        """Indices of the points to draw: shape, changes of the active limit, extreme speeds."""
         shape = detail.essential_points(self.points, self.ends)
         weight = np.where(shape, np.inf, 0.0)
         changes = np.flatnonzero(np.diff(binding)) + 1
-        # The weight of a change is the length up to the next one.
+        # The weight of a change of the active limit is the arc length to the next change.
         lengths = np.diff(self.s[np.append(changes, len(self.s) - 1)])
         lengths[lengths > VISIBLE_STRETCH * detail.error] = np.inf
         weight[changes] = np.maximum(weight[changes], lengths)
@@ -103,7 +104,7 @@ class PlanCurve:
     def binding(
         self, explanation: Explanation | None, limits: Sequence[Mapping[str, Any]]
     ) -> npt.NDArray[np.uint8]:
-        """Index of the active limit from each point to the next, (n,)."""
+        """Index in `limits` of the active limit from each point to the next, (n,)."""
         if explanation is None:
             return np.full(len(self.s), NO_LIMIT, dtype=np.uint8)
         index = {x["name"]: k for k, x in enumerate(limits)}
@@ -116,7 +117,7 @@ class PlanCurve:
 
 
 def _assigned(path: Path, s: FloatArray, run: Run) -> FloatArray:
-    """Assigned velocities at arc lengths, NaN for none [m/s], (n,)."""
+    """Assigned velocities at arc lengths [m/s], (n,); NaN where none is assigned."""
     speeds = path.speeds[path.locate(s)]
     return speeds if run.limits.speed is None else np.fmin(speeds, run.limits.speed)
 
@@ -130,7 +131,10 @@ def refusal_header(
     planned: Preview | None = None,
     waypoints: FloatArray | None = None,
 ) -> dict[str, Any]:
-    """Header of a refusal with its position; `tier`: 1 plan, 2 execution, 3 full run."""
+    """Header of a frame `refusal`: error and its position on the path.
+
+    `tier` is the failed computation: 1 plan, 2 execution, 3 full run.
+    """
     point = None if error.point is None else np.array(error.point)
     if point is None and error.t is not None and planned is not None:
         t = np.clip(error.t, 0.0, planned.trajectory.duration)
@@ -155,7 +159,7 @@ def refusal_header(
 
 
 def picture_frame(planned: Preview, view: View) -> PageFrame:
-    """Frame with the picture of a plan."""
+    """Message frame with the picture and the figures of a plan."""
     detail, flat = _whole_detail(planned.path, view)
     header, arrays = _line_arrays(planned, view, detail)
     duration = duration_row(planned.trajectory.duration)
@@ -176,7 +180,7 @@ def picture_frame(planned: Preview, view: View) -> PageFrame:
 
 
 def drawing_frame(program: Program | None, view: View, *, run: str = "") -> PageFrame:
-    """Frame with the picture of a program without a plan; None for an empty path."""
+    """Message frame with the picture of a program without a plan; `program` None: empty path."""
     header: dict[str, Any] = {"error": 0.0, "limits": [], "kerfs": []}
     arrays: dict[str, Any] = {
         "objective": to_float32(np.empty(0)),
@@ -197,7 +201,7 @@ def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Page
 def detail_frame(
     made: Preview | Program, executed: PreviewExecution | None, view: View, detail: Detail
 ) -> PageFrame:
-    """Frame with the visible part of a picture and of its execution in full resolution."""
+    """Message frame with the visible part of plan or program and execution, in full resolution."""
     header, arrays = _line_arrays(made, view, detail)
     if executed is not None:
         arrays |= execution_lines(executed, view, detail)
@@ -205,7 +209,7 @@ def detail_frame(
 
 
 def _whole_detail(program: Program, view: View) -> tuple[Detail, bool]:
-    """Detail for the whole program, and whether it is flat."""
+    """Drawing detail for the whole program, and True if the program is in the plane of the view."""
     smooth = Detail(np.inf)
     points = np.concatenate([x.path(smooth.arc_lengths(x.path)) for x in program.contours])
     return Detail.for_points(view.uv(points)), view.is_flat(points)
@@ -214,7 +218,7 @@ def _whole_detail(program: Program, view: View) -> tuple[Detail, bool]:
 def _line_arrays(
     made: Preview | Program, view: View, detail: Detail
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Header and arrays of all lines."""
+    """Header and arrays of all lines: objective, kerf, and plan with speed and active limit."""
     planned = made if isinstance(made, Preview) else None
     objective = made if isinstance(made, Program) else made.objective
     header: dict[str, Any] = {"error": detail.error, "limits": [], "kerfs": []}
@@ -245,7 +249,7 @@ def _line_arrays(
 def _lines(
     name: str, parts: Sequence[FloatArray], view: View, detail: Detail
 ) -> tuple[dict[str, Any], IntArray]:
-    """Arrays of lines through points [m], and the index of the part that each line belongs to."""
+    """Arrays of the visible lines through points [m], and the index of the part of each line."""
     points = np.concatenate(parts) if parts else np.empty((0, 2))
     starts = np.cumsum([0, *map(len, parts)])
     visible, ends = detail.visible_ends(view.screen_points(points), starts)
@@ -260,7 +264,7 @@ def _lines(
 
 
 def _kerf(planned: Preview, view: View, detail: Detail) -> tuple[list[float], dict[str, Any]]:
-    """Kerf of each cut line [m], and arrays of cut lines and drawn lines."""
+    """Kerf of each visible cut line [m], and arrays of cut lines and of drawn contours."""
     process = planned.job.process
     parts = [x for x in cut_parts(planned.path, process) if detail.may_show(view.box, x[0])]
     if not parts:
@@ -276,7 +280,7 @@ def _kerf(planned: Preview, view: View, detail: Detail) -> tuple[list[float], di
 
 
 def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
-    """Active limits, in the order of the motion."""
+    """Name and kind of each active limit, in the order of the motion."""
     if explanation is None:
         return []
     kinds = {x.name: x.limit for x in explanation.bindings if x.limit != "nothing"}
@@ -284,7 +288,7 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
 
 
 def time_header(explanation: Explanation | None) -> dict[str, Any]:
-    """Header with the table of active limits by time, and shares of the kinds."""
+    """Header with the durations of active limits and the share of each kind of limit."""
     if explanation is None:
         return {"time": [], "kinds": []}
     shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_SHARE]
@@ -293,7 +297,7 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """Slowest points below the assigned velocity, with reasons."""
+    """The slowest points below the assigned velocity, with the reasons, in path order."""
     shortfalls = () if planned.explanation is None else planned.explanation.shortfalls
     worst = sorted(shortfalls, key=lambda x: x.speed / x.assigned)[:MAX_SHORTFALLS]
     if not worst:
@@ -309,7 +313,7 @@ def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
 
 
 def _points_at(program: Program, s: FloatArray) -> FloatArray:
-    """Points at arc lengths over all contours [m], (n, dimension)."""
+    """Points at arc lengths that are cumulated over all contours [m], (n, dimension)."""
     breaks = program.breaks
     contour_indices = np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
     points = np.empty((len(s), program.dimension))
@@ -320,7 +324,7 @@ def _points_at(program: Program, s: FloatArray) -> FloatArray:
 
 
 def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """Rounded corners of all contours; none if there are too many for handles."""
+    """Rounded corners of all contours; an empty list if they are more than MAX_CORNERS."""
     rows: list[dict[str, Any]] = []
     rounding, contours = planned.run.rounding, planned.job.program.contours
     for index, contour in enumerate(planned.path.contours):
@@ -335,7 +339,7 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
         bound = np.fmin(
             tolerances[c.vertex - 1], tolerances[np.minimum(c.vertex, len(tolerances) - 1)]
         )
-        # Only corners of a single contour can have their own tolerance.
+        # Corners can have their own tolerance only if the program has a single contour.
         numbers = np.zeros(len(c), dtype=np.intp)
         if len(contours) == 1:
             numbers = corner_waypoints(contours[0].path, path.objective)[c.vertex - 1]
@@ -353,32 +357,32 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
 
 
 def _caps(rounding: Rounding, numbers: IntArray) -> FloatArray:
-    """Largest errors that the job allows at corners [m], by waypoint; NaN without one."""
+    """Corner error that the job allows at each waypoint number [m]; NaN if not specified."""
     usual = np.nan if rounding.tolerance is None else rounding.tolerance
     single = rounding.at or {}
     return np.array([single.get(k, usual) for k in numbers.tolist()], dtype=np.float64)
 
 
 def _notes(planned: Preview) -> list[str]:
-    """Notes on the accuracy of the picture."""
+    """Notes about the accuracy and the completeness of the picture."""
     notes = [*planned.differs]
     notes += [x for x in (planned.stops_note, planned.shape_note) if x is not None]
     explanation = planned.explanation
     if explanation is not None and (hidden := len(explanation.shortfalls) - MAX_SHORTFALLS) > 0:
         notes.append(
-            f"{hidden} more places are below the assigned velocity; the {MAX_SHORTFALLS} slowest "
-            "are marked and listed."
+            f"{hidden} further points are below the assigned velocity; only the {MAX_SHORTFALLS} "
+            "slowest points are marked and listed."
         )
     if explanation is None:
         notes.append(
-            f"plans of the method {planned.trajectory.method} have no explanation: which limit "
-            "binds is known for the method optimal."
+            f"active limits are not available for the method {planned.trajectory.method}, only for "
+            "the method optimal."
         )
     return notes
 
 
 def _rapids(planned: Preview, view: View) -> dict[str, Any]:
-    """Arrays of the tool paths of rapids."""
+    """Arrays of the sampled tool paths of rapids."""
     spans = [x.t for x in planned.trajectory.spans if x.kind == "rapid"]
     if not spans:
         return {}

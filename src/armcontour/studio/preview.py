@@ -1,6 +1,6 @@
-"""Previews: plans and executions of an edited document, without checks for collisions.
+"""Previews: fast plans and executions of an edited document, without collision checks.
 
-A preview differs from `run` if that takes too long: see `coarser_run` and `Preview.differs`.
+A preview differs from `run` where this saves much time: see `coarser_run` and `Preview.differs`.
 """
 
 from __future__ import annotations
@@ -34,37 +34,40 @@ from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
 from armcontour.verification import ErrorProfile
-from armcontour.verification.contour_execution import ContourExecution, pieces_of, settling_time
+from armcontour.verification.contour_errors import ContourExecution, pieces_of, settling_time
 
-# Largest number of set-points of an exact preview.
+# Maximum number of set-points of an exact preview.
 MAX_SET_POINTS = 200_000
-# Longest simulated motion of a preview times the number of joints [s]: seconds, and 150 MB.
+# Maximum duration of a simulated motion times the number of joints [s], so that the simulation
+# takes seconds and 150 MB.
 MAX_SIMULATED = 2400.0
-# The outline of a program with more segments is shown before its plan.
+# If a program has more segments, its outline is shown before its plan.
 LONG_PROGRAM = 5_000
-# Smallest cycle of a preview [s].
-DEFAULT_CYCLE = 4e-3
-# Grid intervals per contour while a handle moves (4000 or more in a run). The duration changes by
-# less than 0.1 %.
+# Minimum cycle of a preview [s].
+MIN_CYCLE = 4e-3
+# Number of grid intervals per contour while a handle moves (4000 or more in a full run). The
+# coarser grid changes the duration by less than 0.1 %.
 MOVING_INTERVALS = 600
-# Smallest number of samples of an execution while a handle moves.
+# Minimum number of samples of an execution while a handle moves.
 MOVING_SAMPLES = 1500
-# Shortest drive cycle of simulated bodies while a handle moves [s].
+# Minimum drive cycle of the rigid-body simulation while a handle moves [s].
 MOVING_STEP = 1e-3
-ARCS = (
-    "corners of the shape free are drawn with arcs of the same tolerance: their shape is computed "
-    "at rest."
+ARCS_NOTE = (
+    "the preview shows arcs of the same tolerance instead of corners of shape free, because their "
+    "shape is computed only after the last edit."
 )
-CONFIGURATION = (
-    "previews keep the configuration of the arm; exact figures are of the fastest configuration."
+CONFIGURATION_NOTE = (
+    "the preview uses the arm configuration of the last plan; exact figures are for the fastest "
+    "configuration."
 )
 
 
 class Tier(StrEnum):
-    """Accuracy of a picture, fastest first."""
+    """Accuracy of a picture, from fast to exact."""
 
+    # Path without a plan.
     OUTLINE = "outline"
-    # Coarse, while a handle moves.
+    # Coarse plan while a handle moves.
     MOVING = "moving"
     PREVIEW = "preview"
     # Equal to a full run.
@@ -73,14 +76,15 @@ class Tier(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Preview(Planned):
-    """Plan of one run of a document."""
+    """Plan of one run of a document, of a certain accuracy."""
 
     job: Job
     # Joint positions at the start of the motion [rad], (dof,).
     start: FloatArray
     tier: Tier = Tier.PREVIEW
+    # Differences from the plan of a full run.
     differs: tuple[str, ...] = ()
-    # Warning about links below the base, or None.
+    # Warning if links move below the base; otherwise None.
     below_base: str | None = None
 
 
@@ -90,14 +94,19 @@ class PreviewExecution:
 
     planned: Preview
     execution: Execution
+    # Execution along each contour.
     pieces: tuple[ContourExecution, ...]
+    # Contour error over time.
     errors: ErrorProfile
     # Time at which the tool is at rest [s].
     settled: float
 
 
 class CoarsePlanner:
-    """Planner of a changing document, for one thread; data that it has seen must not change."""
+    """Planner with a cache for the states of a document; not thread-safe.
+
+    The caller must not modify data after passing them.
+    """
 
     def __init__(self, folder: FilePath | None = None, *, trust_xacro: bool = False) -> None:
         self.folder = folder or FilePath()
@@ -113,7 +122,7 @@ class CoarsePlanner:
         self._arm = self._start = None
 
     def may_be_exact(self, planned: Preview) -> bool:
-        """True if a full run differs and takes about a second, without a search."""
+        """True if the exact plan differs from a preview but takes only about a second."""
         job = planned.job
         (run,) = job.runs
         searches = isinstance(job.arm, SerialArm) and job.seed is None
@@ -121,15 +130,15 @@ class CoarsePlanner:
         return bool(planned.differs) and not searches and few and self.may_execute(planned)
 
     def may_execute(self, planned: Preview) -> bool:
-        """True if the simulation of the motion takes seconds at most."""
+        """True if the motion is short enough to be simulated within seconds."""
         return planned.trajectory.duration * planned.job.arm.dof <= MAX_SIMULATED
 
     def keep_start(self, job: Job, start: FloatArray) -> None:
-        """Keep the configuration of a start [rad], (dof,), from now on."""
+        """Use the configuration of a start position [rad], (dof,), for the next previews."""
         self._arm, self._start = job.arm, start
 
     def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:
-        """The job with only one of its runs, by default the first."""
+        """The job with only one run, by default the first."""
         return self._reuse.get("job", (data, run), lambda: self._make_job(data, run))
 
     def path_program(self, data: Mapping[str, Any]) -> Program:
@@ -153,7 +162,7 @@ class CoarsePlanner:
         tier: Tier = Tier.PREVIEW,
         progress: Progress | None = None,
     ) -> Preview:
-        """Plan a run, by default the first; EXACT equals the plan of `run`."""
+        """Plan a run, by default the first; with the tier EXACT, the plan equals that of `run`."""
         job = self.job(data, run)
         (job_run,) = job.runs
         with error_context(f"Run {job_run.name}"):
@@ -171,7 +180,7 @@ class CoarsePlanner:
         )
 
     def execute(self, planned: Preview) -> PreviewExecution:
-        """Compensate and simulate a plan, and compute its contour errors."""
+        """Compute set-points of a plan, simulate their execution, and compute contour errors."""
         job, run, get = planned.job, planned.run, self._reuse.get
         moving = planned.tier == Tier.MOVING
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
@@ -229,7 +238,8 @@ class CoarsePlanner:
             data["arm"],
             lambda: arm_of(model.arm, self.folder, trust_xacro=self.trust_xacro),
         )
-        # A moved frame does not require reading the drawing again.
+        # The drawing is cached without the part frame, so that moving the part does not read the
+        # drawing again.
         unplaced = {key: x for key, x in data["path"].items() if key != "frame"}
         drawn = self._reuse.get(
             "drawing",
@@ -251,7 +261,7 @@ class CoarsePlanner:
     def _plan(
         self, job: Job, run: Run, tier: Tier, progress: Progress | None
     ) -> tuple[Planned, tuple[str, ...]]:
-        """Plan in the configuration of the last plan (then with a note), else in the fastest."""
+        """Plan and notes; uses the configuration of the last plan if possible, else the fastest."""
         searches = tier != Tier.EXACT and job.seed is None
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
             seeded_job = dataclasses.replace(job, seed=self._start)
@@ -259,9 +269,9 @@ class CoarsePlanner:
                 plan = plan_one(
                     seeded_job, run, self._reuse, progress, clear=False, first_only=True
                 )
-                return plan, (CONFIGURATION,)
+                return plan, (CONFIGURATION_NOTE,)
             except Unreachable:
-                # Another configuration may reach the path; otherwise its error is reported.
+                # Another configuration may reach the path. If none does, the search reports it.
                 pass
         # While a handle moves, the search ends at the first unreachable point.
         plan = plan_one(
@@ -281,24 +291,24 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 def _contour_errors(
     execution: Execution, path: Program, end_time: float | None
 ) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
-    """Execution along each contour, contour error, and time at which the tool is at rest [s]."""
+    """Execution along each contour, contour errors, and time at which the tool is at rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
     pieces = tuple(pieces_of(execution, path, None, end_time))
     return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled
 
 
 def _part(data: Mapping[str, Any]) -> Any:
-    """Frame of the part as written; scenes may be placed with it."""
+    """Part frame as written in the job; obstacles of the scene can be fixed to the part."""
     return data["path"].get("frame")
 
 
 def _with_one_run(model: JobModel, run: str | None) -> JobModel:
-    """Keys with one run, by default the first, and without keys that may name others."""
+    """Keys of a job with one run, by default the first, and without references to other runs."""
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
-        raise InvalidInput(f"The job has no run {name}: it has {', '.join(model.runs)}.")
+        raise InvalidInput(f"The job has no run {name}. Its runs are {', '.join(model.runs)}.")
     placement, experiment = model.placement, model.experiment
-    # The set-points depend on the experiment of the run.
+    # The experiment stays if it applies to this run, because the set-points depend on it.
     if experiment is not None:
         judged = name in (experiment.runs or [name])
         experiment = dataclasses.replace(experiment, runs=None) if judged else None
@@ -312,25 +322,25 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
 
 
 def coarser_run(job: Job, job_run: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
-    """Run of a preview, and sentences on its differences from the run of the job."""
+    """Run of a preview with lower accuracy, and sentences about its differences from `job_run`."""
     if tier == Tier.EXACT:
         return job_run, ()
-    run, differs, cycle = job_run, [], max(job_run.cycle, DEFAULT_CYCLE)
+    run, differs, cycle = job_run, [], max(job_run.cycle, MIN_CYCLE)
     try:
         for servo in (job.servo, job.plant_servo):
             servo.check_gains(cycle)
     except InvalidInput:
-        # Large gains require the short cycle.
+        # Because the gains are large, the servo requires the shorter cycle of the run.
         cycle = job_run.cycle
     if cycle != job_run.cycle:
         run = dataclasses.replace(run, cycle=cycle)
         differs.append(
-            f"set-points come every {cycle * 1e3:g} ms, "
-            f"and in a run every {job_run.cycle * 1e3:g} ms."
+            f"the preview has a cycle of {cycle * 1e3:g} ms; "
+            f"the full run has {job_run.cycle * 1e3:g} ms."
         )
     if run.rounding is not None and run.rounding.free:
         run = dataclasses.replace(run, rounding=run.rounding.with_arcs)
-        differs.append(ARCS)
+        differs.append(ARCS_NOTE)
     if tier == Tier.MOVING and isinstance(run.timing, Optimal) and run.timing.intervals is None:
         few = min(MOVING_INTERVALS, intervals_of(job.program) or MOVING_INTERVALS)
         timing = dataclasses.replace(run.timing, intervals=few)
@@ -340,7 +350,10 @@ def coarser_run(job: Job, job_run: Run, tier: Tier) -> tuple[Run, tuple[str, ...
 
 
 def _experiment_of(run: Run, moving: bool) -> Experiment | None:
-    """Experiment that judges a run, if any; with a longer drive cycle while a handle moves."""
+    """Experiment with which a run is evaluated; with a longer drive cycle while a handle moves.
+
+    None if the run is evaluated with the servo model.
+    """
     experiment = run.judge
     if experiment is None or not moving:
         return experiment
@@ -350,13 +363,13 @@ def _experiment_of(run: Run, moving: bool) -> Experiment | None:
 def _execute_judged(
     job: Job, run: Run, set_points: SetPoints, bodies: Experiment | None
 ) -> Execution:
-    """Execution on the rigid bodies of the experiment, or on the servo model."""
+    """Simulate set-points with the rigid bodies of an experiment, or with the servo model."""
     plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, run.limits)
     return simulate_run(job, set_points, plant)
 
 
 def _with_fewer_samples(execution: Execution) -> Execution:
-    """Every k-th sample of an execution, at least MOVING_SAMPLES; maxima stay."""
+    """Reduce an execution to every k-th sample, but at least MOVING_SAMPLES samples."""
     step = len(execution.t) // MOVING_SAMPLES
     if step < 2:
         return execution

@@ -1,4 +1,4 @@
-"""Scheduler of document states: outline, moving preview, preview, exact figures; and of tasks."""
+"""Scheduler: computes and sends pictures and figures of document states, and starts tasks."""
 
 from __future__ import annotations
 
@@ -24,90 +24,104 @@ from armcontour.studio.arm_picture import arm_frame
 from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame, refusal_header
-from armcontour.studio.preview import CONFIGURATION, CoarsePlanner, Preview, PreviewExecution, Tier
+from armcontour.studio.preview import (
+    CONFIGURATION_NOTE,
+    CoarsePlanner,
+    Preview,
+    PreviewExecution,
+    Tier,
+)
 from armcontour.studio.tasks import dispatch
 from armcontour.studio.view import Detail, View
 from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker
 
 TaskWorkerFactory: TypeAlias = Callable[[Callable[[PageFrame], None]], TaskWorker]
-# An execution waits for rest if its plan took longer [s],
+# If the plan took longer than this [s], it is simulated only after the rest time without edits.
 FAST_PLAN = 0.03
-# or if its motion is longer [s], because an execution cannot be cancelled.
+# If the planned motion is longer than this [s], it is simulated only after the rest time without
+# edits, because a simulation cannot be cancelled.
 MAX_EXECUTED = 60.0
-# Executions of a drag are at least this far apart, so that plans come first [s].
-PLANS_ONLY = 0.06
-# If the last two plans took longer, only the outline is shown until rest [s].
+# Minimum interval of simulations while newer states wait [s], so that their plans come first.
+MIN_SIMULATION_INTERVAL = 0.06
+# If the last two plans took longer than this [s], only the outline is shown before the rest time.
 SLOW_PLAN = 0.5
-# A plan that takes longer is cancelled by a newer state [s].
+# Computing time after which a newer state cancels a plan [s].
 MAX_OBSOLETE_PLAN = 0.5
-# Exact figures that take longer are cancelled by a newer state [s].
+# Computing time after which a newer state cancels exact figures [s].
 MAX_OBSOLETE_FIGURES = 2.0
-# Time of the first progress frame, and minimum interval of the next ones [s].
+# Delay of the first progress frame, and minimum interval of further progress frames [s].
 PROGRESS_DELAY, PROGRESS_INTERVAL = 0.7, 0.1
 # Number of steps of a run that belong to its plan.
 PLAN_STEPS = 3
 # Tasks that a page can start.
 TASKS = tuple(x for x in dispatch.TASKS if x not in ("figures", "changes"))
-# Frames that end a task.
+# Kinds of frames that end a task.
 FINAL_KINDS = ("figures", "changes", "result", "refusal", "failed", "cancelled")
-# Prefix of the identities of exact figures, and identity of the progress of a state.
+# Prefix of the task identifiers of exact figures, and identifier in the progress of a state.
 STATE_ID = "#"
 # Values of `state` in progress frames.
 WORKING, STOPPED, DONE = "working", "stopped", "done"
-# Starts that differ by more are in different configurations [rad].
+# Start positions that differ by more than this are in different configurations [rad].
 SAME_CONFIGURATION = 0.01
 
 
 class Superseded(Exception):
-    """A newer state of the document waits."""
+    """Raised to end the work on a state because a newer state of the document waits."""
 
 
 @dataclass(slots=True, eq=False)
 class ShownResults:
-    """Results of one document, and the parts of them that pages have."""
+    """Newest results of a document, and the data that the pages show of them."""
 
     planned: Preview | None = None
     executed: PreviewExecution | None = None
+    # Arm and scene that the pages show.
     sent_parts: tuple[Arm, Scene | None] | None = None
     # Computing times of the last two plans of each tier [s].
     plan_times: dict[Tier, tuple[float, float]] = field(default_factory=dict)
-    # Plan or program on the pages, its view, and the number of its picture.
+    # Plan or program that the pages show, its view, and the number of its picture.
     drawn: tuple[Preview | Program, View, int] | None = None
-    # Revision whose preview follows the configuration of its full run.
+    # Last revision whose preview was repeated in the configuration of its full run.
     followed: int = 0
+    # True if exact figures were sent.
     has_exact: bool = False
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class DocumentState:
-    """A state of the document to be shown."""
+    """A state of the document that is to be shown."""
 
     data: Mapping[str, Any]
     run: str
     view: View
+    # Identity of the document.
     document: str
     rev: int
+    # Number of the last message of each page, by page number.
     answers: Mapping[int, int]
+    # Function that creates the request for exact figures.
     request: Callable[[], Mapping[str, Any]]
-    # Waypoints in the plane [m], (n, 2).
+    # Waypoints in the plane of the picture [m], (n, 2).
     waypoints: FloatArray | None = None
+    # True while a gesture is active.
     moving: bool = False
-    # Results of its document.
+    # Results of the document.
     results: ShownResults = field(default_factory=ShownResults, init=False)
     start_time: float = field(default_factory=time.monotonic, init=False)
-    # Stopped by the user; plan shown or refused.
+    # True if the user has stopped the work on the state.
     stopped: bool = field(default=False, init=False)
+    # True if a plan or a refusal was computed.
     answered: bool = field(default=False, init=False)
-    # Time of the last progress frame [s]; None without one.
+    # Time of the last progress frame [s]; None if the pages show no progress.
     reported: float | None = field(default=None, init=False)
 
 
-# State, request to the process, and task: "figures" or "changes".
+# State, request to the task process, and task: "figures" or "changes" (advice).
 FiguresRequest: TypeAlias = tuple[DocumentState, Mapping[str, Any], str]
 
 
 class Scheduler:
-    """Takes the newest state through its tiers, and starts tasks."""
+    """Shows the newest document state with increasing accuracy (tiers), and starts tasks."""
 
     def __init__(
         self,
@@ -123,19 +137,20 @@ class Scheduler:
         self._lock = RLock()
         self._results = ShownResults()
         self._newest: DocumentState | None = None
-        # Time of the last execution [s].
+        # Time of the last simulation [s].
         self._executed_at = 0.0
         self._done = Event()
         self._preview_worker = preview_worker(self._fail)
-        # Details are drawn while a plan is computed.
+        # A second worker, so that details can be drawn while a plan is computed.
         self._detail_worker = preview_worker(self._fail)
         self._detail_requests: dict[object, tuple[Detail, Callable[[PageFrame], None]]] = {}
         self._figures_worker = task_worker(self._receive)
-        # Running and queued requests of figures, and the last request with its figures.
+        # Running and queued requests for figures.
         self._current: FiguresRequest | None = None
         self._queued: FiguresRequest | None = None
+        # Last request that resulted in figures, and these figures.
         self._known: tuple[Mapping[str, Any], PageFrame] | None = None
-        # Last step of the advice for the known figures.
+        # Last step of the advice that belongs to the known figures.
         self._changes: PageFrame | None = None
         self._count, self._since = 0, 0.0
         self._task_worker: TaskWorker | None = None
@@ -143,21 +158,21 @@ class Scheduler:
 
     @property
     def planned(self) -> Preview | None:
-        """Newest plan of this document."""
+        """Newest plan of the document; None if there is none yet."""
         return self._results.planned
 
     def wait(self) -> None:
-        """Wait until a picture or a refusal was sent."""
+        """Wait until the first picture or refusal was sent."""
         self._done.wait()
 
     def show(self, state: DocumentState) -> None:
-        """Show a state instead of older ones."""
+        """Show a state; the work on older states is ended."""
         with self._lock:
             old, self._newest, state.results = self._newest, state, self._results
             if old is not None:
                 self._end_progress(old)
             if self._current is not None and self._since + MAX_OBSOLETE_FIGURES < time.monotonic():
-                # Obsolete figures would slow the preview down.
+                # Obsolete figures are cancelled, because they slow the preview down.
                 self._figures_worker.cancel(f"{STATE_ID}{self._count}")
             self._preview_worker.submit(partial(self._show_state, state))
 
@@ -172,7 +187,7 @@ class Scheduler:
                 self._send_progress(state, (), None, STOPPED)
 
     def resume(self) -> None:
-        """Continue a stopped state."""
+        """Continue the work on a stopped state."""
         with self._lock:
             state = self._newest
             if state is not None and state.stopped:
@@ -183,7 +198,7 @@ class Scheduler:
     def draw_detail(
         self, detail: Detail, deliver: Callable[[PageFrame], None], page: object
     ) -> None:
-        """Draw the visible part of the newest picture for a page."""
+        """Draw the visible part of the newest picture for a page, in the detail worker."""
         self._detail_requests[page] = detail, deliver
         self._detail_worker.submit(self._draw_details)
 
@@ -205,23 +220,23 @@ class Scheduler:
             execution = executed.execution
             return np.array([np.interp(t, execution.t, q) for q in execution.q.T])
         if motion != "planned" or planned is None:
-            raise InvalidInput(f"There is no motion {motion!r} yet.")
+            raise InvalidInput(f"The motion {motion!r} is not available (yet).")
         return planned.trajectory(float(np.clip(t, 0.0, planned.trajectory.duration)))
 
     def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
-        """Start a task; `id` identifies it for `cancel`."""
+        """Start a task in the task process; `id` identifies the task for `cancel`."""
         with self._lock:
             if task not in TASKS:
-                raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
+                raise InvalidInput(f"The task must be one of {', '.join(TASKS)}, but is {task!r}.")
             if id.startswith(STATE_ID) or id in self._running:
-                raise InvalidInput(f"The task {id} is running already.")
+                raise InvalidInput(f"The task identifier {id} is already in use.")
             if self._task_worker is None:
                 self._task_worker = self._make_task_worker(self._receive)
             self._running.add(id)
             self._task_worker.submit(id, task, dict(request))
 
     def cancel(self, id: str) -> None:
-        """Cancel a task, or stop the work on the newest state."""
+        """Cancel a task; with STATE_ID, stop the work on the newest state."""
         with self._lock:
             if id == STATE_ID:
                 self.stop()
@@ -233,16 +248,16 @@ class Scheduler:
         with self._lock:
             if self._newest is not None:
                 self._end_progress(self._newest)
-            # Running work on the previous document keeps its results.
+            # Work that is still running refers to the results of the previous document.
             self._newest, self._results = None, ShownResults()
 
     def forget_figures(self) -> None:
-        """Discard exact figures, because files of the job may have changed."""
+        """Discard the known exact figures, because files of the job may have changed."""
         with self._lock:
             self._known = None
 
     def close(self) -> None:
-        """End all work and both processes."""
+        """End the task processes and the worker threads."""
         workers = [x for x in (self._figures_worker, self._task_worker) if x is not None]
         closing = [Thread(target=x.close, daemon=True) for x in workers]
         for thread in closing:
@@ -256,11 +271,11 @@ class Scheduler:
     # The methods below run in the thread of the preview worker.
 
     def _fail(self, frame: PageFrame) -> None:
-        """Report that the preview of the newest state has failed."""
+        """Send the error of a worker thread as the answer to the newest state."""
         self._deliver(frame, self._newest)
 
     def _show_state(self, state: DocumentState, stale: StaleCheck) -> None:
-        """Take a state through its tiers until it is superseded."""
+        """Compute and send the tiers of a state until a newer state supersedes it."""
 
         def is_over(within: float = 0.0) -> bool:
             return stale(within) or state.stopped
@@ -270,12 +285,12 @@ class Scheduler:
         self._done.set()
 
     def _run_tiers(self, state: DocumentState, stale: StaleCheck) -> None:
-        """Show an outline or a moving plan; then, at rest, the preview and the exact results."""
+        """Show an outline or a moving plan; after the rest time, the preview and exact results."""
         try:
             if self._is_slow(state):
                 self._draw_outline(state)
                 self._wait(state, stale)
-                # The figures do not wait for the preview.
+                # The task process computes the figures at the same time as the preview.
                 self._request_figures(state)
                 self._send_progress(state, ("planning",), None, WORKING)
             elif state.moving:
@@ -294,17 +309,17 @@ class Scheduler:
                 self._refuse(state, error)
 
     def _show_tier(self, state: DocumentState, tier: Tier, stale: StaleCheck) -> Preview:
-        """Show plan and execution of a tier."""
-        # CPU time, so that plans are not cancelled because the machine is busy.
+        """Compute and send plan and execution of a tier; returns the plan."""
+        # Computing time is CPU time, so that plans are not cancelled because the machine is busy.
         results, begin = state.results, time.thread_time()
 
-        def go_on(step: Step) -> None:
+        def report(step: Step) -> None:
             is_late = tier == Tier.EXACT or time.thread_time() > begin + MAX_OBSOLETE_PLAN
             if state.stopped or (is_late and stale()):
                 raise Superseded
             self._send_progress(state, step.names, step.done)
 
-        planned = self.previewer.plan(state.data, state.run, tier=tier, progress=go_on)
+        planned = self.previewer.plan(state.data, state.run, tier=tier, progress=report)
         took = time.thread_time() - begin
         results.plan_times[tier] = results.plan_times.get(tier, (0.0, 0.0))[1], took
         if took < SLOW_PLAN:
@@ -312,14 +327,16 @@ class Scheduler:
         state.answered = True
         results.planned = planned
         self._send_picture(picture_frame(planned, state.view), planned, state)
-        # The plan is shown before the shapes of links, whose triangles may take long.
+        # The arm follows the plan, because computing the triangles of its links can take long.
         self._show_arm(state, planned.job)
         if not self.previewer.may_execute(planned):
-            # Only the full run simulates so long a motion.
+            # Such a long motion is simulated only in the full run.
             return planned
         if tier != Tier.EXACT and (took > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED):
             self._wait(state, stale)
-        if stale() and (tier == Tier.EXACT or time.monotonic() < self._executed_at + PLANS_ONLY):
+        if stale() and (
+            tier == Tier.EXACT or time.monotonic() < self._executed_at + MIN_SIMULATION_INTERVAL
+        ):
             raise Superseded
         try:
             results.executed = executed = self.previewer.execute(planned)
@@ -331,33 +348,33 @@ class Scheduler:
         return planned
 
     def _wait(self, state: DocumentState, stale: StaleCheck) -> None:
-        """Wait until the document rests."""
+        """Wait until the state is unchanged for the rest time; raises Superseded if it changes."""
         self._done.set()
         if stale(state.start_time + self._rest - time.monotonic()):
             raise Superseded
 
     def _is_slow(self, state: DocumentState) -> bool:
-        """True if planning takes so long that the outline comes first."""
+        """True if planning takes so long that the outline is shown first."""
         tier = Tier.MOVING if state.moving else Tier.PREVIEW
         return min(
             state.results.plan_times.get(tier, (0.0, 0.0))
         ) > SLOW_PLAN or self.previewer.is_long(state.data)
 
     def _draw_outline(self, state: DocumentState) -> None:
-        """Show the path of a state without a plan."""
+        """Send the path of a state as a picture without a plan."""
         program = self.previewer.path_program(state.data)
         self._send_picture(drawing_frame(program, state.view, run=state.run), program, state)
 
     def _send_picture(
         self, frame: PageFrame, made: Preview | Program, state: DocumentState
     ) -> None:
-        """Send a picture."""
+        """Send a picture with its number, and record it as shown."""
         self._pictures += 1
         if self._deliver(frame.stamped(number=self._pictures), state):
             state.results.drawn = made, state.view, self._pictures
 
     def _show_arm(self, state: DocumentState, job: Job) -> None:
-        """Send arm and cell if the pages have others."""
+        """Send arm and scene if they differ from those that the pages show."""
         parts = state.results.sent_parts
         if parts is None or parts[0] is not job.arm or parts[1] != job.scene:
             if self._deliver(arm_frame(job), state):
@@ -366,10 +383,10 @@ class Scheduler:
     def _refuse(
         self, state: DocumentState, error: ArmContourError, planned: Preview | None = None
     ) -> None:
-        """Report an error of planning or execution with its position."""
+        """Send an error of planning or execution with its position on the path."""
         results, state.answered = state.results, True
         if planned is None and results.planned is None:
-            # The user can move an unreachable path only if it is shown.
+            # The path is shown without a plan, so that the user can move it into reach.
             with contextlib.suppress(ArmContourError):
                 program = self.previewer.path_program(state.data)
                 if results.drawn is None or results.drawn[0] is not program:
@@ -384,10 +401,10 @@ class Scheduler:
         )
         self._deliver(PageFrame("refusal", header), state)
 
-    # Exact figures and tasks.
+    # Exact figures and tasks
 
     def _request_figures(self, state: DocumentState) -> None:
-        """Request the exact figures of a state; known ones are sent at once."""
+        """Request the exact figures of a state; if they are known, send them at once."""
         with contextlib.suppress(ArmContourError):
             request = state.request()
             with self._lock:
@@ -408,18 +425,18 @@ class Scheduler:
 
     @staticmethod
     def _is_complete(changes: PageFrame | None) -> bool:
-        """True if the advice is complete."""
+        """True if the frame contains the complete advice."""
         return changes is not None and changes.header["share"] >= 1
 
     def _submit_figures(self, state: DocumentState, request: Mapping[str, Any], task: str) -> None:
-        """Submit figures, or the next step of the advice, to the process."""
+        """Submit a request for figures or for the next step of the advice to the task process."""
         self._current, self._queued = (state, request, task), None
         self._count += 1
         self._since = time.monotonic()
         self._figures_worker.submit(f"{STATE_ID}{self._count}", task, dict(request))
 
     def _receive(self, frame: PageFrame) -> None:
-        """Process a frame of a task process."""
+        """Process a frame that a task process has sent."""
         with self._lock:
             id = str(frame.header.get("id", ""))
             if not id.startswith(STATE_ID):
@@ -442,23 +459,23 @@ class Scheduler:
                 self._changes = frame
                 self._deliver(PageFrame("changes", frame.header), state)
             elif task == "changes":
-                # Advice is optional.
+                # A failure of the advice is ignored, because the advice is optional.
                 pass
             elif frame.kind == "refusal":
                 self._deliver(frame, state)
                 self._end_progress(state)
             elif frame.kind == "failed":
-                # For example after the process was killed. The user can resume.
+                # The process has failed, for example because it was killed. The user can resume.
                 state.stopped = True
                 self._send_progress(state, (str(frame.header["sentence"]),), None, STOPPED)
             if self._queued is not None:
                 self._submit_figures(*self._queued)
             elif frame.kind in ("figures", "changes") and not self._is_complete(self._changes):
-                # Steps are short, so the next figures do not wait for the advice.
+                # The advice is requested in short steps, so that the next figures need not wait.
                 self._submit_figures(state, request, "changes")
 
     def _send_figures(self, state: DocumentState, frame: PageFrame) -> None:
-        """Send exact figures; the preview then follows the configuration of the full run."""
+        """Send exact figures; repeat the preview if the full run has another configuration."""
         taken = self._deliver(PageFrame("figures", frame.header), state)
         self._end_progress(state)
         results, start = state.results, frame.header.get("start")
@@ -476,16 +493,16 @@ class Scheduler:
     def _follow(
         self, state: DocumentState, start: FloatArray, had_exact: bool, stale: StaleCheck
     ) -> None:
-        """Show a state in the configuration of the full run, with a notice if that is a change."""
+        """Show a state in the configuration of the full run; report a change of configuration."""
         planned = state.results.planned
         assert planned is not None
-        if CONFIGURATION in planned.differs and had_exact:
+        if CONFIGURATION_NOTE in planned.differs and had_exact:
             joint = int(np.argmax(np.abs(planned.start - start)))
             before, after = np.degrees((planned.start[joint], start[joint]))
             sentence = (
-                "The arm is in another configuration now, in which the motion is faster: joint "
-                f"{joint + 1} starts at {after:z.1f} deg, and started at {before:z.1f} deg before. "
-                "`seed` in the job file fixes one."
+                "The arm now uses another configuration, because the motion is faster in it: joint "
+                f"{joint + 1} starts at {after:z.1f} deg instead of {before:z.1f} deg. To fix the "
+                "configuration, set `seed` in the job file."
             )
             self._deliver(PageFrame("notice", {"sentence": sentence}), state)
         self.previewer.keep_start(planned.job, start)
@@ -494,7 +511,7 @@ class Scheduler:
     def _send_progress(
         self, state: DocumentState, steps: Sequence[str], share: float | None, how: str = ""
     ) -> None:
-        """Send progress at intervals; a change of the state of the work (`how`) is sent at once."""
+        """Send progress at intervals; with `how` (a value of `state`), send it at once."""
         with self._lock:
             now = time.monotonic()
             due = state.start_time + PROGRESS_DELAY

@@ -1,6 +1,6 @@
-"""Server of the Studio: page, sockets, uploads, downloads.
+"""Server of the Studio: page, websockets, uploads, downloads.
 
-It imports little, so that it answers while a thread loads the numerical libraries.
+The module imports little, so that the server answers while a thread loads numerical libraries.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from armcontour.studio.session import Session
 
 STATIC = FilePath(__file__).with_name("static")
-# Content types of the files of the page. Other files are not served.
+# Content types of the files of the page, by extension. Files with other extensions are not served.
 CONTENT_TYPES = {
     ".css": "text/css",
     ".html": "text/html",
@@ -51,37 +51,37 @@ CONTENT_TYPES = {
     ".svg": "image/svg+xml",
     ".txt": "text/plain",
 }
-# Libraries of the extra `studio`.
+# Libraries that the optional dependency group `studio` installs.
 REQUIRED_LIBRARIES = ("uvicorn", "websockets")
-# Time limit for the token of a page [s], and largest number of pages.
+# Time within which a page must send the token [s], and maximum number of pages.
 HELLO_TIMEOUT = 10.0
 MAX_PAGES = 16
-# Largest number of connections; a browser has six for files and one per page.
+# Maximum number of connections; a browser opens six for files and one per page.
 MAX_CONNECTIONS = 100
-# Largest number of connections without a complete request.
+# Maximum number of connections without a request in progress.
 MAX_IDLE = 50
-# The server can end this long after the last page was closed [s].
+# Time after the last page was closed at which the server exits, with `exit_when_closed` [s].
 EXIT_DELAY = 60.0
-# Period of checks of the job file [s].
+# Maximum period of the checks for open pages and for changes of the job file [s].
 FILE_CHECK_PERIOD = 2.0
-# Interval of thread switches [s].
+# Interval at which the interpreter switches threads [s].
 SWITCH_INTERVAL = 5e-4
-# Larger arrays are returned to the system when freed [bytes]. By default glibc keeps blocks of up
-# to 32 MB, hundreds of MB after motions of minutes.
+# Arrays above this size are returned to the system when they are freed [bytes]. By default, glibc
+# retains freed blocks of up to 32 MB: hundreds of MB after motions of minutes.
 LARGE_ARRAY, M_MMAP_THRESHOLD = 2**20, -3
 # Close codes of websockets.
 REFUSED_CODE, BUSY_CODE = 1008, 1013
 
 
 class Server:
-    """ASGI app with the page, its socket, uploads and downloads."""
+    """ASGI application that serves the page, its websocket, uploads and downloads."""
 
     def __init__(self, endpoint: Endpoint, session_host: SessionHost) -> None:
         self.endpoint, self.session_host = endpoint, session_host
         self._page = page_files()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request."""
+        """Respond to a request or serve a websocket."""
         if scope["type"] == "websocket":
             await self._serve_socket(scope, receive, send)
             return
@@ -96,35 +96,35 @@ class Server:
             raise RefusedRequest(404, "The Studio has no such page.")
 
     async def _send_page_file(self, path: str, send: Send) -> None:
-        """Send a file of the page."""
+        """Send a static file of the page."""
         name = path.removeprefix("/static/") if path != "/" else "index.html"
         if name not in self._page:
-            # Developers of the page add files.
+            # The file may have been added during development.
             self._page = page_files()
-        # The name is a key, never a path.
+        # The name is only used as a key, never as a file path.
         file = self._page.get(name)
         if file is None:
             raise RefusedRequest(404, "The Studio has no such page.")
         await respond(send, 200, file.read_bytes(), CONTENT_TYPES[file.suffix])
 
     async def _send_download(self, number: str, send: Send) -> None:
-        """Send a file for download."""
+        """Send a stored file for download."""
         session = self.session_host.session
         file = None if session is None else session.display.pages.files.get(number)
         if file is None:
-            raise RefusedRequest(404, "This file is no longer available: create it again.")
+            raise RefusedRequest(404, "This file is no longer available. Create it again.")
         name = f"attachment; filename*=UTF-8''{quote(file.name, safe='')}"
         headers = [(b"content-disposition", name.encode())]
         await respond(send, 200, file.data, file.kind, headers)
 
     async def _open(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Open an uploaded file, or keep it as a log."""
+        """Open an uploaded file, or store it as a log."""
         query = parse_qs(scope["query_string"].decode("latin-1"))
         name, cell, unknown = (query.get(key, [""])[0] for key in ("name", "cell", "unknown"))
         cell, body = cell or None, await _read_body(receive)
         session = self.session_host.session
         if session is None:
-            raise RefusedRequest(503, "The Studio is starting: wait a moment.")
+            raise RefusedRequest(503, "The Studio is still starting. Try again in a moment.")
         status, upload = 200, (name, body, cell, unknown, "log" in query)
         try:
             answer = {"name": await asyncio.to_thread(session.open_upload, *upload)}
@@ -136,16 +136,16 @@ class Server:
         await respond(send, status, json.dumps(answer).encode(), "application/json")
 
     async def _serve_socket(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve the socket of a page until it is closed."""
+        """Serve the websocket of a page until it is closed."""
         if scope["path"] != "/socket":
-            raise RefusedRequest(404, "The Studio has no such socket.")
+            raise RefusedRequest(404, "The address of the Studio's websocket is /socket.")
         await receive()
         await send({"type": "websocket.accept"})
         if not await self._has_token(receive):
             await _close(send, REFUSED_CODE, "The token is missing or wrong.")
             return
         if len(self.session_host.pages) >= MAX_PAGES:
-            await _close(send, BUSY_CODE, "Too many pages of this Studio are open: close some.")
+            await _close(send, BUSY_CODE, "Too many pages of this Studio are open. Close some.")
             return
         page = OpenPage()
         writing = asyncio.create_task(page.write(send))
@@ -153,17 +153,17 @@ class Server:
         try:
             await asyncio.to_thread(self.session_host.join, page)
             done, _ = await asyncio.wait([writing, hearing], return_when=asyncio.FIRST_COMPLETED)
-            reason = hearing.result() if hearing in done else "The page does not read."
+            reason = hearing.result() if hearing in done else "The page reads too slowly."
             if reason is not None:
                 await _close(send, REFUSED_CODE, reason)
         finally:
             writing.cancel()
             hearing.cancel()
-            # In a thread, because leaving waits for running commands.
+            # `leave` runs in a thread, because it waits for running commands.
             await asyncio.to_thread(self.session_host.leave, page)
 
     async def _has_token(self, receive: Receive) -> bool:
-        """True if the first message has the right token."""
+        """True if the first message contains the correct token."""
         try:
             message = await asyncio.wait_for(receive(), HELLO_TIMEOUT)
         except TimeoutError:
@@ -176,21 +176,24 @@ class Server:
         )
 
     async def _pass_messages(self, page: OpenPage, receive: Receive) -> str | None:
-        """Pass on the messages of a page in order; returns a reason to close it, or None."""
+        """Pass messages of a page to the session in order.
+
+        Returns the reason why the server closes the websocket; None if the page has closed it.
+        """
         allowance = RateLimit()
         while (message := await receive())["type"] == "websocket.receive":
             if not allowance.allow():
                 return "The page sends too many messages."
             message_data = _read_message(message)
             if message_data is None:
-                return "A message is no JSON object."
+                return "A message is not a JSON object."
             if not await asyncio.to_thread(self.session_host.receive, page, message_data):
-                return "The page sends too many messages before it has joined."
+                return "The page sends too many messages before the session has started."
         return None
 
 
 def page_files() -> dict[str, FilePath]:
-    """Files of the page by name."""
+    """Static files of the page, by name."""
     files = {
         x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in CONTENT_TYPES
     }
@@ -205,9 +208,10 @@ def serve(
     exit_when_closed: bool = False,
     opened: Callable[[SessionHost], None] = lambda session_host: None,
 ) -> None:
-    """Serve the Studio on this machine until it ends."""
+    """Serve the Studio on this machine until it is stopped."""
     require_server()
-    # Early versions of uvicorn leave the port open if the server is stopped before it has started.
+    # `with` closes the port, because early versions of uvicorn leave it open if the server is
+    # stopped before it has started.
     with listen(port) as listening:
         endpoint = Endpoint(listening.getsockname()[1])
         announce(endpoint.page)
@@ -224,22 +228,23 @@ def serve(
 
 
 def require_server() -> None:
-    """Check that the libraries of the server are installed."""
+    """Raise InvalidInput if libraries of the server are not installed."""
     missing = [x for x in REQUIRED_LIBRARIES if find_spec(x) is None]
     if missing:
         raise InvalidInput(
-            f"The Studio needs {' and '.join(missing)}: pip install 'armcontour[studio]'."
+            f"The Studio requires {' and '.join(missing)}. Install with "
+            "pip install 'armcontour[studio]'."
         )
 
 
 def listen(port: int) -> socket.socket:
-    """Open a port for this machine only; 0 for a free port."""
-    # With the protocol named, asyncio sets TCP_NODELAY; otherwise packets wait up to 40 ms for an
-    # acknowledgement.
+    """Open a socket that listens to connections from this machine; port 0: any free port."""
+    # asyncio sets TCP_NODELAY only for sockets with an explicit protocol. Without TCP_NODELAY,
+    # packets can be delayed by up to 40 ms.
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     if os.name == "posix":
-        # Connections of a previous server do not block its port. On Windows the option would allow
-        # two servers on one port.
+        # The port can be reused although old connections of a previous server still exist. On
+        # Windows, this option would allow two servers on one port.
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((ADDRESS, port))
@@ -247,14 +252,14 @@ def listen(port: int) -> socket.socket:
     except OSError as error:
         listening.close()
         raise InvalidInput(
-            f"Port {port} of {ADDRESS} cannot be used: {error.strerror}. Name another one with "
-            "--port, or none."
+            f"Port {port} of {ADDRESS} cannot be used: {error.strerror}. Specify another port with "
+            "--port, or omit --port to use a free port."
         ) from None
     return listening
 
 
 def _http_protocol() -> type[asyncio.Protocol]:
-    """HTTP protocol that closes the oldest idle connections to make room for new ones."""
+    """Class of an HTTP protocol that closes the oldest idle connection when MAX_IDLE is reached."""
     from uvicorn.protocols.http.h11_impl import H11Protocol
 
     class IdleLimitedProtocol(H11Protocol):  # type: ignore[misc, unused-ignore]
@@ -282,7 +287,7 @@ async def _serve(
 ) -> None:
     import uvicorn
 
-    # Only errors are logged, without addresses of requests.
+    # Only errors are logged. The access log is disabled, so that no addresses are logged.
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     logging.getLogger("uvicorn.access").disabled = True
     server = uvicorn.Server(
@@ -307,7 +312,8 @@ async def _serve(
     def stop() -> None:
         server.should_exit = True
 
-    # Computing threads release the interpreter lock soon, so that responses are fast.
+    # With a short switch interval, computing threads release the interpreter lock soon, so that
+    # responses are fast.
     sys.setswitchinterval(SWITCH_INTERVAL)
     session_host.stop = stop
     threading.Thread(target=_start, args=(session_host,), name="starting", daemon=True).start()
@@ -319,18 +325,19 @@ async def _serve(
 
 
 def _start(session_host: SessionHost) -> None:
-    """Create the session and show it."""
+    """Create and show the session, then configure memory management."""
     session_host.start()
     if sys.platform == "linux":
-        # Other C libraries do not have mallopt.
+        # C libraries other than glibc may not have mallopt.
         with suppress(AttributeError):
             ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE_ARRAY)
-    # Garbage collection skips the loaded modules; otherwise it delays responses by 50 ms.
+    # Garbage collection skips the objects of the loaded modules; including them would delay
+    # responses by 50 ms.
     gc.freeze()
 
 
 async def watch(session_host: SessionHost, exit_when_closed: bool) -> None:
-    """Check the job file and the open pages periodically."""
+    """Check periodically for changes of the job file, and stop the server without open pages."""
     loop = asyncio.get_running_loop()
     was_open, last = False, loop.time()
     while True:
@@ -348,14 +355,14 @@ async def _read_body(receive: Receive) -> bytes:
     while True:
         message = await receive()
         if message["type"] != "http.request":
-            raise RefusedRequest(400, "The page went away.")
+            raise RefusedRequest(400, "The page closed the connection during the upload.")
         parts.append(message.get("body", b""))
         if not message.get("more_body"):
             return b"".join(parts)
 
 
 def _read_message(message: Message) -> Mapping[str, Any] | None:
-    """A JSON object from a page; None if the message is not one."""
+    """Decode a message of a page; None if the message is not a JSON object."""
     text = message.get("text")
     try:
         message_data = json.loads(text, parse_constant=_refuse_constant) if text else None
@@ -365,8 +372,8 @@ def _read_message(message: Message) -> Mapping[str, Any] | None:
 
 
 def _refuse_constant(name: str) -> float:
-    """Refuse constants that JSON does not have, such as NaN."""
-    raise ValueError(f"{name} is no number.")
+    """Refuse constants that are not valid JSON, such as NaN."""
+    raise ValueError(f"{name} is not valid JSON.")
 
 
 async def _close(send: Send, code: int, reason: str) -> None:

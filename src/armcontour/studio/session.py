@@ -1,4 +1,4 @@
-"""Session: a document, its pages, and the execution of their messages in order."""
+"""Session of the Studio: a document, the pages that show it, and execution of their messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ REST = 0.15
 
 
 class Session:
-    """A document and the pages that show it."""
+    """A document and the pages that show it; executes messages of the pages one at a time."""
 
     def __init__(
         self,
@@ -52,13 +52,13 @@ class Session:
         return self.editor.document
 
     def confine(self, named: Iterable[FilePath]) -> None:
-        """Restrict reading to the folder of the job and to the named files."""
+        """Restrict reading to the folders of job and uploads, and to files named by the user."""
         self.editor.named = tuple(named)
         reading = reading_below(self.editor.folders, self.editor.named)
         self._ending.enter_context(reading)
 
     def begin(self) -> None:
-        """Show the document for the first time, and wait for its first picture."""
+        """Show the document for the first time; returns after the first picture was sent."""
         handles = self.editor.state.handles
         job = None if handles is None else handles.job
         with contextlib.ExitStack() as compiling:
@@ -74,13 +74,13 @@ class Session:
         self.display.pages.join(page)
 
     def leave(self, page: Page) -> None:
-        """Remove a page and its gesture."""
+        """Remove a page and discard its gesture."""
         self.display.pages.leave(page)
         with self.display.lock:
             self._commands.gestures.leave(page)
 
     def receive(self, page: Page, message: PageMessage) -> None:
-        """Execute a message of a page and respond."""
+        """Execute a message of a page; errors are reported to the page."""
         with self.display.lock:
             if not self.display.pages.record(page, message):
                 return
@@ -90,20 +90,20 @@ class Session:
             except ArmContourError as error:
                 self._fail(page, message, error)
             except Exception as error:
-                # The page continues; the terminal shows the traceback.
+                # An internal error: the terminal shows the traceback, and the page continues.
                 traceback.print_exc(file=sys.stderr)
-                sentence = f"This failed: {type(error).__name__}: {error}"
+                sentence = f"Internal error ({type(error).__name__}): {error}"
                 self._fail(page, message, ArmContourError(sentence))
 
     def look(self) -> None:
-        """Inform the pages if the job file has changed on disk."""
+        """Report to the pages if the job file has changed on disk."""
         with self.display.lock:
             self.display.look()
 
     def open_upload(
         self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
     ) -> str:
-        """Open an uploaded file or keep it as a log; returns the name of the kept file."""
+        """Open an uploaded file, or store it as a log; returns the name of the file or log."""
         with self.display.lock:
             editor = self.editor
             if log:
@@ -120,13 +120,13 @@ class Session:
         return name
 
     def close(self) -> None:
-        """End all work."""
+        """End all work and delete the uploads of the session."""
         self.display.scheduler.close()
         self._ending.close()
         self.editor.uploads.close()
 
     def _fail(self, page: Page, message: PageMessage, error: ArmContourError) -> None:
-        """Report to a page why its message failed."""
+        """Report the error of a message; errors of edits are sent to all pages as a refusal."""
         if message.get("op") == "edit":
             self.display.send_refusal(error, dropped=bool(message.get("final")))
             return
@@ -135,10 +135,10 @@ class Session:
 
 
 def _refuse_surrogates(message: PageMessage) -> None:
-    """Refuse text that UTF-8 cannot encode, because neither files nor frames can contain it."""
+    """Raise InvalidInput if a text cannot be encoded as UTF-8 for files and frames."""
     try:
         json.dumps(message, ensure_ascii=False).encode()
     except UnicodeEncodeError:
         raise InvalidInput(
-            "The message has half of a character (a lone surrogate): type the character again."
+            "The text has an incomplete character (a lone surrogate). Type the character again."
         ) from None

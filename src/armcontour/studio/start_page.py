@@ -1,4 +1,4 @@
-"""Start page: new jobs, pictures of the arms, and recently opened files."""
+"""Start page: templates of new jobs (cards), pictures of the arms, and recent files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.staging import write_atomically
 from armcontour.files.cell import cell_names, cell_text, read_cell_arm
-from armcontour.files.job_edits import Change, change_text
+from armcontour.files.job_text_edits import Change, change_text
 from armcontour.robot import SerialArm
 from armcontour.robot.chain import link_poses
 from armcontour.studio.arm_picture import triangles_of
@@ -27,17 +27,18 @@ from armcontour.studio.drafts import all_drafts, draft_file, make_private, state
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.uploads import Uploads
 
-# Drawings of the cards; the other cards are the job of the paper and an empty plane.
+# Drawings of the cards that open one. The other cards open the job of the paper or an empty plane.
 DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}
 PAPER, EMPTY = "paper", "empty"
 WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
-# Largest number of recent files.
+# Maximum number of recent files.
 MAX_RECENT = 8
+# Rotation of a tool that points down.
 DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Document:
-    """A new job from a card of the start page, in the folder of the open document."""
+    """Create the job of a card of the start page, in the folder of the open document `before`."""
     checks.check_choice("card", card, (*DRAWINGS, PAPER, EMPTY))
     folder, library = before.folder or FilePath.cwd(), resources.files("armcontour.jobs.library")
     if card == PAPER:
@@ -55,14 +56,14 @@ def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Doc
 
 
 def blank_document(arm: str, folder: FilePath, key: str) -> Document:
-    """A job of a built-in cell with an empty path."""
+    """Create a job with an empty path in a built-in cell."""
     names = {"name": "untitled", "title": f"New job on {arm}"}
     text = change_text(cell_text(arm), [Change((k,), x) for k, x in names.items()])
     return Document.of_text(text, folder, "untitled.yaml", key, upload=True)
 
 
 def start_frame() -> PageFrame:
-    """Frame with the contents of the start page: arms and recent files."""
+    """Message frame with the contents of the start page: arms and recent files."""
     shown = [
         {"id": id, "name": x["name"], "where": x["where"]} for id, x in _recent_entries().items()
     ]
@@ -71,12 +72,12 @@ def start_frame() -> PageFrame:
 
 @cache
 def arm_pictures() -> list[dict[str, Any]]:
-    """Arms of the built-in cells with silhouettes of their links as SVG paths."""
+    """Name and silhouette (SVG path and view box) of the arm of each built-in cell."""
     return [{"name": name, **_draw_arm(name)} for name in cell_names()]
 
 
 def _draw_arm(name: str) -> dict[str, Any]:
-    """Silhouette of an arm that reaches forward, from its side; from above for a planar arm."""
+    """Silhouette of an arm that reaches forward, seen from the side; of a planar arm from above."""
     from scipy.spatial import ConvexHull
 
     arm: Any = read_cell_arm(name)
@@ -86,7 +87,7 @@ def _draw_arm(name: str) -> dict[str, Any]:
     if isinstance(arm, SerialArm):
         aim, up = Frame(position=reach * np.array([0.45, 0.0, 0.15]), rotation=DOWN), 2
     poses = link_poses(arm.chain, arm.inverse(aim, all=True))
-    # Configuration with the elbow up.
+    # The configuration whose links are highest has the elbow up.
     pose = poses[np.argmax(poses[:, :, up, 3].sum(axis=1))]
     outlines = []
     for link_shape in arm.shapes.shapes:
@@ -101,7 +102,7 @@ def _draw_arm(name: str) -> dict[str, Any]:
     return {"shape": shape, "box": " ".join(map(str, [*low, *(high - low)]))}
 
 
-# Recent files.
+# Recent files
 
 
 def open_file(file: FilePath, cell: str | None) -> Document:
@@ -112,7 +113,7 @@ def open_file(file: FilePath, cell: str | None) -> Document:
 
 
 def add_recent(file: FilePath, cell: str | None) -> None:
-    """Add a file to the recent files."""
+    """Put a file at the beginning of the list of recent files."""
     entry = {"file": str(file.absolute()), "cell": cell}
     content = json.dumps([entry, *(x for x in _read_recent() if x != entry)][:MAX_RECENT]).encode()
     with suppress(InvalidInput, OSError):
@@ -130,7 +131,7 @@ def _read_recent() -> list[dict[str, Any]]:
 
 
 def _recent_entries() -> dict[str, dict[str, Any]]:
-    """Entries of the start page by identity: drafts of uploads, and existing files."""
+    """Recent entries of the start page by identity: drafts of uploads, then existing files."""
     entries: dict[str, dict[str, Any]] = {
         draft_file(x.key).stem: {"name": x.name, "where": "not saved", "draft": x}
         for x in all_drafts()
@@ -149,8 +150,8 @@ def _recent_entries() -> dict[str, dict[str, Any]]:
 
 
 def find_recent(identity: str) -> Mapping[str, Any]:
-    """Draft, or file and cell, of an entry of the start page."""
+    """Recent entry with an identity: it has the draft, or the file and its cell."""
     entry = _recent_entries().get(identity)
     if entry is None:
-        raise InvalidInput("This file no longer exists.")
+        raise InvalidInput("This recent file or draft no longer exists.")
     return entry

@@ -1,4 +1,4 @@
-"""Files sent by pages: jobs, drawings, robot descriptions and logs."""
+"""Uploaded files: jobs, drawings, robot descriptions and logs."""
 
 from __future__ import annotations
 
@@ -11,34 +11,39 @@ from typing import Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
-from armcontour.files.cell import OWN_PATH, YAML, cell_names, drawing_text
+from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names, drawing_text
 from armcontour.files.drawings.endings import READERS
-from armcontour.files.job_edits import Change, change_text
+from armcontour.files.job_text_edits import Change, change_text
 from armcontour.studio.document import Document
 from armcontour.studio.drafts import all_drafts, make_private, state_folder
 
-# Endings of robot descriptions, without .xacro, which is a program.
+# Extensions of robot descriptions. Files .xacro are refused, because they can run code.
 ROBOTS = (".urdf",)
+# Maximum length of a file name [characters].
 MAX_NAME = 100
-# Endings of logs of a robot, and largest number of kept logs.
+# Extensions of logs of a robot, and maximum number of stored logs.
 LOGS, MAX_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
-# Age at which folders of other sessions, whose servers may still run, are removed [s].
+# Age at which folders of other sessions are deleted [s]; the servers of newer ones may still run.
 MAX_AGE = 30 * 86400.0
 
 
 class Uploads:
-    """Files sent by pages. They are kept while the session or a draft needs them."""
+    """Uploaded files of a session; they are stored while the session or a draft needs them."""
 
     def __init__(self) -> None:
         self.root = state_folder() / "uploads"
         self.folder = self.root / secrets.token_hex(8)
+        # Stored logs by name, oldest first.
         self.logs: dict[str, FilePath] = {}
         self._logs = self.root / secrets.token_hex(8)
 
     def open(
         self, name: str, content: bytes, cell: str | None, document: Document, unknown: str = ""
     ) -> Document | list[Change]:
-        """Open an uploaded file: a new document, or changes of the current one."""
+        """Open an uploaded file; returns a new document, or changes of the current document.
+
+        `cell`: built-in cell for a drawing; without it, the drawing replaces the document's path.
+        """
         check_file_name(name)
         key = f"upload {name} on {cell} {unknown} {hashlib.sha256(content).hexdigest()}"
         ending, folder = FilePath(name).suffix.lower(), document.folder or FilePath.cwd()
@@ -49,31 +54,35 @@ class Uploads:
             return [Change(("arm",), {"file": file})]
         if ending not in READERS:
             raise InvalidInput(
-                f"{name} is neither a job (.yaml), nor a drawing ({', '.join(READERS)}), nor a "
-                "robot (.urdf)."
+                f"{name} cannot be opened. The file must be a job (.yaml), a drawing "
+                f"({', '.join(READERS)}) or a robot description (.urdf)."
             )
         file = self._store(name, content, folder)
         options = [Change(("path", "unknown"), unknown)] if unknown else []
         if cell is not None:
             if cell not in cell_names():
-                raise InvalidInput(f"There is no cell {cell!r}: take {', '.join(cell_names())}.")
+                raise InvalidInput(
+                    f"The cell must be one of {', '.join(cell_names())}, but is {cell!r}."
+                )
             there = (folder / file).resolve()
             source = f"{there.stem}.yaml"
             text = change_text(drawing_text(cell, there, folder), options, source)
             return Document.of_text(text, folder, source, key, upload=True)
         path = document.data.get("path") or {}
         return [
-            *(Change(("path", x)) for x in OWN_PATH if x in path),
+            *(Change(("path", x)) for x in GEOMETRY_KEYS if x in path),
             Change(("path", "file"), file),
             *options,
         ]
 
     def keep_log(self, name: str, content: bytes) -> str:
-        """Keep a log of the robot and discard the oldest beyond MAX_LOGS; returns its name."""
+        """Store a log of the robot and return its name; deletes the oldest above MAX_LOGS."""
         check_file_name(name)
         if FilePath(name).suffix.lower() not in LOGS or not content:
             kinds = ", ".join(LOGS)
-            raise InvalidInput(f"{name} is empty, or no log of joint positions ({kinds}).")
+            raise InvalidInput(
+                f"{name} must be a log of joint positions ({kinds}) and must not be empty."
+            )
         make_private(self._logs)
         file, number = self._logs / name, 1
         while file.exists() and file.read_bytes() != content:
@@ -87,13 +96,13 @@ class Uploads:
         return file.name
 
     def find_logs(self, names: Any) -> list[str]:
-        """Paths of kept logs by their names."""
+        """Paths of stored logs by their names."""
         if not isinstance(names, list) or not {str(x) for x in names} <= set(self.logs):
-            raise InvalidInput("A log is no longer available: drop it on the page again.")
+            raise InvalidInput("A log is no longer available. Drop it on the page again.")
         return [str(self.logs[str(x)]) for x in names]
 
     def close(self) -> None:
-        """Remove uploads that no draft needs, of this session and of sessions older than OLD."""
+        """Delete uploads of this session and of sessions older than MAX_AGE that no draft needs."""
         needed = "".join(x.text for x in all_drafts())
         old = time.time() - MAX_AGE
         for folder in self.root.glob("*"):
@@ -103,7 +112,7 @@ class Uploads:
             shutil.rmtree(folder, ignore_errors=True)
 
     def _store(self, name: str, content: bytes, folder: FilePath) -> str:
-        """Path of a file next to the job if it exists there, else in the folder of uploads."""
+        """Store a file unless the same file is next to the job; returns its name or path."""
         there = folder / name
         if there.is_file() and not there.is_symlink() and there.read_bytes() == content:
             return name
@@ -114,11 +123,12 @@ class Uploads:
 
 
 def check_file_name(name: str) -> None:
-    """Refuse names with folders, leading dots or unprintable characters."""
+    """Raise InvalidInput for names with a folder, a leading dot or unprintable characters."""
     plain = name == FilePath(name).name and "\\" not in name and not name.startswith(".")
     if not plain or len(name) > MAX_NAME or make_printable(name) != name:
         raise InvalidInput(
-            "The file name has a folder, a leading dot or other characters than text."
+            f"The file name must have at most {MAX_NAME} printable characters, no folder and no "
+            "leading dot."
         )
 
 
@@ -126,4 +136,4 @@ def _decode(name: str, content: bytes) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InvalidInput(f"{name} is not UTF-8 text.") from None
+        raise InvalidInput(f"{name} cannot be read because it is not UTF-8 text.") from None

@@ -1,4 +1,4 @@
-"""Projection of paths onto the picture plane, and reduction of the number of drawn points."""
+"""Projection of paths onto the plane of the picture, and selection of the points to draw."""
 
 from __future__ import annotations
 
@@ -12,85 +12,88 @@ import numpy.typing as npt
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path
 
-# Number of points for the box of a path, in addition to the ends of segments.
+# Number of evenly spaced points with which the bounds of a path are computed, in addition to the
+# ends of segments.
 BOX_SAMPLES = 41
 
-# Spacing [s] and largest number of evenly spaced times of a motion. At 20 rad/s² the error of
-# linear interpolation is 0.3 mrad.
+# Spacing [s] and maximum number of evenly spaced times of a motion. With this spacing, linear
+# interpolation has an error of 0.3 mrad at 20 rad/s².
 MAX_SPACING, MAX_SAMPLES = 10e-3, 2_000
-# Size of a picture divided by its line error, and smallest size [m].
+# Ratio of the size of a picture and the maximum deviation of its lines, and minimum size [m].
 PICTURE_FINENESS, MIN_SIZE = 5_000, 1e-4
-# Largest angle between points of a curve [rad], and largest number of points of an arc.
+# Maximum angle between adjacent points of a curve [rad], and maximum number of points of an arc.
 TURN, MAX_PER_ARC = 0.06, 20_000
-# Change of direction at which a line keeps a point [rad], and largest number of these points.
+# Accumulated change of direction after which a point is always drawn [rad], and maximum number of
+# such points.
 CORNER_TURN, MAX_CORNERS = 0.4, 100_000
-# Smallest number of times of a short motion.
+# Minimum number of evenly spaced times of a motion.
 MIN_SAMPLES = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plane:
-    """Plane of the picture in the frame of the job's path: origin [m], unit vectors, (3,) each."""
+    """Plane of the picture in the work frame: origin [m] and unit vectors x and y, (3,) each."""
 
     origin: FloatArray
     x: FloatArray
     y: FloatArray
+    # True if the path lies in the plane.
     flat: bool = True
 
     @property
     def normal(self) -> FloatArray:
-        """Normal of the plane, (3,)."""
+        """Unit normal of the plane, (3,)."""
         return np.asarray(np.cross(self.x, self.y))
 
     def uv(self, points: npt.ArrayLike) -> FloatArray:
-        """Coordinates in the picture [m], (..., 2)."""
+        """Project points [m], (..., 2 or 3), to coordinates in the picture [m], (..., 2)."""
         coordinates = np.asarray(points, dtype=np.float64)
         offsets = coordinates - self.origin[: coordinates.shape[-1]]
         axes = np.stack([self.x, self.y], axis=1)[: coordinates.shape[-1]]
         return np.asarray(offsets @ axes)
 
     def lift(self, uv: npt.ArrayLike) -> FloatArray:
-        """Points in the plane [m], (..., 3), from coordinates in the picture, (..., 2)."""
+        """Points in space [m], (..., 3), with coordinates in the picture [m], (..., 2)."""
         u = np.asarray(uv, dtype=np.float64)
         return np.asarray(self.origin + u @ np.stack([self.x, self.y]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Projection of points onto the screen: plane, and its centre [m], (2,)."""
+    """Projection of points onto the plane of the picture, relative to the centre of the picture."""
 
     plane: Plane
-    # Origin of the arrays of points in the plane [m], (2,).
+    # Centre of the picture in the plane, origin of the arrays for the page [m], (2,).
     centre: FloatArray
-    # Boxes by identity of the path; keeping the paths makes the identities unique.
+    # Path and its box by `id(path)`. The path is stored so that its id is not reused.
     _boxes: dict[int, tuple[Path, FloatArray]] = field(default_factory=dict, init=False)
 
     def uv(self, points: FloatArray) -> FloatArray:
-        """Points in the plane [m], (n, 2)."""
+        """Project points [m], (n, 2 or 3), to coordinates in the plane [m], (n, 2)."""
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return np.asarray((in_space(points) - self.plane.origin) @ axes)
 
     def screen_points(self, points: FloatArray) -> FloatArray:
-        """Points relative to the centre, float32, (n, 2)."""
+        """Project points to coordinates relative to the centre [m], float32, (n, 2)."""
         return np.asarray(self.uv(points) - self.centre, dtype=np.float32)
 
     def box(self, path: Path) -> FloatArray:
-        """Bounds (u_min, v_min, u_max, v_max) of a path from the centre [m], (4,)."""
+        """Bounds (u_min, v_min, u_max, v_max) of a path relative to the centre [m], (4,)."""
         if id(path) not in self._boxes:
             s = np.linspace(0.0, path.length, BOX_SAMPLES)
             uv = self.uv(path(np.union1d(path.breaks, s))) - self.centre
-            # Every point is within half a sampling interval of one of these points.
+            # Every point of the path is within half a sampling interval of a sampled point.
             margin = np.full(2, path.length / (BOX_SAMPLES - 1) / 2)
             self._boxes[id(path)] = path, np.append(uv.min(0) - margin, uv.max(0) + margin)
         return self._boxes[id(path)][1]
 
     def screen_vectors(self, vectors: FloatArray) -> FloatArray:
-        """Vectors in the plane, float32, (n, 2)."""
+        """Project vectors to components in the plane, float32, (n, 2)."""
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return np.asarray(in_space(vectors) @ axes, dtype=np.float32)
 
     def is_flat(self, points: FloatArray) -> bool:
-        """True if points are within 0.1 µm of the plane."""
+        """True if all points are within 0.1 µm of the plane."""
         if points.shape[-1] == 2:
             return True
         away = (in_space(points) - self.plane.origin) @ np.cross(self.plane.x, self.plane.y)
@@ -98,7 +101,7 @@ class View:
 
     @property
     def header(self) -> dict[str, Any]:
-        """Plane and centre."""
+        """Header of a message frame with plane and centre."""
         plane = self.plane
         return {
             "plane": {"origin": plane.origin, "x": plane.x, "y": plane.y},
@@ -107,25 +110,29 @@ class View:
 
 
 def in_space(points: FloatArray) -> FloatArray:
-    """Points with z = 0 if they are planar, (n, 3)."""
+    """Points with three coordinates, (..., 3); planar points get z = 0."""
     if points.shape[-1] == 3:
         return points
     return np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
 
 
 def to_float32(values: FloatArray) -> Any:
-    """Values as float32."""
+    """Convert values to a contiguous float32 array."""
     return np.ascontiguousarray(values, dtype=np.float32)
 
 
 def sample_times(duration: float) -> FloatArray:
-    """Evenly spaced times of a motion [s]."""
+    """Evenly spaced times from 0 to the duration of a motion [s], (n,)."""
     count = min(MAX_SAMPLES, max(MIN_SAMPLES, 1 + int(np.ceil(duration / MAX_SPACING))))
     return np.linspace(0.0, duration, count)
 
 
 def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) -> IntArray:
-    """Indices of about `limit` points: infinite weights, the heaviest, and extremes of rows."""
+    """Indices of about `limit` points to draw.
+
+    They are the points with infinite or the largest weights, the first and the last point, and the
+    minima and maxima of the rows in equal intervals.
+    """
     count = len(weight)
     if count <= limit:
         return np.arange(count)
@@ -138,7 +145,7 @@ def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) ->
     parts = max(1, (limit - len(indices)) // (2 * len(rows)))
     width = -(-count // parts)
     table = np.nan_to_num(np.stack(rows))
-    # The last interval may be shorter.
+    # The last interval may have fewer points, so it is processed separately.
     whole = count - count % width
     for begin, end in ((0, whole), (whole, count)):
         if begin < end:
@@ -151,30 +158,30 @@ def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) ->
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detail:
-    """Resolution and visible part of a picture."""
+    """Drawing tolerance and visible part of a picture."""
 
-    # Largest distance between path and drawn line [m].
+    # Maximum distance between path and drawn line [m].
     error: float
-    # Visible part (u_min, v_min, u_max, v_max) from the centre [m], (4,); None for all.
+    # Visible part (u_min, v_min, u_max, v_max) relative to the centre [m], (4,); None: everything.
     box: FloatArray | None = None
 
     @classmethod
     def for_points(cls, uv: FloatArray) -> Detail:
-        """Resolution for all points of a path [m], (n, 2)."""
-        # The size does not change when the path is rotated.
+        """Drawing tolerance for a whole picture with points [m], (n, 2)."""
+        # This measure of the size does not change when the path is rotated.
         away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
         size = 2.0 * float(away.max(initial=0.0))
         return cls(max(size, MIN_SIZE) / PICTURE_FINENESS)
 
     def may_show(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
-        """True if a path may be visible; its box is computed only if necessary."""
+        """True if the box of a path intersects the visible part."""
         if self.box is None:
             return True
         box = box_of(path)
         return bool((box[2:] >= self.box[:2]).all() and (box[:2] <= self.box[2:]).all())
 
     def arc_lengths(self, path: Path) -> FloatArray:
-        """Arc lengths of segment ends and of points on curves [m]."""
+        """Arc lengths of the samples of a path: ends of segments and points on curves [m], (n,)."""
         bend = np.abs(path.curvatures)
         coarse = np.maximum(bend * path.lengths / TURN, path.lengths * np.sqrt(bend / self.error))
         parts = np.clip(np.ceil(coarse), 1, MAX_PER_ARC).astype(np.intp)
@@ -185,7 +192,10 @@ class Detail:
         return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
 
     def visible_ends(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
-        """Indices of the ends of visible segments, and among them the first of each line."""
+        """Indices of the end points of visible line segments, (m,), and `ends` of these points.
+
+        `ends`: index of the first point of each line, and the number of points at the end.
+        """
         if self.box is None or len(uv) < 2:
             return np.arange(len(uv)), ends
         low, high = np.minimum(uv[:-1], uv[1:]), np.maximum(uv[:-1], uv[1:])
@@ -199,12 +209,12 @@ class Detail:
         return indices, np.append(first, len(indices))
 
     def essential_points(self, points: FloatArray, ends: IntArray) -> BoolArray:
-        """Mask of the points that keep lines within the error and keep their corners, (n,)."""
+        """Mask of the points to draw, (n,), so that lines have corners and stay within `error`."""
         mask = np.zeros(len(points), dtype=bool)
         mask[ends[:-1]] = mask[ends[1:] - 1] = True
         turned = np.floor(_turns(points, ends) / CORNER_TURN)
         corners = 1 + np.flatnonzero(np.diff(turned))
-        # More corners are a hatching whose lines are closer than the screen can show.
+        # A picture with more corners is hatching whose lines are too dense for the screen.
         if len(corners) <= MAX_CORNERS:
             mask[corners] = True
         remaining = np.flatnonzero(~mask)
@@ -214,7 +224,8 @@ class Detail:
             distances = _from_piece(
                 points[remaining], points[essential[lines]], points[essential[lines + 1]]
             )
-            # All points with the same distance stay, so that a moved path keeps the same points.
+            # All points with the largest distance are added, so that the choice of points does not
+            # depend on rounding when the path is moved.
             distances = np.round(distances / self.error, 6)
             worst = np.zeros(len(essential))
             np.maximum.at(worst, lines, distances)
@@ -225,7 +236,7 @@ class Detail:
 
 
 def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
-    """Accumulated direction change at each point, over all lines [rad], (n,)."""
+    """Change of direction, accumulated over all points up to each point [rad], (n,)."""
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1, keepdims=True)
     along = step / np.where(length > 0, length, 1.0)

@@ -1,4 +1,4 @@
-"""Workers: one thread for previews, of which the latest wins, and one process for tasks."""
+"""Workers: a thread that computes only the newest preview, and a process that runs tasks."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ NICE = 10
 
 
 class StaleCheck(Protocol):
-    """Tests if newer work waits, or arrives within a time [s]."""
+    """Function that tests if newer work is submitted."""
 
     def __call__(self, within: float = 0.0) -> bool:
-        """True if newer work waits."""
+        """True if newer work waits or is submitted within a time [s]."""
 
 
 Work: TypeAlias = Callable[[StaleCheck], None]
 
 
 class PreviewWorker:
-    """A thread for previews that does only the latest of the waiting works."""
+    """A thread for previews that executes only the newest submitted function."""
 
     def __init__(self, deliver: Callable[[PageFrame], None]) -> None:
         self._deliver = deliver
@@ -42,13 +42,13 @@ class PreviewWorker:
         Thread(target=self._run, name="studio previews", daemon=True).start()
 
     def submit(self, work: Work) -> None:
-        """Replace the waiting work."""
+        """Execute a function next; it replaces a waiting one."""
         with self._news:
             self._waiting, self._newest = work, self._newest + 1
             self._news.notify()
 
     def close(self) -> None:
-        """End after the present work."""
+        """End the thread after the running function."""
         with self._news:
             self._waiting, self._is_open = None, False
             self._newest += 1
@@ -67,8 +67,8 @@ class PreviewWorker:
             except ArmContourError as error:
                 self._deliver(PageFrame("notice", {"sentence": str(error)}))
             except Exception as error:
-                # The worker continues, because the next edit may succeed.
-                sentence = f"The preview failed: {type(error).__name__}: {error}"
+                # The worker continues, because the preview of the next edit may succeed.
+                sentence = f"Internal error of the preview ({type(error).__name__}): {error}"
                 self._deliver(PageFrame("notice", {"sentence": sentence}))
 
     def _is_stale(self, number: int, within: float = 0.0) -> bool:
@@ -77,7 +77,7 @@ class PreviewWorker:
 
 
 class TaskWorker:
-    """A process for tasks, in order; it starts with the first task and after a cancellation."""
+    """A process that runs tasks in order; started by the first task and after a cancellation."""
 
     def __init__(self, deliver: Callable[[PageFrame], None]) -> None:
         self._deliver = deliver
@@ -87,7 +87,7 @@ class TaskWorker:
         self._future: Future[bytes] | None = None
         self._pool: ProcessPool | None = None
         self._is_open = True
-        # Frames to deliver, in order; the delivering thread holds no lock.
+        # Frames that wait for delivery, oldest first.
         self._frames: deque[PageFrame] = deque()
         self._is_delivering = False
         self._thread = Thread(target=self._run, name="studio tasks", daemon=True)
@@ -100,7 +100,7 @@ class TaskWorker:
             self._news.notify()
 
     def cancel(self, id: str) -> None:
-        """Cancel a running or waiting task."""
+        """Cancel a task that is running or waiting."""
         with self._news:
             waiting = [x for x in self._waiting if x.id == id]
             running = self._running is not None and self._running.id == id
@@ -121,7 +121,7 @@ class TaskWorker:
             self._waiting.clear()
             self._running, self._is_open = None, False
             self._news.notify()
-        # Without the lock, because the thread of the process may wait for it.
+        # The lock is released first, because the thread of the tasks may wait for it.
         if self._pool is not None:
             self._pool.end()
         self._thread.join()
@@ -134,12 +134,12 @@ class TaskWorker:
                 self._finish(PageFrame.unpack(future.result()))
             except (ProcessEnded, RuntimeError, CancelledError) as error:
                 self._finish(PageFrame("failed", {"sentence": str(error)}))
-                # A new process loads the modules for the next task.
+                # The new process loads its modules now, so that the next task starts sooner.
                 with suppress(RuntimeError):
                     _warm_up(self._pool)
 
     def _next(self) -> Future[bytes] | None:
-        """Wait for the next task and start it; None at the end."""
+        """Wait for the next task and start it; returns its future, or None after `close`."""
         with self._news:
             self._news.wait_for(lambda: self._waiting or not self._is_open)
             if not self._is_open:
@@ -169,7 +169,7 @@ class TaskWorker:
         self._deliver_all()
 
     def _deliver_all(self) -> None:
-        """Deliver queued frames; one thread at once, without holding the lock."""
+        """Deliver queued frames without holding the lock; only one thread delivers at any time."""
         while True:
             with self._news:
                 if self._is_delivering or not self._frames:
@@ -183,7 +183,7 @@ class TaskWorker:
 
 
 def _warm_up(pool: ProcessPool) -> None:
-    """Load the modules of tasks in the process, with low priority."""
+    """Reduce the priority of the process and load the modules that tasks need."""
     if hasattr(os, "nice"):
         pool.submit(os.nice, NICE)
     pool.submit(work, WARM)

@@ -4,10 +4,10 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "trajectory_check": "Check PathDeviation check",
-    "command_check": "CommandCheck check_commands",
+    "interpolation_check": "InterpolationCheck check_interpolation",
     "error_profile": "Coverage ErrorProfile",
     "evaluation": "Evaluation evaluate",
-    "contour_execution": "CornerDeviation",
+    "contour_errors": "CornerDeviation",
     "limit_verdict": "LimitUse",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

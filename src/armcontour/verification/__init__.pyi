@@ -1,10 +1,10 @@
-from armcontour.verification.command_check import CommandCheck as CommandCheck
-from armcontour.verification.command_check import check_commands as check_commands
-from armcontour.verification.contour_execution import CornerDeviation as CornerDeviation
+from armcontour.verification.contour_errors import CornerDeviation as CornerDeviation
 from armcontour.verification.error_profile import Coverage as Coverage
 from armcontour.verification.error_profile import ErrorProfile as ErrorProfile
 from armcontour.verification.evaluation import Evaluation as Evaluation
 from armcontour.verification.evaluation import evaluate as evaluate
+from armcontour.verification.interpolation_check import InterpolationCheck as InterpolationCheck
+from armcontour.verification.interpolation_check import check_interpolation as check_interpolation
 from armcontour.verification.limit_verdict import LimitUse as LimitUse
 from armcontour.verification.trajectory_check import Check as Check
 from armcontour.verification.trajectory_check import PathDeviation as PathDeviation

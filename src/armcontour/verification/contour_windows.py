@@ -11,39 +11,39 @@ from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.program import Program, contour_called
 
-# The tool visits an end of a contour if their distance is at most NEAR_SHARE of the contour's
-# length and at most NEAR [m], or at most AGAIN times the smallest distance of all samples.
+# The tool visits an end of a contour if its distance from the end is at most NEAR_SHARE of the
+# contour's length and at most NEAR [m], or at most AGAIN times the smallest distance of all
+# samples.
 NEAR_SHARE = 0.05
 NEAR = 1e-3
 AGAIN = 1.5
-# Limits of the tool's travel along a contour, relative to the contour's length: chords between
-# samples are shorter, measurement noise makes the travel longer.
+# Range of the tool's travel along a contour, relative to the contour's length. Chords between
+# samples shorten the travel, measurement noise lengthens it.
 DRAWN = (0.5, 1.5)
 
 
 @dataclass(frozen=True, slots=True)
 class _Window:
-    """Samples `first` to `last` on a contour, and the windows of the contours before."""
+    """Samples `first` to `last` on a contour, linked to the window of the previous contour."""
 
     first: int  # First sample on the contour
     last: int  # Last sample on the contour
-    worst: float  # Largest distance between tool and contour in this window and those before [m]
-    before: _Window | None  # The window of the contour before; None for the first contour
+    worst: float  # Largest distance between tool and contour in this and all previous windows [m]
+    before: _Window | None  # Window of the previous contour; None for the first contour
 
 
 def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
     """Find the first and the last sample on every contour of a program, in order."""
     # The result minimizes the largest distance between tool and contours over all assignments in
-    # the order of the contours. A distance that is too large is therefore too large in every
-    # assignment.
-    # tool (n, dimension) [m].
+    # the order of the contours. If the result exceeds a permitted distance, so does every other
+    # assignment. tool: tool points [m], (n, dimension).
     travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
     previous: list[_Window] = []
     for number, contour in enumerate(program.contours):
         earliest = min((x.last for x in previous), default=0)
         windows_here = []
         for first, last in _find_candidates(tool, travel, contour.path, earliest):
-            # The best window of the previous contour that ends early enough.
+            # Best window of the previous contour that ends before this window begins.
             early = (x for x in previous if x.last <= first)
             before = min(early, key=lambda x: x.worst, default=None)
             if before is not None or number == 0:
@@ -53,8 +53,8 @@ def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
         if not windows_here:
             raise InvalidInput(
                 f"The tool does not follow {contour_called(contour, number)} from its start to its "
-                "end: give the trajectory of the whole program, in the order in which the job has "
-                "its contours."
+                "end. Check the trajectory of the whole program, with the contours in the order of "
+                "the job."
             )
         previous = windows_here
     best: _Window | None = min(previous, key=lambda x: x.worst)
@@ -68,7 +68,7 @@ def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
 def _find_candidates(
     tool: FloatArray, travel: FloatArray, path: Path, earliest: int
 ) -> list[tuple[int, int]]:
-    """Find pairs of samples at the ends of a path between which the tool travels its length."""
+    """Find pairs of samples, at both ends of a path, between which the tool travels its length."""
     ends = path([0.0, path.length])
     starts = _find_visits(tool, ends[0], path.length, earliest)
     stops = _find_visits(tool, ends[1], path.length, earliest)
@@ -84,7 +84,7 @@ def _find_candidates(
 def _find_visits(
     tool: FloatArray, point: FloatArray, length: float, earliest: int
 ) -> list[tuple[int, int]]:
-    """Find the first and the last nearest sample of every visit of the tool to a point."""
+    """Find the first and the last nearest sample of each visit of the tool to a point."""
     distance = np.linalg.norm(tool[earliest:] - point, axis=1)
     if not len(distance):
         return []

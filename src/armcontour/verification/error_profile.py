@@ -19,7 +19,8 @@ from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.orientation import turns_between
 from armcontour.geometry.projection import pack_segments
 
-# A value between samples must exceed the best one by this fraction, and by this amount [m or rad].
+# A value between samples is a peak only if it exceeds the highest sample by this fraction of it
+# plus this amount [m or rad].
 CLOSE, ROUNDING = 3e-7, 1e-13
 # Number of parts per searched interval, and largest number of subdivisions.
 PARTS = 32
@@ -31,12 +32,12 @@ SHARP = 0.2
 # a factor of 16.
 FEW = np.arange(9) / 8
 CLOSER = 3
-# Sample times of an interval, and of the next search around the estimated peaks, as fractions of
-# its width.
+# Sample times of an interval, and of the next search relative to the estimated peaks, as fractions
+# of the width of the interval.
 SHARES = np.arange(PARTS + 1) / PARTS
 AROUND = np.array([0.0, -0.03, 0.03])[:, None, None]
-# Distance from the ends of an interval, as a fraction of its width, within which the values are
-# known.
+# Smallest distance of sample times from the ends of an interval, as a fraction of its width; the
+# values at the ends are known.
 NEAR = 0.01
 # Number of largest angles in the first batch; each further batch has four times as many.
 FIRST = 100
@@ -48,8 +49,8 @@ class Coverage:
 
     Args:
         max: The distance [m].
-        t_max: Time at which the tool passes that path point [s].
-        s_max: Arc length of that path point [m].
+        t_max: Time at which the tool passes this path point [s].
+        s_max: Arc length of this path point [m].
     """
 
     max: float
@@ -191,7 +192,7 @@ def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
 
 
 def _cut_at(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-    """Times up to `end`, and columns; after the last time the values are held."""
+    """Times up to `end`, and columns interpolated at `end`, constant after the last time."""
     inside = t < end
     return np.append(t[inside], end), [np.append(x[inside], np.interp(end, t, x)) for x in columns]
 
@@ -204,9 +205,11 @@ class Peak(NamedTuple):
     s: float
 
 
-# Samples, (m,), and possible increases of an error after each, (m,).
+# Indices of samples after which an error may have a peak, (m,), and bounds on the height of the
+# peaks above the mean of the samples on both sides, (m,).
 Hidden = tuple[IntArray, FloatArray]
-# Function of a sample and of times in the interval after it: errors and arc lengths, (n,) each.
+# Function of the index of a sample and of times in the interval after it; returns errors and arc
+# lengths, (n,) each, or None if the motion is unknown.
 Measure = Callable[[int, FloatArray], tuple[FloatArray, FloatArray] | None]
 
 
@@ -220,9 +223,8 @@ def find_peak(
     hidden: Hidden | None = None,
 ) -> Peak | None:
     """Find a value between times t that exceeds those of all samples; None if there is none."""
-    # measure: returns errors and arc lengths at times between sample i and the next; i may be -1 or
-    # n - 1; None if the motion is unknown. hidden: samples after which the error may have a peak
-    # that no sample shows, and its possible height.
+    # measure: i may also be -1 or n - 1, for times before the first and after the last sample.
+    # hidden: peaks that no sample shows.
     if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
     counts = slice(0, int(t.searchsorted(end_time, side="right")))
@@ -254,7 +256,7 @@ def find_peak(
             higher = _search_interval(first, last, partial(measure, i), best)
             if higher is not None:
                 best, peak = higher.value, higher
-    # A value that is higher only by rounding is a repeated sample.
+    # A value that exceeds the samples only by rounding is the value of a sample.
     return peak if best > _threshold(sampled) else None
 
 
@@ -293,8 +295,8 @@ def _search_interval(
 def maximize_smooth(
     first: FloatArray, last: FloatArray, measure: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """Largest values of smooth functions, each between two times, (m,), by parabolas."""
-    # measure: returns the values at times of each function, both (m, n).
+    """Largest value of each of m smooth functions between its two times, (m,), by parabolas."""
+    # measure: maps times, (m, n), to the values of each function at them, (m, n).
     step, rows = (last - first) * FEW[1], np.arange(len(first))
     times, best = first[:, None] + (last - first)[:, None] * FEW, np.full(len(first), -np.inf)
     for _ in range(CLOSER):
@@ -320,21 +322,21 @@ def _threshold(best: float) -> float:
 
 def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Intervals in which the values may exceed those at both ends."""
-    # The bound is the intersection of the lines through the two samples before and after the
-    # interval, which is the position of a kink; a parabola rises a quarter as much.
-    # Returns indices of the first samples, (m,); relative positions of a kink and of the top of a
-    # parabola, (2, m); bounds of the values, (m,).
+    # The bound is the value of a kink: the intersection of the lines through the two samples before
+    # and through the two samples after the interval. A parabola rises a quarter as much. Returns
+    # indices of the first samples of the intervals, (m,); relative positions of the kink and of the
+    # top of the parabola, (2, m); bounds of the values, (m,).
     rises = values[1:] - values[:-1]
     last = len(rises) - 1
-    # The values rise before and fall after the interval; the first and the last interval always
-    # count.
+    # Intervals before which the values rise and after which they fall; the first and the last
+    # interval always count.
     top = (rises[:-2] > 0) & (rises[2:] < 0)
     top = np.concatenate([[0], np.flatnonzero(top) + 1, [last]])
     width = t[top + 1] - t[top]
     slope = rises[top] / width
     before, after = np.maximum(top - 1, 0), np.minimum(top + 1, last)
     a, b = (rises[i] / (t[i + 1] - t[i]) for i in (before, after))
-    # Beyond the ends the curvature is that of the adjacent interval.
+    # Beyond the ends, the curvature is assumed to be that of the adjacent interval.
     a[0], b[-1] = 2 * slope[0] - b[0], 2 * slope[-1] - a[-1]
     falls = (a > 0) & (b < 0)
     top, slope, a, b, width = (x[falls] for x in (top, slope, a, b, width))
@@ -345,8 +347,8 @@ def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray,
 
 def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
     """Angle between the tool and the required tool orientation [rad], (n,)."""
-    # The angle is that between the tool axes if the path prescribes only an axis.
-    # s (n,) [m], turned (n, 3, 3).
+    # If the path requires only an axis, the angle is between the tool axes.
+    # s: arc lengths [m], (n,). turned: rotation matrices of the tool, (n, 3, 3).
     return turns_between(orientation(s), turned, axis_only=orientation.axis_only)
 
 
@@ -357,8 +359,8 @@ def smallest_angles(
     # Where the path crosses itself, turns back or closes, the tool may follow another point of the
     # path than the nearest one. The result is therefore the smallest angle at the nearest points of
     # all segments, and at segment ends, within `reach` [m]. Angles that cannot be the largest one
-    # are not reduced. turned (n, 3, 3): the tool's axes as columns.
-    from armcontour.verification.kernels import find_places
+    # are not reduced. turned: rotation matrices of the tool, (n, 3, 3).
+    from armcontour.verification.kernels import find_path_points
 
     assert path.orientation is not None
     angle = orientation_angles(path.orientation, nearest.s, turned)
@@ -367,7 +369,7 @@ def smallest_angles(
     while done < len(order) and angle[order[done]] > worst:
         these = order[done : done + size]
         radius = np.maximum(reach, nearest.distance[these])
-        point, arc_lengths = find_places(tool[these], geometry, radius)
+        point, arc_lengths = find_path_points(tool[these], geometry, radius)
         fits = orientation_angles(
             path.orientation, np.minimum(arc_lengths, path.length), turned[these[point]]
         )

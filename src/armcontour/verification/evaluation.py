@@ -23,7 +23,7 @@ from armcontour.motion import Execution, SetPoints
 from armcontour.program import Program
 from armcontour.robot import Limits, resolve_limits
 from armcontour.robot.limit_use import use_of
-from armcontour.verification.contour_execution import (
+from armcontour.verification.contour_errors import (
     CornerDeviation,
     common_delay,
     evaluated_times,
@@ -45,29 +45,29 @@ class Evaluation(Result, Checked):
         duration: Planned time of the motion [s].
         settled: Time after which the tool speed stays below 1 mm/s [s].
         end_time: End of the time over which root mean squares are taken [s]; largest errors cover
-            the time until all joints are at rest, unless `evaluate` was given an end.
+            the time until all joints are at rest, unless you specified `end_time` in `evaluate`.
         contour_error: Distance from the tool to its path point [m].
         coverage_error: Largest distance from the path to the tool, including parts of the path that
             the tool does not reach.
         tracking_error: Distance from the tool to its planned position at the same time [m].
         common_delay: Delay of the plan at which the RMS tracking error is smallest, common to all
             joints [s].
-        error_without_delay: Tracking error without this delay: distance from the tool to its
-            planned position at a time earlier by `common_delay` [m].
+        error_without_delay: Tracking error after removal of this delay: distance from the tool to
+            its planned position at a time earlier by `common_delay` [m].
         model_error: First-order bounds of the tool errors along and across the path due to the
             servo's `model_error` [m]; None if it is unknown.
-        objective_error: Distance from the tool to the objective path [m]; None without one.
-        objective_coverage_error: Largest distance from the objective path to the tool [m]; None
-            without one.
+        objective_error: Distance from the tool to the objective path [m]; None if unknown.
+        objective_coverage_error: Largest distance from the objective path to the tool [m]; None if
+            the objective path is unknown.
         orientation_error: Angle between the tool orientation (or tool axis, if only the axis is
             required) and the required one at the path point [rad]; None if no orientation is
             required.
         corners: Cornering deviations (ISO 9283, 8.5) at the corners of the objective path.
         speed: Largest tool speed [m/s].
-        speed_ratio: Largest ratio of the tool speed to the assigned velocity, which may be that of
-            a segment; NaN without one.
-        speed_overshoot: Largest excess of the tool speed over the assigned velocity [m/s]; 0
-            without one.
+        speed_ratio: Largest ratio of the tool speed to the assigned velocity of the limits or of a
+            segment; NaN if no velocity is assigned.
+        speed_overshoot: Largest excess of the tool speed over the assigned velocity [m/s]; 0 if no
+            velocity is assigned.
         path_velocity: Mean tool speed over the planned time of the motion; for a program, over the
             time at work [m/s].
         time_at_limit: Fraction of the planned time in which a joint is within 1 % of a limit of
@@ -112,7 +112,7 @@ class Evaluation(Result, Checked):
     command_jerk: FloatArray
     saturated: FloatArray
     contours: tuple[ErrorProfile, ...] = ()
-    judged: ContourJudgement | None = field(default=None, repr=False)
+    judged: EvaluationInputs | None = field(default=None, repr=False)
 
     def to_data(self) -> Data:
         """Result rows, errors first."""
@@ -124,7 +124,7 @@ class Evaluation(Result, Checked):
 
     @property
     def _errors(self) -> tuple[Row, ...]:
-        """Errors of the tool, with the duration."""
+        """Rows of the duration and of the tool errors."""
         model_error: tuple[Row, ...] = (Row("model_error", None),)
         if self.model_error is not None:
             along, across = self.model_error
@@ -155,7 +155,7 @@ class Evaluation(Result, Checked):
 
     @property
     def _motion(self) -> tuple[Row, ...]:
-        """Speeds and use of limits."""
+        """Rows of speeds and of the use of limits."""
         uses, largest = self.limit_ratios, ""
         if uses:
             largest = max(uses, key=lambda x: uses[x]).replace("_", " ")
@@ -176,7 +176,7 @@ class Evaluation(Result, Checked):
 
     @property
     def _reserved(self) -> str:
-        """The condition of `time_at_limit`, with the reserve of the plan."""
+        """Text that says which times and limits `time_at_limit` refers to."""
         plan = None if self.judged is None else self.judged.executed.set_points.trajectory
         if plan is None or not plan.reserve:
             return "of the motion"
@@ -228,19 +228,19 @@ def saturated_row(shares: FloatArray) -> Row:
 
 
 def _of_joints(name: str, shares: FloatArray, unit: str, label: str) -> Row:
-    """Row of a value per joint, with the joint of the largest; no label without limits."""
+    """Row of one value per joint, with the joint of the largest value; no label if all are 0."""
     if not shares.any():
         return Row(name, shares, unit)
     return Row(name, shares, unit, label, f"joint {int(shares.argmax()) + 1}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ContourJudgement(Value):
+class EvaluationInputs(Value):
     """Inputs of an evaluation."""
 
     executed: Execution
-    path: Program  # The program that the tool was to follow
-    objective: Program | None  # The program before rounding or shaping; None if it was not given
+    path: Program  # Program that the tool should follow
+    objective: Program | None  # Program before rounding or shaping; None if not specified
     limits: Limits
 
 
@@ -256,9 +256,10 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate an execution against its path.
 
-    Root mean squares are weighted by time, from the first set-point to `end_time`; after its end
-    the execution is at rest. In a program, every contour is evaluated while the process works on
-    it, and nothing is evaluated between contours. A single path is evaluated from start to end.
+    Root mean squares are weighted by time, from the first set-point to `end_time`; the arm is
+    assumed to be at rest after the end of the execution. In a program, every contour is evaluated
+    while the process works on it, and nothing is evaluated between contours. A single path is
+    evaluated from start to end.
 
     >>> result = ac.evaluate(executed, path, objective=objective, limits=limits)
     >>> result.contour_error.rms <= result.contour_error.max
@@ -267,14 +268,14 @@ def evaluate(
     Args:
         executed: The execution.
         path: The path that the tool should follow, or the planned program.
-        objective: The path or program before rounding or shaping; needed for `objective_error`,
+        objective: The path or program before rounding or shaping; required for `objective_error`,
             `objective_coverage_error` and `corners`.
         limits: Limits instead of those of the plan.
         end_time: End of the evaluated time [s]. By default largest errors cover the whole
             execution, and root mean squares the time until the planned motion has ended and the
             tool speed stays below 1 mm/s. Not allowed for a program of more than one path.
-        limit_use: Whether `time_at_limit` and `limit_ratios` are computed, which takes longer than
-            all errors together; without it they are None.
+        limit_use: Compute `time_at_limit` and `limit_ratios`, which takes longer than all errors
+            together. If False, they are None.
 
     Raises:
         InvalidInput: The path has another dimension than the arm, `end_time` is not positive, or
@@ -285,8 +286,8 @@ def evaluate(
         before = Program.from_path(objective, "evaluate needs a Path or a Program as its objective")
     if end_time is not None and program.single_path is None:
         raise InvalidInput(
-            "end_time is for one path: the contours of a program are judged while the process is "
-            "on."
+            "end_time is allowed only for a single path, because the contours of a program are "
+            "evaluated while the process is on."
         )
     trajectory = executed.set_points.trajectory
     bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
@@ -338,12 +339,12 @@ def evaluate(
         **_compute_demands(executed, bounds, end),
         time_at_limit=_time_at_limit(executed, bounds, duration) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
-        judged=ContourJudgement(executed=executed, path=program, objective=before, limits=bounds),
+        judged=EvaluationInputs(executed=executed, path=program, objective=before, limits=bounds),
     )
 
 
 def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
-    """Fields of `Evaluation` about joint demands; `end` is the end of the errors [s]."""
+    """Fields of `Evaluation` about joint demands; `end` is the end of the root mean squares [s]."""
     jerk = executed_jerk(executed)
     return {
         "demand": executed.peak_demand,
@@ -361,19 +362,19 @@ def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
 
 
 def saturated_fractions(executed: Execution, end: float) -> FloatArray:
-    """Fraction of time for which each joint is saturated, (dof,); `end` is that of the errors."""
+    """Fraction of the time until at least `end` [s] in which each joint is saturated, (dof,)."""
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
     return np.asarray(executed.saturated_time / time)
 
 
 def _join_known(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
-    """Join the profiles that are not None; None if there are none."""
+    """Join the profiles that are not None; None if all are None."""
     known_profiles = [x for x in profiles if x is not None]
     return ErrorProfile.join(known_profiles) if known_profiles else None
 
 
 def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
-    """Largest first and second values, without None; None if there are none."""
+    """Largest first and second values of the pairs that are not None; None if all are None."""
     along, across = (max((x[i] for x in errors if x), default=-1.0) for i in (0, 1))
     return None if along < 0 else (along, across)
 
@@ -402,7 +403,7 @@ def mean_jerk(executed: Execution) -> FloatArray:
         return np.zeros_like(ddq)
     step = float(t[-1] - t[0]) / (len(t) - 1)
     k = max(1, round(executed.set_points.cycle / step))
-    # The arm is at rest before the first result.
+    # The arm is at rest before the first sample.
     before = np.concatenate([np.zeros((k, ddq.shape[1])), ddq])[: len(ddq)]
     return np.asarray((ddq - before) / (k * step))
 

@@ -1,4 +1,4 @@
-"""Compiled search for the points at which a tool follows a path, and for the coverage error."""
+"""Compiled search for the path points of a tool that follows a path, and coverage error."""
 
 from __future__ import annotations
 
@@ -12,32 +12,41 @@ from armcontour.core.kernels import compiled
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.kernels import Point, distance2, find_foot, point_at
 
-# Distances that differ by less than this are equal [m]: coordinates are not more exact.
+# Distances that differ by less than this are equal, because coordinates are not more accurate [m].
 EQUAL = 1e-9
-# Largest number of reachable path intervals; further ones join the last.
+# Largest number of reachable path intervals; further intervals are merged with the last one.
 MAX_STRETCHES = 64
-# Largest number of waiting halves in the search of a part for its farthest point, and precision of
-# the distance [m].
+# Largest number of pending halves in the search of a path part for its farthest point, and accuracy
+# of the distance [m].
 MAX_HALVES, SURE = 64, 1e-10
 # Approximate number of point-segment pairs per batch, to bound the memory.
 PAIRS = 50_000
 
 
 class FollowedTool(NamedTuple):
-    """Tool points in order, with their path points."""
+    """Tool points in order, with their path points and the chords between them."""
 
-    points: FloatArray  # Tool points in order, padded to space [m], (n, 3) with n > 1
-    distance: FloatArray  # Distances from their path points [m], (n,)
-    s: FloatArray  # Arc lengths of their path points [m], (n,)
+    points: FloatArray  # Tool points, padded to three coordinates [m], (n, 3) with n > 1
+    distance: FloatArray  # Distances of the tool points from their path points [m], (n,)
+    s: FloatArray  # Arc lengths of the path points [m], (n,)
     sizes: FloatArray  # Lengths of the tool's chords [m], (n - 1,)
-    later: FloatArray  # Smallest arc length of this and all later points [m], (n,)
+    later: FloatArray  # Smallest arc length of each and all later path points [m], (n,)
 
 
 class PathIntervals(NamedTuple):
-    """Path intervals in which the tool can be, in order."""
+    """Intervals of the path that the tool can have reached, in order."""
 
     ends: FloatArray  # First and last arc lengths [m], (MAX_STRETCHES + 1, 2)
-    first: IntArray  # Segments on which they begin, (MAX_STRETCHES + 1,)
+    first: IntArray  # Segments on which the intervals begin, (MAX_STRETCHES + 1,)
+
+
+class PathParts(NamedTuple):
+    """Parts of a path between the path points of successive tool points, m parts."""
+
+    # Step (index of the tool point before it), segment, and 1 if the part is the last of its step.
+    indices: IntArray  # (m, 3)
+    ends: FloatArray  # First and last arc length of each part [m], (m, 2)
+    bounds: FloatArray  # Bounds on the distance from each part to the tool [m], (m,)
 
 
 @compiled(inner=True)
@@ -50,9 +59,9 @@ def _reachable_intervals(
     before: float,
     leash2: float,
 ) -> tuple[int, float, float, bool]:
-    """Find the path intervals in which the tool can be at a point, and the nearest path point."""
-    # Returns the number of new intervals, distance and arc length of the tool [m], and whether the
-    # path point is at the start of an interval only because arc length must not decrease.
+    """Find the path intervals that the tool can reach at point p, and the nearest path point."""
+    # Returns the number of new intervals, distance and arc length of the path point [m], and True
+    # if the path point is an interval's start only because arc length must not decrease.
     new_count, best, nearest_s, held, done = 0, math.inf, 0.0, False, -1.0
     for k in range(count):
         low, high = old.ends[k, 0], old.ends[k, 1]
@@ -65,12 +74,13 @@ def _reachable_intervals(
             room = leash2 - foot.off2
             # A line has one foot point, a full circle two.
             laps, turn, nearest = 1, 0.0, foot.along
-            # Half of the length within the leash around the foot point.
+            # Half of the length of the segment within the leash, around the foot point.
             half = math.sqrt(max(room, 0.0))
             if curvature != 0.0 and room >= 0.0:
                 laps, turn = 2, 2 * math.pi / curvature
                 nearest = math.atan2(foot.along, foot.across) / curvature
-                # Squared distance of the farthest point of the circle, less that of the nearest.
+                # Difference of the squared distances of the farthest and the nearest point of the
+                # circle.
                 farthest2 = distance2(foot, curvature, turn / 2) - foot.off2
                 fraction = room / farthest2 if room < farthest2 else 1.0
                 half = 2 * math.asin(math.sqrt(fraction)) / curvature
@@ -88,10 +98,11 @@ def _reachable_intervals(
                 new.ends[new_count - 1, 1] = done
                 arc = min(max(centre, x), y)
                 d = math.sqrt(distance2(foot, curvature, arc - centre))
-                # Of equally near points, the next one ahead is used.
+                # If several path points are equally near, the next one ahead of `before` is used.
                 if d < best - EQUAL or (d <= best + EQUAL and nearest_s < before - EQUAL):
                     nearest_s = base + arc
-                    # At the start of the interval, not at the end of a segment.
+                    # The start of the interval restricts the path point, not the start of a
+                    # segment.
                     held = centre < x and x > 0.0 and base + x <= low + EQUAL
                 best = min(best, d)
             if base + length >= high and not (is_open and done >= base + length - EQUAL):
@@ -104,14 +115,13 @@ def follow(
     points: FloatArray, rows: FloatArray, start: float, leash: float, needed: int
 ) -> tuple[FloatArray, FloatArray, int, bool]:
     """Distances and arc lengths of the path points of a tool that never moves back on the path."""
-    # At each point, the kernel keeps the intervals of the path that the tool can have reached if
-    # its distance from its path point never exceeded `leash` [m] and its arc length never
-    # decreased.
-    # points (n, 3) [m], rows (segments, 15) from `pack_segments`. `start` [m] is at or after the
-    # first path point. The first `needed` points must be followed, later ones until the tool leaves
-    # the path.
-    # Returns distances and arc lengths [m], (n,) each; the number of followed points; and whether
-    # the path point of any point was restricted because arc length must not decrease.
+    # At each point, the kernel stores the intervals of the path that the tool can have reached if
+    # its distance from the path point never exceeded `leash` [m] and arc length never decreased.
+    # points: (n, 3) [m]. rows: segments from `pack_segments`, (segments, 15). The first path point
+    # is at or before `start` [m]. The first `needed` points must be followed, later points only
+    # until the tool leaves the path. Returns distances and arc lengths [m], (n,) each; the number
+    # of followed points; and True if any path point was restricted because arc length must not
+    # decrease.
     n, size = len(points), MAX_STRETCHES + 1
     distance, s = np.empty(n), np.empty(n)
     now = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
@@ -131,12 +141,12 @@ def follow(
     return distance, s, n, held
 
 
-def find_places(
+def find_path_points(
     points: FloatArray, rows: FloatArray, reach: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Indices of points, and arc lengths of nearest points and segment ends within `reach` [m]."""
-    # points (n, 3) [m], rows (segments, 15) from `pack_segments`; an excess by rounding is
-    # accepted.
+    """Find all path points near each point: indices of points, and arc lengths [m], (m,) each."""
+    # They are the foot points and ends of segments within `reach` of the point [m], (n,), plus
+    # rounding. points: (n, 3) [m]. rows: from `pack_segments`, (segments, 15).
     k, length, within = rows[:, 9], rows[:, 10], reach + EQUAL
     indices, arc_lengths = [np.empty(0, np.intp)], [np.empty(0)]
     for part in np.array_split(np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS):
@@ -169,10 +179,10 @@ def find_places(
 def _tool_distances(
     p: Point, q: Point, motion: FollowedTool, i: int, until: float, reach: float
 ) -> tuple[float, float, float]:
-    """Distances of two path points from the tool's motion around its chord i [m], and a bound."""
-    # The motion extends by `reach` on both sides of the chord, and until the tool has passed
-    # `end_time` for the last time. The bound holds for all points on the line between them: it is
-    # the distance of the end that is farther from a chord.
+    """Distances of path points p and q from the tool's motion near chord i [m], and a bound."""
+    # The searched motion extends by `reach` on both sides of the chord, and until the tool has
+    # passed `until` for the last time. The bound holds for all points on the line from p to q: it
+    # is the larger distance of both ends from one chord, for the best chord.
     a = b = bound = math.inf
     for step in (1, -1):
         j, gone, spare = i, 0.0, 0.0
@@ -180,7 +190,7 @@ def _tool_distances(
             returns = step > 0 and motion.later[j] < until
             if j != i and not returns and gone > reach:
                 break
-            # A chord is nearer than an earlier one by at most the length from there to its end.
+            # The next chord is nearer by at most the tool's travel to its far end.
             spare -= motion.sizes[j]
             if spare <= EQUAL:
                 x = y = 0.0
@@ -208,26 +218,24 @@ def _measure_parts(
     motion: FollowedTool,
     rows: FloatArray,
     order: IntArray,
-    parts: IntArray,
-    arc_lengths: FloatArray,
-    bounds: FloatArray,
+    parts: PathParts,
     distances: FloatArray,
     distance_s: FloatArray,
 ) -> None:
-    """Largest distance from parts of the path to the tool, for each point that starts a step."""
-    # A part is measured at its ends and halved while a bound exceeds the largest distance so far.
-    # `parts` are the step, the segment, and whether the part is the last of its step, (m, 3).
-    # Updates `distances` [m], -1 where nothing was measured, and their arc lengths `distance_s`,
-    # (n,) each. The largest is at most SURE below that of the whole path.
+    """Measure the largest distance from parts of the path to the tool, and store it per step."""
+    # A part is measured at its ends, and halved while its bound exceeds the largest distance so
+    # far. Updates `distances` [m], -1 if not measured, and their arc lengths `distance_s`, (n,)
+    # each. The largest distance found is at most SURE below the largest distance of all parts.
     n = len(motion.points)
     halves, worst = np.empty((MAX_HALVES, 2)), -1.0
     for m in order:
-        if bounds[m] <= worst + SURE:
+        if parts.bounds[m] <= worst + SURE:
             continue
-        i, g, first, last = parts[m, 0], rows[parts[m, 1]], arc_lengths[m, 0], arc_lengths[m, 1]
+        i, g = parts.indices[m, 0], rows[parts.indices[m, 1]]
+        first, last = parts.ends[m, 0], parts.ends[m, 1]
         chord, size = min(i, n - 2), last - first
         p, q = point_at(g, first - g[11]), point_at(g, last - g[11])
-        # Distances from this chord only.
+        # The distances from this chord alone bound the range of chords to search.
         a, b, _ = _tool_distances(p, q, motion, chord, -math.inf, -1.0)
         reach = 2 * (max(a, b) + min(g[9] * size**2 / 8, size / 2))
         count, halves[0, 0], halves[0, 1] = 1, first, last
@@ -236,13 +244,13 @@ def _measure_parts(
             first_s, last_s = halves[count, 0], halves[count, 1]
             p, q = point_at(g, first_s - g[11]), point_at(g, last_s - g[11])
             a, b, bound = _tool_distances(p, q, motion, chord, last, reach)
-            # The end of the step is the path point of the next tool point.
-            end_point = i + 1 if parts[m, 2] and last_s == last and i < n - 1 else i
+            # The end of the last part of a step is the path point of the next tool point.
+            end_point = i + 1 if parts.indices[m, 2] and last_s == last and i < n - 1 else i
             for d, arc_length, point in ((a, first_s, i), (b, last_s, end_point)):
                 if d > distances[point]:
                     distances[point], distance_s[point] = d, arc_length
             worst = max(worst, a, b)
-            # A distance changes by at most the change of arc length.
+            # The distance from the tool changes by at most the change of arc length.
             apart = last_s - first_s
             bound = min(bound + g[9] * apart**2 / 8, (a + b + apart) / 2)
             middle = first_s + apart / 2
@@ -256,11 +264,11 @@ def measure_coverage(
     motion: FollowedTool, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
     """Largest distance from the path to the tool, for the path interval of each tool step."""
-    # Intervals are split at segment ends. The step from the point with the largest distance comes
-    # first, because most others then need no measurement.
-    # rows (rows, 15).
-    # Returns distances [m], -1 without a measurement, and arc lengths [m], (n,) each. The first row
-    # includes the path before the first tool point, the last row the path after the last.
+    # The path interval of a step is split at segment ends. The step with the largest known distance
+    # is measured first, because most other steps then need no measurement.
+    # rows: from `pack_segments`, (segments, 15). Returns distances [m], -1 if not measured, and arc
+    # lengths [m], (n,) each. The first row includes the path before the first tool point, the last
+    # row the path after the last tool point.
     reached = np.maximum.accumulate(motion.s)
     low = np.append(begin, np.maximum(reached[1:], begin))
     high = np.append(np.minimum(np.maximum(reached[:-1], motion.s[1:]), end), end)
@@ -271,7 +279,7 @@ def measure_coverage(
     step, number = number_parts(count)
     k = segment[step] + number
     first, last = np.maximum(low[step], starts[k]), np.minimum(high[step], ends[k])
-    # The distance of a part between two path points exceeds theirs by at most the sagitta.
+    # Between two path points, the distance exceeds the distances at both by at most the sagitta.
     sag = np.minimum(rows[k, 9] * (last - first) ** 2 / 8, (last - first) / 2)
     after = np.minimum(step + 1, len(low) - 1)
     whole = (after > step) & (first == motion.s[step]) & (last == motion.s[after])
@@ -280,11 +288,8 @@ def measure_coverage(
     )
     worst = np.flatnonzero(step == np.argmax(motion.distance))
     order = np.concatenate([worst, np.arange(len(step))])
-    parts = np.stack([step, k, last == high[step]], axis=1)
-    arc_lengths, distances, distance_s = (
-        np.stack([first, last], axis=1),
-        np.full(len(low), -1.0),
-        np.zeros(len(low)),
-    )
-    _measure_parts(motion, rows, order, parts, arc_lengths, bounds, distances, distance_s)
+    indices = np.stack([step, k, last == high[step]], axis=1)
+    parts = PathParts(indices, np.stack([first, last], axis=1), bounds)
+    distances, distance_s = np.full(len(low), -1.0), np.zeros(len(low))
+    _measure_parts(motion, rows, order, parts, distances, distance_s)
     return distances, distance_s

@@ -21,17 +21,17 @@ from armcontour.robot.limits import JOINT_RANGE
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
 from armcontour.verification.error_profile import maximize_smooth, smallest_angles
 
-# Number of times in each interval of a law, including its ends: smallest and largest number; all
-# intervals together have at least FEWEST, and those with fewer than ENOUGH more than the smallest
-# number.
-LEAST_PLACES, MAX_PLACES = 3, 20
+# Number of evaluated times per interval of a law, including its ends: as many as give ENOUGH times
+# in all intervals together, but from MIN_PER_INTERVAL to MAX_PER_INTERVAL. All intervals together
+# always have at least FEWEST times.
+MIN_PER_INTERVAL, MAX_PER_INTERVAL = 3, 20
 FEWEST, ENOUGH = 4000, 12_000
-# Number of the highest parabolas that are refined.
+# Number of the highest estimated peaks that are refined.
 PEAKS = 12
 
 VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
-# Excess as a fraction of the limit below which rounding explains it: the printed digits of a plan
-# that uses a limit in full may exceed it.
+# An excess below this fraction of a limit is attributed to rounding, because the printed digits of
+# a plan that uses a limit fully may exceed it.
 UNSEEN = 1e-3
 
 # Units of the limits by their names.
@@ -43,17 +43,17 @@ UNITS = LIMIT_UNITS | {
 
 # Number of times per batch.
 CHUNK = 200_000
-# Time in which a limit of jerk allows the acceleration to jump at a break [s]; no controller
-# resolves it, and jumps by rounding are smaller.
+# The acceleration may jump at a break by the jerk limit times this time [s]. No controller resolves
+# this time, and jumps due to rounding are smaller.
 AT_ONCE = 1e-5
-# Limits of jerk, with the jumps at breaks that violate them.
+# Jerk limits, each with the name of the acceleration jump at breaks that violates the limit.
 JUMPS = {
     "joint_jerk": "acceleration_step",
     "tool_jerk": "tool_acceleration_step",
     "path_jerk": "path_acceleration_step",
 }
 ORDERS = ("positions", "velocities", "accelerations", "jerks")
-# Joint positions may jump by this much at a break [rad]: rounding, not motion.
+# Permitted jump of joint positions at a break [rad], which is due to rounding only.
 POSITION_STEP = 1e-9
 
 
@@ -64,13 +64,13 @@ class Occurrence:
     Args:
         ratio: Value over limit; for joint_lower and joint_upper both relative to the middle of the
             joint range.
-        value: Value without sign [unit of the limit].
-        limit: The limit there.
+        value: Absolute value [unit of the limit].
+        limit: The limit at this time [unit of the limit].
         t: Time [s].
         joint: Index of the joint, from 0; None for a limit of the tool.
         s: Arc length of the nearest point on the path [m]; None without a path.
         slack: Part of `ratio` that rounding may have caused.
-        certain: Smallest ratio that the rounded numbers allow.
+        certain: Smallest ratio that is possible for the rounded numbers.
     """
 
     ratio: float
@@ -111,10 +111,10 @@ class LimitUse(Result, Occurrence):
         name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation", or a jump
             at a break of a law: "position_step", "velocity_step", "acceleration_step",
             "tool_acceleration_step" or "path_acceleration_step".
-        highest: Largest ratio of the printed numbers, in the narrowest windows; rounding may have
-            caused it.
+        highest: Use with the largest ratio of the printed numbers, in the narrowest windows;
+            rounding may have caused it.
         verdict: "violated": every motion through the samples, within their digits, exceeds the
-            limit. "kept": the motion satisfies the limit everywhere. Otherwise "cannot tell".
+            limit. "kept": the motion satisfies the limit everywhere. "cannot tell": neither.
     """
 
     name: str
@@ -171,10 +171,10 @@ def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:
 
 
 class LimitUseAccumulator:
-    """Accumulator of the largest use of every limit, for limits with one value per joint."""
+    """Accumulator of the largest uses of every limit; `limits` must have one value per joint."""
 
-    # deviation: largest distance from the path [m]; orientation_deviation: largest angle from the
-    # required tool orientation [rad].
+    # deviation: permitted distance from the path [m]; orientation_deviation: permitted angle from
+    # the required tool orientation [rad].
 
     def __init__(
         self,
@@ -187,14 +187,14 @@ class LimitUseAccumulator:
         self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
         self.orientation_deviation = orientation_deviation
         self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
-        # Whether recorded values count for the highest ratio. Means over wider windows are more
+        # True if recorded values count for the highest ratio. Means over wider windows are more
         # certain, but never exceed the means over the narrower windows inside.
         self.narrow = True
         self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
 
     def record(self, use: Use, t: FloatArray, q: FloatArray) -> float:
-        """Record a use at times and joint positions; return the largest share due to rounding."""
+        """Record a use at times and joint positions; return the largest error of its ratio."""
         name, value = use.name, use.value
         if not value.size:
             return 0.0
@@ -224,28 +224,28 @@ class LimitUseAccumulator:
             self._highest[name] = occurrence(i)
         return float(slack.max())
 
-    def rates(
+    def record_rates(
         self, name: str, t: FloatArray, rates: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
     ) -> float:
-        """Record rates for their limit, if any; arguments as in `record` and `use_of`."""
+        """Record rates as a use of their limit, if there is one; return the largest ratio error."""
         if getattr(self.limits, name) is None:
             return 0.0
         return self.record(use_of(name, self.limits, rates, error), t, q)
 
-    def states(self, t: FloatArray, states: States) -> None:
+    def record_states(self, t: FloatArray, states: States) -> None:
         """Record all quantities of joints and tool for some states."""
         for use in states.uses(self.limits):
             self.record(use, t, states.q)
 
-    def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def tool_points(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, dimension), and a bound on the norm of their error, (n,)."""
         return States(self.arm, (q,), (error,)).bounded(self.arm.tool_position, 0)
 
-    def pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
+    def record_pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
         """Record the distance of the tool from the path and from the required tool orientation."""
         if self.path is None:
             return
-        points, error_bound = self.tool(q, error)
+        points, error_bound = self.tool_points(q, error)
         nearest = self.path.project(points)
         worst = int(np.argmax(nearest.distance))
         if nearest.distance[worst] >= self.farthest["distance"]:
@@ -287,7 +287,7 @@ class LimitUseAccumulator:
 
 
 class TimeLaw(Protocol):
-    """Joint positions over time as a time law, such as a `Trajectory`."""
+    """Time law of joint positions, such as a `Trajectory`."""
 
     @property
     def duration(self) -> float:
@@ -309,7 +309,7 @@ def record_law(
     # velocity_step: largest jump of a joint's velocity at a break [rad/s].
     breaks = np.asarray(law.breaks, dtype=np.float64)
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
-        raise InvalidInput("The breaks of a law must be at least two times that increase.")
+        raise InvalidInput("The breaks of a law must be at least two increasing times.")
     random = np.random.default_rng(seed)
     jerks = find_known_jerks(law, tally.limits, breaks[:1])
     size = max(1, CHUNK // (points + 2))
@@ -323,7 +323,7 @@ def record_law(
         count += len(t)
         for use in uses:
             tally.record(use, t, q)
-        tally.pose(t, q, np.zeros(tally.arm.dof))
+        tally.record_pose(t, q, np.zeros(tally.arm.dof))
         _record_acceleration_steps(
             law, ends if first == 0 else left_times, tally, jerks, (breaks[0], breaks[-1])
         )
@@ -342,12 +342,13 @@ def uses_of_law(
     jerks: Collection[str],
 ) -> tuple[FloatArray, FloatArray, list[Use]]:
     """Times (n + m,), joint positions (n + m, dof), and use of limits by a law at these times."""
-    # right (n,) and left (m,): times with values from the right or the left at breaks [s].
+    # right_times (n,), left_times (m,): times at which a law with a break has the values after and
+    # before the break [s].
     # The third derivative of the joints is evaluated only if jerk of joints or tool is checked.
     order = 3 if set(jerks) - {"path_jerk"} else 2
     t = np.concatenate([right_times, left_times])
     if isinstance(law, Trajectory):
-        # All derivatives at once.
+        # `motion` evaluates all derivatives at once.
         after, before = law.motion(right_times, order), law.motion(left_times, order, side="left")
     else:
         after, before = (
@@ -359,8 +360,8 @@ def uses_of_law(
         values = np.concatenate(sides)
         if values.shape != (len(t), arm.dof):
             raise InvalidInput(
-                f"The law gives {values.shape[-1]} joints, but the arm has {arm.dof}: "
-                "give the arm that the law was made for."
+                f"The law has {values.shape[-1]} joints, but the arm has {arm.dof}. Specify the "
+                "arm for which the law was made."
             )
         if not np.isfinite(values).all():
             time = float(t[~np.isfinite(values).all(axis=1)][0])
@@ -377,7 +378,7 @@ def uses_of_law(
 def _record_steps(
     law: TimeLaw, t: FloatArray, tally: LimitUseAccumulator, velocity_step: float
 ) -> None:
-    """Record the jumps at breaks, which the accelerations on both sides do not show."""
+    """Record the jumps of positions and velocities at breaks."""
     if not len(t):
         return
     q = law(t)
@@ -450,7 +451,7 @@ def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> di
 
 
 def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory, Limits]]:
-    """Motions, each with the limits that apply in all of it."""
+    """Yield motions, each with the limits that apply to all of its times."""
     if all(x.kind == "contour" for x in trajectory.spans):
         yield trajectory, limits
         return
@@ -461,10 +462,10 @@ def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory,
 
 
 def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Largest use of every limit in a motion."""
+    """Largest ratio of each limit in a motion, by name of the limit."""
     breaks, jerks = motion.smooth_breaks, find_known_jerks(motion, limits, motion.starts[:1])
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
-    count = max(LEAST_PLACES, few, min(MAX_PLACES, enough))
+    count = max(MIN_PER_INTERVAL, few, min(MAX_PER_INTERVAL, enough))
     part, size = np.linspace(0.0, 1.0, count)[:, None], max(1, CHUNK // count)
     best: dict[str, float] = {}
     for first in range(0, len(breaks) - 1, size):
@@ -491,10 +492,10 @@ def _peaks(
     ratio: FloatArray,
     threshold: float,
 ) -> FloatArray:
-    """Ratios above `threshold` at the tops of the highest parabolas through three times."""
+    """Ratios at the highest peaks between the times, estimated by parabolas, above `threshold`."""
     before, middle, after = ratio[:-2], ratio[1:-1], ratio[2:]
     curvature, tilt = before - 2 * middle + after, (after - before) / 2
-    # Otherwise the highest value is at an end.
+    # A parabola without a top between its outer times has its highest value at an end.
     top = np.flatnonzero((curvature < 0) & (np.abs(tilt) < -curvature))
     height = middle.flat[top] - tilt.flat[top] ** 2 / (2 * curvature.flat[top])
     order = np.argsort(-height, kind="stable")[:PEAKS]

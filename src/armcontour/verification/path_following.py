@@ -1,9 +1,9 @@
-"""Points of a path at which a tool follows it, and the coverage error."""
+"""Path points of a tool that follows a path, and the coverage error."""
 
 # Where a path crosses or repeats itself, the nearest point can be on another part of the path than
 # the tool. Therefore the path point is the nearest point that is reachable along the path from the
-# start, without moving back and without a distance to the tool above a bound, the leash. The leash
-# is the smallest tried one with which the whole path is followed.
+# start without moving back, while the distance to the tool never exceeds a bound (the leash). The
+# leash is the smallest bound tried with which the whole path is followed.
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from armcontour.geometry import Path
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.projection import find_nearest, pack_segments, pad_to_space
 
-# The leash is this factor times the largest distance of SOME points from the path or the longest
-# step of the tool; it is doubled until it is long enough.
+# The first leash is SLACK times the largest of these: the distance of about SOME points from the
+# path, the longest step of the tool, and SHORTEST [m]. The leash is doubled until it suffices.
 SLACK = 4.0
 SOME = 500
 SHORTEST = 1e-7
@@ -25,19 +25,19 @@ SHORTEST = 1e-7
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Followed:
-    """Result of following a path."""
+    """Path points of a tool that follows a path, and coverage errors; n tool points."""
 
     distance: FloatArray  # Distance from the tool to its path point [m], (n,)
     s: FloatArray  # Arc length of the path point [m], (n,)
-    # Largest distance from the path to the tool between each point and the next [m], (n,); -1 where
-    # it cannot be the largest one.
+    # Largest distance from the path to the tool between each path point and the next [m], (n,); -1
+    # if it was not measured because it cannot be the largest of all.
     coverage_error: FloatArray
     coverage_error_s: FloatArray  # Arc lengths of these distances [m], (n,)
-    geometry: FloatArray  # The path from `geometry.projection.pack_segments`, (rows, 15)
+    geometry: FloatArray  # Segments from `geometry.projection.pack_segments`, (rows, 15)
 
     def turns(self, threshold: float) -> FloatArray:
-        """Angle by which the path turns from each point to the next [rad], (n - 1,)."""
-        # All results may be 0 if no turn exceeds the threshold [rad].
+        """Angle by which the path turns from each path point to the next [rad], (n - 1,)."""
+        # To save time, all results are 0 if no turn can exceed the threshold [rad].
         rows = self.geometry
         angle = (rows[:, 9] * rows[:, 10])[:, None]
         last = np.cos(angle) * rows[:, 3:6] + np.sin(angle) * rows[:, 6:9]
@@ -45,7 +45,7 @@ class Followed:
         ahead = np.abs(np.diff(self.s))
         if corner.max(initial=0.0) + rows[:, 9].max() * ahead.max(initial=0.0) <= threshold:
             return np.zeros(len(ahead))
-        # A corner is a step of the cumulative turn.
+        # A corner is a step of the cumulative angle over arc length.
         joints = np.repeat(np.append(rows[:, 11], rows[-1, 11] + rows[-1, 10]), 2)[1:-1]
         steps = np.zeros(len(joints))
         steps[1::2], steps[2::2] = angle[:, 0], corner
@@ -54,8 +54,8 @@ class Followed:
     def near(
         self, points: FloatArray, ends: tuple[float, float], distance_bound: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Distances and arc lengths of a tool between two of the points [m], (n,) each."""
-        # points (n, dimension) [m].
+        """Distances and arc lengths [m], (n,) each, of tool points between two followed points."""
+        # points: (n, dimension) [m]. ends: arc lengths of both followed points [m].
         from armcontour.verification.kernels import follow
 
         padded = pad_to_space(points)
@@ -81,10 +81,10 @@ def follow_path(
     work: tuple[float, float] | None = None,
     judged: slice | None = None,
 ) -> Followed:
-    """Find the points of a path at which a tool follows it, and the coverage error."""
-    # points: in order [m], (n, dimension) with n > 1. The coverage error is evaluated between the
-    # arc lengths `work` [m], by default on the whole path; the tool starts at or before the first
-    # one. Points outside `judged` are used for the coverage error only.
+    """Find the path points of a tool that follows a path, and the coverage error."""
+    # points: tool points in order [m], (n, dimension) with n > 1. The coverage error is evaluated
+    # between the arc lengths `work` [m], by default on the whole path; the tool starts at or before
+    # the first. Points outside of `judged` count for the coverage error only.
     from armcontour.verification.kernels import FollowedTool, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
@@ -92,7 +92,7 @@ def follow_path(
     padded, geometry = pad_to_space(points), pack_segments(path.segments)
     some = points[: last : max(1, last // SOME)]
     deviation = float(find_nearest(path.segments, some, in_order=True).distance.max())
-    # The shortest leash that may suffice for all points.
+    # Shortest leash with which all points may be followed.
     leash = SLACK * max(
         deviation, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST
     )

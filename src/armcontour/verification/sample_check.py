@@ -1,16 +1,16 @@
-"""Check of samples: lower bounds of peaks that every motion through the samples must reach."""
+"""Check of samples by lower bounds of the peaks that every motion through them must reach."""
 
-# Over a window between samples a mean of a derivative is known exactly, whatever the motion does
-# between them, and the peak is at least the mean. Divided differences are such means. Two more
-# means of the joint acceleration follow from the positions and velocities at the ends of a window
-# T:
+# Over a window between samples, the mean of a derivative is known exactly, whatever the motion does
+# between the samples, and its peak is at least the mean. Divided differences are such means. Two
+# more means of the joint acceleration follow from the positions q0, q1 and velocities v0, v1 at the
+# ends of a window of length T:
 #
 #     2 (q1 - q0 - v0 T) / T²                 weight 2 (T - t) / T²
 #     2 (v1 T - q1 + q0) / T²                 weight 2 t / T²
 #
-# All weights are positive and integrate to 1. The digits of a column bound the error of all of its
+# All weights are positive and integrate to 1. The resolution of a column bounds the errors of its
 # numbers. Errors have less effect in wider windows, so windows of 1, 2, 4, ... samples are checked
-# until the error is negligible.
+# until the effect is negligible.
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from armcontour.verification.limit_verdict import LimitUseAccumulator
 
 # Windows are widened until rounding is at most this fraction of every limit.
 NEGLIGIBLE = 1e-7
-# Parts of a sample interval at which the distance of the cubic from the path is computed.
+# Fractions of a sample interval at which the distance of the cubic from the path is computed.
 BETWEEN = np.arange(1, 8) / 8
-# Windows in which the direction of motion turns by more than this sine are not used for centripetal
-# acceleration.
+# In windows in which the direction of motion turns by more than this sine, the whole acceleration
+# of the tool may be centripetal.
 WIDEST_TURN = 0.2
 
 # Values at the samples, (n, columns), and bounds on the errors, (n, columns), or on the norm of the
@@ -41,17 +41,17 @@ Column: TypeAlias = tuple[FloatArray, FloatArray]
 class SampledMotion:
     """Checked samples, with bounds on their errors."""
 
-    t: FloatArray  # Times, increasing [s], (n,)
+    t: FloatArray  # Increasing times [s], (n,)
     q: FloatArray  # Joint positions [rad], (n, dof)
     dq: FloatArray | None  # Joint velocities [rad/s], (n, dof), or None
     ddq: FloatArray | None  # Joint accelerations [rad/s²], (n, dof), or None
     # Bounds on the error of q, dq and ddq, (dof,) each.
     errors: tuple[FloatArray, FloatArray, FloatArray]
     t_error: FloatArray  # Bound on the error of every time [s], (n,)
-    clock: float  # Bound on the fraction by which all times may be scaled together
+    clock: float  # Bound on the common relative error of all times
 
     def spans(self, k: int) -> Column:
-        """Length of every window of `k` samples, and a bound on its error, (windows, 1) each."""
+        """Length [s] of each window of `k` samples, and a bound on its error, (windows, 1) each."""
         span = (self.t[k:] - self.t[:-k])[:, None]
         return span, (self.t_error[k:] + self.t_error[:-k])[:, None] + self.clock * span
 
@@ -60,14 +60,14 @@ class SampledMotion:
         return (self.t[k:] + self.t[:-k]) / 2, self.q[k // 2 : len(self.q) - k + k // 2]
 
     def mean(self, column: Column, order: int, k: int, *, both_ways: bool = False) -> Column:
-        """Mean derivative of an order over windows of `order * k` samples, and its error."""
-        # Unless `both_ways`, the error is a bound only for true means that are smaller.
+        """Mean derivative of an order over windows of `order * k` samples, and its error bound."""
+        # Unless `both_ways`, the error bounds only how much smaller the true mean can be.
         y, error = column
         for j in range(1, order + 1):
             span, time_error = self.spans(j * k)
             y = j * (y[k:] - y[:-k]) / span
             size = np.abs(y) if error.shape[1] > 1 else np.linalg.norm(y, axis=1)[:, None]
-            # The true length of a window is positive.
+            # The true length of a window is positive, so its lower bound is positive too.
             shortest = np.maximum(span - time_error, 1e-6 * span)
             true = shortest if both_ways or j < order else span + time_error
             error = (j * (error[k:] + error[:-k]) + size * time_error) / true
@@ -75,12 +75,12 @@ class SampledMotion:
 
 
 def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
-    """Record the values at the samples, and lower bounds of the peaks between them."""
+    """Record the values at the samples, and lower bounds of the peaks between samples."""
     rates = () if log.dq is None else (log.dq,) if log.ddq is None else (log.dq, log.ddq)
     states = States(tally.arm, (log.q, *rates), log.errors)
-    tally.states(log.t, states)
+    tally.record_states(log.t, states)
     if log.dq is None and log.ddq is not None:
-        tally.rates("joint_acceleration", log.t, log.ddq, log.q, log.errors[2])
+        tally.record_rates("joint_acceleration", log.t, log.ddq, log.q, log.errors[2])
     rows, tool = _mean_rows(log, states, tally.limits)
     frames = None
     if tally.limits.angular_speed is not None and isinstance(tally.arm, SerialArm):
@@ -93,7 +93,7 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
             if len(log.t) > order * k:
                 t, q = log.middles(order * k)
                 mean, error = log.mean(column, order, k)
-                slack = max(slack, tally.rates(name, t, mean, q, error))
+                slack = max(slack, tally.record_rates(name, t, mean, q, error))
         if frames is not None:
             slack = max(slack, _record_angular_speed(log, tally, frames, k))
         if log.dq is not None:
@@ -109,21 +109,23 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
     if tally.path is not None:
         from scipy.interpolate import CubicHermiteSpline
 
-        tally.pose(log.t, log.q, log.errors[0])
+        tally.record_pose(log.t, log.q, log.errors[0])
         if log.dq is not None:
-            # The weights of dq sum to at most a quarter of the interval.
+            # The weights of the velocities in the cubic sum to at most a quarter of the interval.
             position_error = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
             between = (log.t[:-1, None] + np.diff(log.t)[:, None] * BETWEEN).ravel()
-            tally.pose(between, CubicHermiteSpline(log.t, log.q, log.dq)(between), position_error)
+            tally.record_pose(
+                between, CubicHermiteSpline(log.t, log.q, log.dq)(between), position_error
+            )
 
 
 def _mean_rows(
     log: SampledMotion, states: States, limits: Limits
 ) -> tuple[list[tuple[str, Column, int]], list[Column]]:
-    """Limits of mean rates, with the columns and difference orders that determine them."""
+    """Rates to check (limit, column, difference order), and columns of the tool motion."""
     # Velocities follow from positions, accelerations from velocities if available, and jerks from
-    # the highest derivative. Also returns positions of the tool, and its velocities if joints have
-    # them.
+    # the highest derivative. The columns of the tool are positions and, if joint velocities are
+    # known, velocities; accelerations only if tool jerk is limited.
     arm = states.arm
     joints = {
         order: (x, np.tile(log.errors[order], (len(log.t), 1)))
@@ -154,21 +156,21 @@ def _mean_rows(
 def _record_angular_speed(
     log: SampledMotion, tally: LimitUseAccumulator, frames: FloatArray, k: int
 ) -> float:
-    """Record mean angular speeds over windows of `k` samples; return the effect of rounding."""
+    """Record mean angular speeds over windows of `k` samples; return the largest ratio error."""
     span, time_error = (x[:, 0] for x in log.spans(k))
     step = np.linalg.norm(frames[k:] - frames[:-k], axis=(1, 2))
-    # The shortest rotation between two frames is a lower bound of the angle.
+    # The shortest rotation between two orientations is a lower bound of the angle.
     angle = 2 * np.arcsin(np.minimum(step / np.sqrt(8), 1.0))
     # An error of a joint position turns the tool by at most the same angle.
     error = (2 * log.errors[0].sum() + angle / span * time_error) / (span + time_error)
     t, q = log.middles(k)
-    return tally.rates("angular_speed", t, (angle / span)[:, None], q, error)
+    return tally.record_rates("angular_speed", t, (angle / span)[:, None], q, error)
 
 
 def _record_centripetal(
     log: SampledMotion, tally: LimitUseAccumulator, tool: list[Column], k: int
 ) -> float:
-    """Record mean tool accelerations normal to the motion; return the effect of rounding."""
+    """Record mean tool accelerations normal to the motion; return the largest ratio error."""
     from scipy.ndimage import maximum_filter1d
 
     order, limit = 3 - min(len(tool), 2), tally.limits.centripetal_acceleration
@@ -182,8 +184,8 @@ def _record_centripetal(
     first, last = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
     slowest, size = np.minimum(first, last), np.linalg.norm(mean, axis=1)
     # If the direction turns within the window, tangential acceleration has a component normal to
-    # the middle direction: the sine of the angle times its absolute value, of which the largest in
-    # this window and its neighbours is used.
+    # the middle direction. The component is at most the sine of the angle times the largest
+    # tangential acceleration in this window and its neighbours.
     cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, SLOWEST**2)
     sine = np.sqrt(np.maximum(0.0, 1 - np.minimum(cosine, 1.0) ** 2))
     moving = (slowest > SLOWEST) & (cosine > 0) & (sine < WIDEST_TURN)
@@ -192,12 +194,12 @@ def _record_centripetal(
     along = np.abs(np.einsum("ij,ij->i", mean, before + after)) / middle
     along = maximum_filter1d(along + error, 2 * k + 1, mode="nearest")
     value, bound = across(before + after, mean), error + turned * along
-    # Where the direction turns by more, the whole acceleration may be normal to the motion.
+    # Where the direction turns further, the whole acceleration may be normal to the motion.
     sharp = ~moving & (slowest > SLOWEST + velocity_error)
     value[sharp] = bound[sharp] = size[sharp]
     counts = moving | sharp
     name = "centripetal_acceleration"
-    tally.rates(name, t[counts], value[counts], q[counts], bound[counts])
+    tally.record_rates(name, t[counts], value[counts], q[counts], bound[counts])
     return float(error.max()) / limit
 
 
@@ -210,14 +212,14 @@ def _record_windows(log: SampledMotion, dq: FloatArray, tally: LimitUseAccumulat
         residual = step - v * span
         smallest = np.abs(residual) - position_error - np.abs(v) * time_error
         error = 2 * np.abs(residual) / span**2 - 2 * smallest / (span + time_error) ** 2
-        tally.rates("joint_acceleration", t, sign * 2 * residual / span**2, q, error)
+        tally.record_rates("joint_acceleration", t, sign * 2 * residual / span**2, q, error)
     residual = np.abs(total * span - 2 * step)
     mean, smallest = (
         6 * residual / span**3,
         residual - 2 * position_error - np.abs(total) * time_error,
     )
-    # Not for `highest`: with rounded positions, this mean jerk can be far above the jerk of the
-    # recorded motion.
+    # `highest` must not include this mean jerk, because with rounded positions it can be far above
+    # the jerk of the recorded motion.
     narrow, tally.narrow = tally.narrow, False
-    tally.rates("joint_jerk", t, mean, q, mean - 6 * smallest / (span + time_error) ** 3)
+    tally.record_rates("joint_jerk", t, mean, q, mean - 6 * smallest / (span + time_error) ** 3)
     tally.narrow = narrow

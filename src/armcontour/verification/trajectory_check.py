@@ -45,11 +45,11 @@ from armcontour.verification.sample_check import SampledMotion, record_samples
 
 # Error bound of computed numbers, in units of the last binary digit.
 ULPS = 4
-# Printed times this near to a regular grid, in units of the last printed digit, are on the grid.
+# Printed times within this distance of a regular grid are on the grid [last printed digit].
 ON_GRID = 1e-3
 UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 # Number of tool points between two breaks of a law.
-PLACES = 4
+POINTS_PER_INTERVAL = 4
 
 
 class TimeSamples(Protocol):
@@ -75,13 +75,13 @@ class PathDeviation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Check(Result):
-    """The result of a check.
+    """Result of `check`: the use of every limit, and the verdict.
 
     Args:
         uses: One entry for every limit that was checked.
-        not_judged: Limits that the samples do not allow to check, and requirements of the path
-            without a limit.
-        reconstruction: Assumption about the motion between samples, in one sentence.
+        not_judged: Limits that cannot be checked with these samples, and requirements of the path
+            for which no limit was specified.
+        reconstruction: Assumption about the motion between samples, as text.
         tolerance: Fraction by which a limit may be exceeded.
         states: Number of checked times.
         start: First time [s].
@@ -152,7 +152,7 @@ class Check(Result):
         if names:
             yield (
                 f"Cannot tell: {names}. The printed numbers exceed the limit, but the cause may be "
-                "their rounding, or a reversal between two samples: print more digits, add columns "
+                "their rounding, or a reversal between two samples. Print more digits, add columns "
                 "of velocities and accelerations, or sample more often."
             )
         yield self.reconstruction
@@ -160,7 +160,7 @@ class Check(Result):
             names = ", ".join(self.not_judged)
             yield f"Not judged, since a limit or the necessary samples are missing: {names}."
         if "path_jerk" in self.not_judged:
-            yield "Jerk along the path is checked for plans only: samples have no arc length."
+            yield "Jerk along the path is checked only for plans: samples have no arc length."
 
     @property
     def worst(self) -> LimitUse | None:
@@ -215,13 +215,13 @@ def check(
     """Check a joint trajectory from any source against limits and a path.
 
     A law, such as a `Trajectory`, is checked on both sides of every break and at random times
-    between breaks; with a limit of jerk its accelerations must not jump. For samples, the printed
-    values are checked, and between them the means that every motion through them must reach. A
-    reported violation is real within the rounding; a peak between samples may be higher than
-    reported.
+    between breaks. If jerk is limited, the accelerations of a law must not jump. For samples, the
+    check covers the printed values and, between samples, the mean velocities and accelerations that
+    every motion through the samples must reach. A reported violation is real within the rounding; a
+    peak between samples may be higher than reported.
 
     In a program, tool limits are checked along contours with their leads, and joint limits on every
-    move. Samples are assigned to contours so that the tool is nearest to them.
+    move. Samples are assigned to contours such that the distances from the tool are smallest.
 
     "violated" means that every motion through the samples exceeds the limit, for all true numbers
     within their printed digits. "kept" means that the samples, and the means between neighbours,
@@ -237,18 +237,18 @@ def check(
             `breaks`.
         arm: The arm.
         limits: Limits instead of those of the plan, or of the arm if the samples are no plan.
-        path: The path that the tool should follow, or the planned program. With the objective path,
-            rounded and shaped motions are compared with that.
-        deviation: Largest distance of the tool from the path [m].
-        coverage_error: Largest distance from any point of the path, such as a corner, to the tool's
-            motion [m]: the opposite direction.
-        orientation_deviation: Largest angle between the tool and the required tool orientation
+        path: The path that the tool should follow, or the planned program. If you specify the
+            objective path, a rounded or shaped motion is compared with the objective path.
+        deviation: Permitted distance of the tool from the path [m].
+        coverage_error: Permitted distance from any point of the path, such as a corner, to the
+            tool's motion [m].
+        orientation_deviation: Permitted angle between the tool and the required tool orientation
             nearby [rad]; between the axes if only the axis is required.
-        resolution: Last printed digit of "t", "q", "dq", "ddq", one or one per joint [SI]; by
-            default that of the samples, or 0.
-        tolerance: Share by which a limit may be exceeded.
-        velocity_step: Largest jump of a joint's velocity at a break of a law [rad/s].
-        points: Random times per interval of a law.
+        resolution: Unit of the last printed digit of "t", "q", "dq", "ddq", one value or one per
+            joint [SI]; by default the resolution of the samples, or 0.
+        tolerance: Fraction by which a limit may be exceeded.
+        velocity_step: Permitted jump of a joint's velocity at a break of a law [rad/s].
+        points: Number of random times per interval of a law.
         seed: Seed of the random times.
 
     Raises:
@@ -303,17 +303,17 @@ def _is_law(motion: Any) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Part:
-    """A part of a motion."""
+    """A part of a motion, with the limits and the path that apply to it."""
 
     motion: Any  # A law or samples
     limits: Limits
-    path: Path | None = None  # The path that the tool was to follow, or None
+    path: Path | None = None  # Path that the tool should follow, or None
     t: float = 0.0  # Start time of the part, added to its times [s]
-    s: float = 0.0  # Length of the contours before, added to its arc lengths [m]
+    s: float = 0.0  # Length of the previous contours, added to its arc lengths [m]
 
 
 def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | None) -> list[_Part]:
-    """Split a motion: joint limits apply in all of it, tool limits and paths on its contours."""
+    """Split a motion into its whole, with joint limits, and its contours, with tool limits."""
     planned = samples.limits if isinstance(samples, Trajectory) else None
     bounds = resolve_limits("check", arm, limits, planned)
     spans, plural = (
@@ -333,8 +333,8 @@ def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | Non
         paths = paths or [None] * len(spans)
         if len(spans) != len(paths):
             raise InvalidInput(
-                f"The trajectory has {len(spans)} contours, and the program {len(paths)}: check it "
-                "with the program that was planned."
+                f"The trajectory has {len(spans)} contours, but the program has {len(paths)}. "
+                "Check the trajectory with the planned program."
             )
         return parts + [
             _Part(motion=x.trajectory, limits=tool, path=path, t=x.t[0], s=x.s[0])
@@ -361,8 +361,9 @@ def _judge_law(
     first, last = law(np.array([start]), 1), law(np.array([end]), 1, side="left")
     return {
         "reconstruction": (
-            f"A continuous law: no reconstruction; checked at {points} random times "
-            f"(seed {seed}) between any two breaks and on both sides of every break."
+            f"The motion is a continuous law and needs no reconstruction. It was checked at "
+            f"{points} random times (seed {seed}) between any two breaks and on both sides of "
+            "every break."
         ),
         "states": count,
         "start": start,
@@ -398,7 +399,7 @@ def _check_path(
     coverage_error: float | None,
     orientation_deviation: float | None,
 ) -> None:
-    """Check that the path fits the arm, and that deviations have a path."""
+    """Check that the path has the dimension of the arm, and that limited deviations have a path."""
     if path is not None and path.dimension != arm.dimension:
         raise InvalidInput(
             f"The path has {path.dimension} coordinates, but the arm {arm.name} moves its tool in "
@@ -406,12 +407,13 @@ def _check_path(
         )
     for name, value in (("deviation", deviation), ("coverage_error", coverage_error)):
         if value is not None and path is None:
-            raise InvalidInput(f"A largest {name} needs the path that the tool was to follow.")
+            raise InvalidInput(
+                f"{name} requires a path. Specify the path that the tool should follow."
+            )
     oriented = path is not None and path.orientation is not None and isinstance(arm, SerialArm)
     if orientation_deviation is not None and not oriented:
         raise InvalidInput(
-            "A largest orientation_deviation needs a path with a tool orientation, and an arm in "
-            "space."
+            "orientation_deviation requires a path with a tool orientation, and an arm in space."
         )
 
 
@@ -428,26 +430,26 @@ def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[st
 
 
 def _reconstruction(log: SampledMotion) -> str:
-    """Assumption about the motion between samples, in one sentence."""
+    """Assumption about the motion between samples, in complete sentences."""
     columns = [x for x in ("q", "dq", "ddq") if getattr(log, x) is not None]
     listed = " and ".join(", ".join(columns).rsplit(", ", 1))
-    cubic = "; its distance from a path is that of the cubics through q and dq"
+    cubic = " The distance from a path is that of the cubics through q and dq."
     centripetal = (
         ""
         if log.dq is not None and log.ddq is not None
-        else "; centripetal acceleration is estimated from neighbouring samples"
+        else " Centripetal acceleration is estimated from neighbouring samples."
     )
     return (
-        f"Samples of {listed}: their values are checked, and between samples the mean "
-        "velocities and accelerations that every motion through them must reach, so peaks between "
-        f"samples may be higher{cubic if log.dq is not None else ''}{centripetal}."
+        f"The values of the samples ({listed}) are checked. Between samples, the mean velocities "
+        "and accelerations that every motion through the samples must reach are checked, so peaks "
+        f"between samples may be higher.{cubic if log.dq is not None else ''}{centripetal}"
     )
 
 
 def _check_samples(
     samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None
 ) -> SampledMotion:
-    """Check samples, and bound the errors of their numbers from printing and computing."""
+    """Check samples, and bound the printing and rounding errors of their numbers."""
     t, q = getattr(samples, "t", None), getattr(samples, "q", None)
     if t is None or q is None:
         raise InvalidInput(
@@ -460,7 +462,10 @@ def _check_samples(
             columns[name] = _column(name, getattr(samples, name), dof)
     for name, values in columns.items():
         if len(values) != len(times):
-            raise InvalidInput(f"There are {len(times)} times, but {len(values)} rows of {name}.")
+            raise InvalidInput(
+                f"{name} must have one row per time, but has {len(values)} rows for "
+                f"{len(times)} times."
+            )
     fewest = 2 if "dq" in columns else 3
     if len(times) < fewest:
         raise InvalidInput(
@@ -477,7 +482,9 @@ def _check_samples(
     )
     unknown = set(digits) - set(UNITS)
     if unknown:
-        raise InvalidInput(f"resolution is that of t, q, dq or ddq, not of {sorted(unknown)[0]!r}.")
+        raise InvalidInput(
+            f"resolution has an unknown key {sorted(unknown)[0]!r}: the keys are t, q, dq and ddq."
+        )
     errors = {name: np.zeros(dof) for name in ("q", "dq", "ddq")}
     for name, values in columns.items():
         printed = checks.per_joint(f"resolution of {name}", digits.get(name, 0.0), dof)
@@ -499,9 +506,9 @@ def _check_samples(
 
 
 def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
-    """Bounds on the errors of times [s], (n,), and on the fraction of their common scaling."""
-    # If all printed times except the last are regular, the true times are regular too. The true
-    # period then differs by so little that the last digit of the other end does not change.
+    """Bounds on the errors of times [s], (n,), and on the relative error of their period."""
+    # If all printed times except the last are regular, the true times are regular too. The error of
+    # the true period then shifts the last regular time by at most its last printed digit.
     step = (t[-2] - t[0]) / (len(t) - 2) if len(t) > 2 else t[-1] - t[0]
     number = np.round((t - t[0]) / step)
     regular = np.abs(t - t[0] - number * step) <= ON_GRID * resolution
@@ -521,11 +528,13 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
             f"{name} must be numbers in {UNITS[name]}: {str(error).split('. ')[0].rstrip('.')}."
         ) from None
     if dof is None and array.ndim != 1:
-        raise InvalidInput(f"t must be one row of times, but has the shape {array.shape}.")
+        raise InvalidInput(
+            f"t must be a one-dimensional array of times, but has shape {array.shape}."
+        )
     if dof is not None and (array.ndim != 2 or array.shape[1] != dof):
         raise InvalidInput(
             f"{name} must have one row per sample and {dof} columns, one per joint of the arm, "
-            f"but has the shape {array.shape}."
+            f"but has shape {array.shape}."
         )
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
@@ -533,8 +542,8 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
         joint = int(bad[0, 1]) if dof is not None else None
         suffix = "" if joint is None else f" of joint {joint + 1}"
         raise InvalidInput(
-            f"{name}{suffix} is {float(array[tuple(bad[0])])} in row {row + 1}: every number must "
-            "be finite.",
+            f"{name}{suffix} is {float(array[tuple(bad[0])])} in row {row + 1}, but every number "
+            "must be finite.",
             index=row,
             joint=joint,
         )
@@ -542,19 +551,22 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
 
 
 def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> None:
-    """Record the distances from the path to the tool, at most `allowed` [m]."""
-    # The tool's motion is assumed to be straight between its points; its sagitta around them is the
-    # error bound.
+    """Record the distances from the path to the tool as uses of the limit `allowed` [m]."""
+    # The tool's motion is assumed to be straight between tool points. The error bound is the
+    # largest sagitta of a tool point and its neighbours.
     assert tally.path is not None
     if callable(motion):
         breaks = np.asarray(motion.breaks, dtype=np.float64)
-        inner = breaks[:-1, None] + np.arange(PLACES) / PLACES * np.diff(breaks)[:, None]
+        inner = (
+            breaks[:-1, None]
+            + np.arange(POINTS_PER_INTERVAL) / POINTS_PER_INTERVAL * np.diff(breaks)[:, None]
+        )
         t = np.append(inner.ravel(), breaks[-1])
         q = np.asarray(motion(t, 0, side="left"))
         error = np.zeros(q.shape[1])
     else:
         t, q, error = motion.t, motion.q, motion.errors[0]
-    points, error_bound = tally.tool(q, error)
+    points, error_bound = tally.tool_points(q, error)
     followed = follow_path(tally.path, points)
     sagitta = np.zeros(len(points))
     middle = (points[2:] + points[:-2]) / 2
@@ -566,5 +578,6 @@ def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> 
         Use("coverage_error", followed.coverage_error, allowed, around + error_bound), t, q
     )
     if tally.deviation is not None:
-        # Distance from the path point; the nearest point may be on another line.
+        # Distance from the path point. `record_pose` records the distance from the nearest point,
+        # which may be on another part of the path.
         tally.record(Use("path_deviation", followed.distance, tally.deviation, error_bound), t, q)

@@ -177,7 +177,7 @@ def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
         )
     assert (errors["inverse"] < 0.02 * errors["none"]).all()
     call = partial(ac.compensate, plan, servo, ac.PolePlacement())
-    refuses(call, ac.InvalidInput, "order second, delay", "take the compensation inverse")
+    refuses(call, ac.InvalidInput, "order second, delay", "the compensation inverse")
     # A joint without a model keeps its plan; bodies take no other loops.
     unknown = ac.ServoModel(order="unknown")
     default = ac.compensate(plan, unknown)

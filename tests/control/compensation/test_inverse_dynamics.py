@@ -254,7 +254,7 @@ def test_refused(light, refuses):
     plan = ac.plan(path, rods, ac.Limits(joint_velocity=1.0, joint_acceleration=9.0))
     first = ac.ServoModel(kp=25.0, order="first")
     for call, words in (
-        (partial(compensate, SWING, None), "give compensate the arm"),
+        (partial(compensate, SWING, None), "requires an arm with masses"),
         (partial(compensate, SWING, light, first), "order second"),
         (partial(compensate, SWING, light, poles=[-1.0, -1.0, -1.0]), "poles"),
         (partial(compensate, SWING, rods), "rods has 2 joints"),

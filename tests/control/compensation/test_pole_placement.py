@@ -281,14 +281,14 @@ def test_refused(mac, arm, refuses):
     data = {"limit": "joint_acceleration", "allowed": 0.72}
     refuses(call, ac.CompensationError, "saturates with any poles", **data)
     call = partial(fastest_poles, SERVO, mac, ac.Limits.only())
-    refuses(call, ac.InvalidInput, "give joint_acceleration")
+    refuses(call, ac.InvalidInput, "Specify joint_acceleration")
     first = ac.ServoModel(kp=25.0, order="first")
     for call in (
         partial(fastest_poles, first, mac, arm.limits),
         partial(pole_behaviour, first, [-1, -1, -1]),
         partial(ac.compensate, mac, first, ac.PolePlacement()),
     ):
-        refuses(call, ac.InvalidInput, "order second", "take the compensation inverse")
+        refuses(call, ac.InvalidInput, "order second", "the compensation inverse")
 
 
 DURATION = 0.6

@@ -140,9 +140,9 @@ def test_refusals(refuses, tmp_path):
     refuses(lambda: read_log(tmp_path / "no.csv"), InvalidInput, "no.csv")
     file = tmp_path / "l.csv"
     for options, words in (
-        ({"start": "2"}, "--from: '2' has no unit"),
-        ({"end": "3"}, "--to: '3' has no unit"),
-        ({"longest_dead_time": "0.5"}, "--longest-dead-time: '0.5' has no unit"),
+        ({"start": "2"}, "--from requires a unit"),
+        ({"end": "3"}, "--to requires a unit"),
+        ({"longest_dead_time": "0.5"}, "--longest-dead-time requires a unit"),
         ({"longest_dead_time": "0"}, "--longest-dead-time: must be above zero"),
         ({"start": "2 rad"}, "--from: must be a quantity in s"),
         ({"open_report": True}, "--out"),
@@ -209,7 +209,7 @@ def test_the_command(log, tmp_path, capsys):
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
     assert identify_files([file], IdentifyOptions(out=out, validate=[file])) == 9
     printed = capsys.readouterr().out
-    assert "Prediction of log.csv" in printed and "judged on one program only" in printed
+    assert "Prediction of log.csv" in printed and "judged on only one program" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
     part = IdentifyOptions(

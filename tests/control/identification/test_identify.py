@@ -216,9 +216,7 @@ def test_joints_that_stand_or_move_uniformly_get_no_model():
     ramp, log = 0.1 * t, commands("step", 25.0, 150.0, 12.3e-3, 1)[1][: len(t)]
     command = np.stack([0 * t, log, ramp], 1)
     fit = identify(Log(t=t, command=command, measured=np.stack([still, still, ramp - 4e-3], 1)))
-    for joint, words in zip(
-        fit.joints, ("no motion", "no motion beyond noise", "uniform"), strict=True
-    ):
+    for joint, words in zip(fit.joints, ("no motion", "is only noise", "uniform"), strict=True):
         assert not joint.written and words in joint.note
 
 

@@ -75,7 +75,7 @@ def test_errors_at_the_tool_of_an_arm(good):
         for i in np.flatnonzero(use)
     ]
     assert fit.judgement.errors[0, 0] == pytest.approx(np.sqrt(np.mean(np.square(away))), rel=0.2)
-    with pytest.raises(ac.InvalidInput, match="give the arm of the log"):
+    with pytest.raises(ac.InvalidInput, match="Specify the arm"):
         ac.identify(robot_log(1), ac.ServoFit(kinematics=ac.load_arm("ur5e")))
 
 

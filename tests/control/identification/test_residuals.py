@@ -26,8 +26,8 @@ def vibration(u, q):
 @pytest.mark.parametrize(
     ("disturbance", "words", "record"),
     [
-        (gravity, "follows position", "half its speed"),
-        (coupling, "follows the motion of joint 1", "alone"),
+        (gravity, "depends on the position", "half its speed"),
+        (coupling, "depends on the motion of joint 1", "this joint rests"),
         (vibration, "is mostly above ", "sampled at 1 kHz"),
     ],
 )
@@ -50,11 +50,11 @@ def test_sign_and_phase_of_velocity_are_distinguished():
     log = ac.Log(t=T, command=u, measured=u)
     rate = np.gradient(u[:, 0], T)
     noise = np.std(rate) * np.random.default_rng(0).normal(size=len(T))
-    assert "in phase with velocity" in describe_residuals([log], 0, [1e-3 * (rate + noise)])
-    assert "sign of velocity" in describe_residuals([log], 0, [np.sign(rate)])
+    assert "in phase with the velocity" in describe_residuals([log], 0, [1e-3 * (rate + noise)])
+    assert "sign of the velocity" in describe_residuals([log], 0, [np.sign(rate)])
     assert "no known pattern" in describe_residuals([log], 0, [np.roll(u[:, 1], 500) ** 3])
     rest = np.where(T > 1.0, np.sign(rate), np.nan)
-    assert "sign of velocity" in describe_residuals([log], 0, [rest])
+    assert "sign of the velocity" in describe_residuals([log], 0, [rest])
 
 
 def test_residuals_scale_with_velocity_and_acceleration():

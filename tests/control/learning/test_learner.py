@@ -87,7 +87,7 @@ def test_it_ends_with_the_best_run_after_setbacks(arm, set_points, delayed_runs)
     bad = ac.simulate(lesson, plant(arm, 1, dead_time=9e-3))
     last = ac.learn(lesson, bad, arm=arm, servo=SERVO)
     assert last.finished
-    assert "larger" in last.reason
+    assert "increased the error" in last.reason
     np.testing.assert_array_equal(last.q, set_points.q)
 
 
@@ -116,7 +116,7 @@ def test_it_stops_when_only_noise_is_left(arm, set_points):
     for _ in range(3):
         lesson = ac.learn(lesson, ac.simulate(lesson, loud), arm=arm, servo=SERVO)
     assert lesson.finished
-    assert lesson.reason == "what remains is noise"
+    assert lesson.reason == "the remaining error is noise"
     assert lesson.noise_share > 0.5
     np.testing.assert_array_equal(lesson.q, lesson.runs[lesson.best].q)
 

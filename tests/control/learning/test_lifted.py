@@ -83,7 +83,7 @@ def test_surprise_is_minus_two_log_of_the_density(lifted, dense):
         covariance = dense @ spread @ dense.T + variance * np.eye(error.size)
         _sign, size = np.linalg.slogdet(covariance)
         expected = error.ravel() @ np.linalg.solve(covariance, error.ravel()) + size
-        differences.append(lifted.surprise(error, penalty, variance) - expected)
+        differences.append(lifted.negative_log_likelihood(error, penalty, variance) - expected)
     assert differences[0] == pytest.approx(differences[1], abs=1e-2 + 1e-6 * abs(differences[0]))
 
 
@@ -97,7 +97,7 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
     execution = ac.simulate(
         set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3
     )
-    expected = lifted.at_times(execution.t, execution.q, lifted.expected(q))
+    expected = lifted.resample(execution.t, execution.q, lifted.expected(q))
     assert np.abs(expected - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
     # Differences of two motions are exact at the times of the drives' cycles.
     near = 1e-9 if servo.drive_cycle else 2e-2

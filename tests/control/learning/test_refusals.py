@@ -71,7 +71,7 @@ def test_other_logs_are_refused(run, refuses):
         (coarse, "every 20.5 ms"),
         (other(log, t=log.t * 1.05), "clock"),
         (of_both(log, lambda x: x[:, :1]), "1 joints"),
-        (ac.simulate(plain, ac.ServoPlant(arm, SERVO)), "other set-points"),
+        (ac.simulate(plain, ac.ServoPlant(arm, SERVO)), "the same set-points"),
         (1.0, "float"),
     ):
         refuses(partial(ac.learn, set_points, wrong, arm=arm, servo=SERVO), ac.InvalidInput, words)

@@ -85,7 +85,7 @@ def test_several_logs_of_the_same_set_points():
 
 def test_no_log_is_refused(refuses):
     robot = Robot(0)
-    refuses(lambda: robot.learn(robot.set_points, []), ac.InvalidInput, "0 are given")
+    refuses(lambda: robot.learn(robot.set_points, []), ac.InvalidInput, "but is 0")
 
 
 class BadLogs(Robot):

@@ -61,9 +61,9 @@ def test_refusals(arm, set_points, refuses):
     t, x = give_way(execution)
     half = len(t) // 2
     for tool, words in (
-        ((t, 1e3 * x), "mm from its position by the encoders"),
+        ((t, 1e3 * x), "positions by the encoders"),
         ((t, x[:, :1]), "rows of 2 or 3 coordinates"),
-        ((t[::-1], x), "must increase"),
+        ((t[::-1], x), "increasing times"),
         ((t[:half], x[:half]), "tool positions covers the plan"),
     ):
         call = partial(ac.learn, set_points, execution, arm=arm, servo=SERVO, tool=tool)

@@ -106,7 +106,7 @@ x,y,temp|0,0,0|1,0,0 => unknown column 'temp'
 x,x,y|0,0,0|1,0,0 => line 1: there are two columns 'x'
 x [mm],y|0,0|1,1 => 'x [mm]' has a unit, but the column 'y' has none
 x,y,z,qx [mm],qy,qz,qw|0,0,0,0,0,0,1|1,0,0,0,0,0,1 => unit 'mm' of the column 'qx
-x,y|0,0|1 => line 3: 1 values, but 2 columns
+x,y|0,0|1 => line 3: the row has 1 values, but must have 2
 x,y|0,0|# note||1,a => line 5, column 'y': 'a' is not a finite number
 x;y|0;0|1,5,;1 => line 3, column 'x': '1,5,' is not a finite number
 x,y,event|0,0,"gas|1,0, => line 2: ... quotes
@@ -196,9 +196,7 @@ def test_columns_may_be_named_for_files_with_other_first_lines_or_none(tmp_path)
         file.write_text(head + "1,10,20,9\n2,30,20,9\n".replace(",", separator))
         (contour,) = read_path(file, ReadOptions(columns="-,x [mm],y [mm],-")).contours
         np.testing.assert_allclose(contour.path.vertices, [[0.01, 0.02], [0.03, 0.02]])
-        refusals(
-            lambda x: read_path(x, ReadOptions(columns="x,y")), [(file, "columns, but names of 2")]
-        )
+        refusals(lambda x: read_path(x, ReadOptions(columns="x,y")), [(file, "columns, but ")])
     dxf = tmp_path / "part.dxf"
     refusals(
         lambda x: read_path(x, ReadOptions(columns="x,y")), [(dxf, "columns ... waypoints in CSV")]

@@ -131,12 +131,14 @@ def test_files_are_named_in_order_and_say_which_they_are(tmp_path, set_points):
 
 def test_a_motion_without_rests_gives_a_longer_file_and_a_warning(tmp_path, set_points):
     data = set_points(np.tile(np.linspace(0, 1, 300)[:, None], 6), events=())
-    with pytest.warns(UserWarning, match="more than 200 points, up to 300, because files end at"):
+    with pytest.warns(
+        UserWarning, match="more than 200 points, up to 300, because a file must end"
+    ):
         export(data, tmp_path / "a.yaml", RosYamlFormat(points_per_file="motoros2"))
     assert (tmp_path / "a.yaml").exists()
     table = make_table(data, name="a")
     assert describe_parts(split_table(table, 300, in_motion=False), 300) == []
-    bad = [(x, "points_per_file must be a whole number") for x in (1, 0, -3, "kuka")]
+    bad = [(x, "points_per_file must be an integer") for x in (1, 0, -3, "kuka")]
     bad += [(True, "points_per_file"), (2.5, "points_per_file")]
     refusals(lambda x: RosYamlFormat(points_per_file=x), bad)
     assert POINTS_PER_FILE["motoros2"] == 200
@@ -243,5 +245,5 @@ def test_torques_are_those_of_the_plan(tmp_path):
         ((kind, _, raw),) = reader.messages()
         message = reader.deserialize(raw, kind.msgtype)
     np.testing.assert_allclose([x.effort for x in message.points], torque, atol=1e-12)
-    bad = [(None, "torques ... give arm"), (ac.load_arm("pmk3s"), "joints")]
+    bad = [(None, "torques ... Specify arm"), (ac.load_arm("pmk3s"), "joints")]
     refusals(lambda x: export(data, tmp_path / "b.csv", CsvFormat(effort=True), arm=x), bad)

@@ -144,10 +144,10 @@ def test_refuses_what_cannot_be_a_table(set_points, conventional, arm):
     data, three = set_points(np.zeros((3, 2))), set_points(np.zeros((3, 3)))
     too_early = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
-        ((data, {"cycle": 0.008}), "their own cycle of 0.004 s"),
+        ((data, {"cycle": 0.008}), "have a cycle of 0.004 s"),
         ((three, {"arm": arm}), "has 2 joints, but 'x' has 3"),
         ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
-        (([1, 2], {}), "not list"),
+        (([1, 2], {}), "but is of type list"),
         ((too_early, {}), "0.05 s before the first set-point"),
     ]
     refusals(lambda x: make_table(x[0], name="x", **x[1]), table)
@@ -283,7 +283,7 @@ def test_numbers_on_and_beside_ties_are_rounded_as_numpy_does():
 
 
 def test_nothing_is_lost_between_pieces(monkeypatch):
-    monkeypatch.setattr(table_module, "CHUNK", 30)
+    monkeypatch.setattr(table_module, "FORMAT_BLOCK", 30)
     for count in (9, 10, 11, 30):
         rows = np.random.default_rng(0).normal(size=(count, 3))
         text = csv_text(["a", "b", "c"], [rows[:, 0], rows[:, 1:]])
@@ -326,7 +326,7 @@ def test_yaml_is_a_joint_trajectory(table, tmp_path):
 
 
 def test_refuses_times_that_ros_cannot_hold(table, tmp_path):
-    words = {1e-10: "less than a nanosecond", 3e9: "at most 2147483647 s"}
+    words = {1e-10: "at least 1 ns apart", 3e9: "at most 2147483647 s"}
     for form in ("ros-yaml", "mcap"):
 
         def write(t, form=form):
@@ -386,7 +386,7 @@ def bytes_of(place):
     return {x.name: x.read_bytes() for x in files if x.is_file()}
 
 
-@pytest.mark.filterwarnings("ignore:.*switched for ")
+@pytest.mark.filterwarnings("ignore:.*does not switch ")
 def test_the_format_follows_from_ending_or_class_and_bytes_are_reproducible(six, tmp_path):
     for form in PLAIN:
         first, second = (tmp_path / f"{x}{form.kind}" / f"part{form.ending}" for x in "ab")
@@ -404,7 +404,7 @@ def test_the_format_follows_from_ending_or_class_and_bytes_are_reproducible(six,
 def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
     kuka = TemplateFormat(template="kuka", outputs={"tool": 17})
     abb = TemplateFormat(template="abb", outputs={"tool": "doTool"})
-    with pytest.warns(UserWarning, match="switched for gas,"):
+    with pytest.warns(UserWarning, match="does not switch gas,"):
         export(six, tmp_path / "part.src", kuka)
     assert "DEF part( )" in (tmp_path / "part.src").read_text()
     q = np.zeros((20, 6))
@@ -412,11 +412,11 @@ def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
     points, place = set_points(q, events=switches), tmp_path / "part.txt"
     bare = (TemplateFormat(template=x) for x in ("kuka", "abb"))
     for form in (*bare, URScriptFormat()):
-        with pytest.warns(UserWarning, match="nothing is switched for tool,") as caught:
+        with pytest.warns(UserWarning, match="does not switch tool,") as caught:
             export(points, place, form)
         assert len(caught) == 1 and caught[0].filename == __file__
     # Values that these programs cannot switch.
-    with pytest.warns(UserWarning, match="gas, label, whose values are not on or off"):
+    with pytest.warns(UserWarning, match="gas, label, because the values are not on or off"):
         export(set_points(q), place, abb)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -446,7 +446,7 @@ def test_a_period_beyond_the_motion_is_refused(conventional, tmp_path, refuses):
 
 def test_refuses_what_does_not_fit_together(six, tmp_path):
     cases = [
-        ("a.txt", {}, "The ending of a.txt is not that of a format"),
+        ("a.txt", {}, "The extension of a.txt does not belong to a format"),
         ("a.csv", {"format": "xml"}, "ExportFormat"),
         ("a.csv", {"joint_names": "abcdef"}, "joint_names must be a list"),
         ("no/a.csv", {}, "No such file or directory"),
@@ -465,7 +465,7 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
     ]
     refusals(lambda x: x(), wrong)
     assert not list(tmp_path.iterdir())
-    with pytest.warns(UserWarning, match="gas, whose values are not on or off"):
+    with pytest.warns(UserWarning, match="gas, because the values are not on or off"):
         export(six, tmp_path / "a.script", URScriptFormat(outputs={"tool": 1}))
     export(six, tmp_path / "a.csv", joint_names=np.array(list("abcdef")))
 
@@ -498,9 +498,9 @@ def test_a_bag_replaces_a_bag_but_nothing_else(six, tmp_path):
     (precious / "thesis.tex").write_text("all of it")
     file.write_text("a file")
     places = [
-        (precious, "other things than a bag ... thesis.tex"),
-        (file, "a file of that name is in the way"),
-        (folder, "a folder of that name is in the way"),
+        (precious, "files that do not belong to a bag ... thesis.tex"),
+        (file, "because a file has this name"),
+        (folder, "because a folder has this name"),
     ]
     refusals(lambda x: export(six, x), places)
     assert (precious / "thesis.tex").read_text() == "all of it"

@@ -118,8 +118,8 @@ def test_programs_of_many_points_are_named(table):
 
 
 def test_ours_refuse_arms_of_other_joints_and_other_outputs(table, tmp_path):
-    names = "controller are signals by their names"
-    numbers = "controller are whole numbers from 1"
+    names = "controller must be names of signals"
+    numbers = "controller must be integers of at least 1"
     table_of = {
         "kuka": (1, numbers, [0, -1, "1] = TRUE"]),
         "abb": ("doGas", names, [1]),
@@ -132,7 +132,7 @@ def test_ours_refuse_arms_of_other_joints_and_other_outputs(table, tmp_path):
         refusals(lambda x, n=name: made(table(6), tmp_path, n, outputs=x), outputs)
     assert "$OUT[3] =" in made(table(6), tmp_path, "kuka", outputs={"tool": np.int64(3)})
     taken = ("do;\nStop", "7th", "EndIf", 33 * "d")
-    outputs = [({"tool": x}, "RAPID takes no signal of the name") for x in taken]
+    outputs = [({"tool": x}, "RAPID does not allow the signal name") for x in taken]
     refusals(lambda x: made(table(6), tmp_path, "abb", outputs=x), outputs)
 
 
@@ -141,7 +141,7 @@ def test_a_kuka_program_is_called_like_its_file(table, tmp_path):
     assert f"\nDEF a_7{21 * 'b'}( )\n" in text and "\n; part 7: " in text
 
     stems = ("7_holes", "a-b", 25 * "a", "EndSpline")
-    bad = [(x, f"KRL takes no program {x}") for x in stems]
+    bad = [(x, f"KRL does not allow the name {x}") for x in stems]
     refusals(lambda x: made(table(6), tmp_path, "kuka", stem=x), bad)
 
 
@@ -236,8 +236,8 @@ def test_a_template_takes_others_only_from_its_folder(table, tmp_path, how):
         return file
 
     bad = [
-        ("out.j2", "leads out of the folder"),
-        ("up/secret.txt", "leads out of the folder"),
+        ("out.j2", "outside its folder"),
+        ("up/secret.txt", "outside its folder"),
         ("gone.j2", "There is no template"),
         ("pipe.j2", "not a regular file"),
         ("../secret.txt", "no template '../secret.txt'"),
@@ -350,10 +350,10 @@ def timed_events(name, value, t=0.0):
 def test_refuses_what_it_cannot_say(table, tmp_path):
     cases = [
         ((table(2), {}), "6 joints, but 'part 7' has 2"),
-        ((dataclasses.replace(table(), cycle=0.001), {}), "whole cycles of 2 ms"),
+        ((dataclasses.replace(table(), cycle=0.001), {}), "multiple of 2 ms"),
         ((table(), {"outputs": {"tool": 8}}), "from 0 to 7"),
         ((table(), {"outputs": {"tool": "doTool"}}), "must be a number"),
-        ((table(), {"outputs": {"gas": 1}}), "only on or off"),
+        ((table(), {"outputs": {"gas": 1}}), "only the values on and off"),
         ((table(events=timed_events("a\\b", 1.0)), {}), "backslashes"),
         ((table(events=timed_events("a", 'the "b"')), {}), "without quotes"),
     ]

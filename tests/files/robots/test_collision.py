@@ -108,13 +108,13 @@ def test_meshes_are_found_by_path_and_by_package(tmp_path):
 
 
 BAD = r"""
-<box size="1 1"/> => link beam ... three numbers as its size
-<torus/> => link beam ... 'torus' ... only boxes
-=> link beam ... one geometry
+<box size="1 1"/> => link beam ... size must be three numbers
+<torus/> => link beam ... must be a box ... 'torus'
+=> link beam ... exactly one geometry
 <mesh filename="http://example.org/a.stl"/> => http://example.org/a.stl ... does not exist
 <mesh filename="package://[/a.stl"/> => package://[/a.stl ... does not exist
-<mesh filename="small.dae"/> => small.dae ... give it as .stl or .obj
-<mesh filename="small.obj" scale="1 x 1"/> => three numbers as its scale
+<mesh filename="small.dae"/> => small.dae ... convert it to .stl or .obj
+<mesh filename="small.obj" scale="1 x 1"/> => scale must be three numbers
 <mesh filename="large.obj"/> => large.obj would be 200 m large ... unit: mm
 """
 
@@ -162,7 +162,7 @@ def test_pairs_of_an_srdf_file_are_left_out_with_its_reasons(tmp_path):
 
 NO_SRDF = """
 <mujoco/> => SRDF ... <mujoco>
-<robot><disable_collisions link1="base"/></robot> => two links, link1 and link2
+<robot><disable_collisions link1="base"/></robot> => two different links, link1 and link2
 <robot><disable_collisions link1="a" link2="b"/></robot> => no link of the arm ... a, b ... base
 """
 

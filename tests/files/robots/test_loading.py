@@ -79,22 +79,22 @@ just words => does not describe an arm ... keys
 links: [1, 2 => is not valid YAML
 """
 CHANGES = """
-mass: 3 => does not describe an arm ... assumed, base, kind ... not mass
-limits: [1, 2] => limits must be named quantities
-limits: {torque: {value: 1, unit: N m}} => unknown limit torque
+mass: 3 => unknown keys mass ... assumed, base, kind
+limits: [1, 2] => limits must be a mapping of quantities
+limits: {torque: {value: 1, unit: N m}} => the limit torque is unknown
 kind: [serial] => kind must be planar_two_link or serial
 base: 0.1 => base must be a quantity with value, unit and source
-base: {value: 100, unit: mm} => base must be given in m ... 'mm'
+base: {value: 100, unit: mm} => the unit of base must be m ... 'mm'
 links: {value: [1, 2, 3], unit: m} => links must be 2 numbers, but is 3
-tubes: 3 => tubes take the keys outer_diameter, wall, density
+tubes: 3 => tubes must have the keys outer_diameter, wall, density
 tubes: {outer_diameter: &x {value: 1, unit: m}, wall: *x, density: *x} => outer_diameter ... 2 num
 links: {value: [0.3, -0.2], unit: m} => links must be above zero
-limits: {joint_acceleration: {value: 40, unit: deg/s^2}} => must be given in rad/s^2 ... 'deg/s^2'
+limits: {joint_acceleration: {value: 40, unit: deg/s^2}} => must be rad/s^2 ... 'deg/s^2'
 limits: {joint_acceleration: {value: [1, 1, 1], unit: rad/s^2}} => joint_acceleration has 3 values
 """
 SERIAL_CHANGES = r"""
-links: 3 => of the kind serial ... not links
-joints: first => joints must be the names
+links: 3 => unknown keys links ... of the kind serial
+joints: first => joints must be a list of the names
 positions: {value: [[0, 0, 1]], unit: m} => positions must be 2 by 3 ... 1 by 3
 axes: {value: [[0, 0, 2], [0, 1, 0]], unit: "1"} => axes ... unit vectors
 angles: {value: up, unit: rad} => angles in ... numbers in rad
@@ -120,7 +120,7 @@ def test_files_that_are_no_arm_are_refused(tmp_path):
     masses = [(f"masses: {{value: [{x}, 1], unit: kg}}", "masses in") for x in numbers]
     refusals(lambda x: read(changed(SERIAL, x)), masses, "finite numbers in kg")
     lacking = {key: value for key, value in SERIAL.items() if key != "centers"}
-    refusals(read, [(lacking, "all of masses, centers")])
+    refusals(read, [(lacking, "all of the keys masses, centers")])
     (tmp_path / "bytes.yaml").write_bytes(b"name: \xff\xfe\x00")
     places = [
         (tmp_path / "no.yaml", "no arm file ... no.yaml"),
@@ -161,7 +161,9 @@ def test_a_plane_arm_may_have_bodies_and_carry_a_payload(tmp_path):
     )
     still, push = np.zeros(2), np.ones(2)
     assert loaded.torque(still, still, push)[0] > bare.torque(still, still, push)[0] + 0.5
-    refusals(lambda x: ac.load_arm(file, tool=x), [(Frame(), "moves in the plane ... no tool")])
+    refusals(
+        lambda x: ac.load_arm(file, tool=x), [(Frame(), "planar arm ... does not support a tool")]
+    )
 
 
 def test_built_in_arms_take_tools_payloads_and_frames():
@@ -230,10 +232,10 @@ def test_payload_and_friction_replace_those_of_the_named_arm(put):
 
 BAD_DERIVED = [
     (HEAD.replace("arm: ur5e\n", ""), "arm must be the name of a built-in arm"),
-    (HEAD.replace("ur5e", "{name: ur5e, file: a.urdf}"), "either name, a built-in arm, or file"),
+    (HEAD.replace("ur5e", "{name: ur5e, file: a.urdf}"), "either name, the name of a built-in arm"),
     (HEAD.replace("ur5e", "{name: ur5e, tip: tool0}"), "no option tip"),
-    (HEAD.replace("ur5e", "{file: robot.yaml}"), "leads back to it"),
-    (HEAD + PAYLOAD.splitlines()[1], "payload_center needs the payload_mass"),
+    (HEAD.replace("ur5e", "{file: robot.yaml}"), "derived from itself"),
+    (HEAD + PAYLOAD.splitlines()[1], "payload_center requires the key payload_mass"),
     (HEAD + "coulomb: {value: [1, 2], unit: N m, source: c}", "6 numbers"),
 ]
 
@@ -487,18 +489,18 @@ def test_a_file_of_joint_limits_completes_the_description(tmp_path):
 BAD = r"""
 joint_limits: [ => is not valid YAML
 joint_limits: {pan: {max_velocity: !turns 2}} => is not valid YAML ... !turns
-pan: {max_velocity: 1} => needs the key joint_limits
+pan: {max_velocity: 1} => must have the key joint_limits
 joint_limits: {pan_joint: {max_velocity: 1}} => names pan_joint ... pan, tilt, elbow, roll
-joint_limits: {pan: 3} => joint pan must be named limits ... 3
+joint_limits: {pan: 3} => joint pan must be a mapping of limits ... 3
 joint_limits: {pan: {max_speed: 3}} => joint pan ... unknown key 'max_speed' ... max_velocity
 joint_limits: {pan: {max_velocity: '${radians(90)}'}} => pan: max_velocity ... radians(90) ... !deg
-joint_limits: {pan: {max_velocity: true}} => must be a number, not True
-joint_limits: {pan: {has_velocity_limits: 1, max_velocity: 1}} => has_velocity_limits must ... not 1
-joint_limits: {pan: {has_velocity_limits: true}} => no max_velocity: add it
-joint_limits: {pan: {max_velocity: -1}} => joint_velocity of joint pan ... above zero ... -1 rad/s
+joint_limits: {pan: {max_velocity: true}} => must be a number, but is True
+joint_limits: {pan: {has_velocity_limits: 1, max_velocity: 1}} => has_velocity_limits must ... is 1
+joint_limits: {pan: {has_velocity_limits: true}} => no max_velocity. Add max_velocity
+joint_limits: {pan: {max_velocity: -1}} => joint_velocity of joint pan ... positive ... -1 rad/s
 joint_limits: {pan: {max_acceleration: 1}} => joint tilt has no joint_acceleration
-joint_limits: {pan: {max_deceleration: -1}} => joint pan has a max_deceleration but no max_accel
-joint_limits: {tilt: {min_position: 2, max_position: 1}} => joint tilt is empty ... from 2 to 1 rad
+joint_limits: {pan: {max_deceleration: -1}} => joint pan has max_deceleration but no max_accel
+joint_limits: {tilt: {min_position: 2, max_position: 1}} => range of joint tilt ... from 2 to 1 rad
 """
 
 

@@ -44,7 +44,7 @@ def test_an_arm_of_a_model_moves_as_the_model():
     np.testing.assert_array_equal(arm.limits.joint_velocity, model.velocityLimit)
     np.testing.assert_array_equal(arm.limits.joint_upper, model.upperPositionLimit)
     # Accelerations are assumed, and a note says so.
-    assert arm.limits.joint_acceleration is not None and "accelerations" in arm.notes[0]
+    assert arm.limits.joint_acceleration is not None and "no acceleration limits" in arm.notes[0]
     # A path is planned for it as for any arm, here without weight.
     model.gravity.linear = np.zeros(3)
     arm = ac.load_arm(model, ac.ArmOptions(tip="effector_body"))

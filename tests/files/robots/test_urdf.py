@@ -164,7 +164,7 @@ def test_the_arm_has_the_values_of_its_description():
     np.testing.assert_array_equal(limits.joint_upper, [np.inf, 1.5, 2.5, 3])
     # Speeds are assumed to be reached in one second.
     np.testing.assert_array_equal(limits.joint_acceleration, limits.joint_velocity)
-    assert [x for x in arm.notes if "no accelerations" in x] and arm.limits_hint == ""
+    assert [x for x in arm.notes if "no acceleration limits" in x] and arm.limits_hint == ""
     np.testing.assert_array_equal(arm.chain.viscous, [0.5, 0, 0.1, 0])
     np.testing.assert_array_equal(arm.chain.coulomb, [1.5, 0, 0, 0])
     np.testing.assert_allclose(arm.chain.axes[1], [0, np.sqrt(0.5), np.sqrt(0.5)])
@@ -202,7 +202,7 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path):
     refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
     # Efforts mean nothing then, and must not keep the arm from being planned for.
     assert arm.limits.joint_torque is None and whole.limits.joint_torque is not None
-    assert any("limits of effort are left out" in note for note in arm.notes)
+    assert any("effort limits are ignored" in note for note in arm.notes)
     # Frames of tool and work go with it.
     tool = Frame.rpy([0, 0.1, 0.2], [0.1, 0, 0])
     points, rotations = whole.pose(np.ones(4))
@@ -213,21 +213,21 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path):
 BAD = """
 link name="cover" => link => a link without a name
 joint name="elbow" => joint name="tilt" => two joints ... tilt
-<child link="wrist"/> => <child link="lower"/> => on two joints ... elbow and roll
+<child link="wrist"/> => <child link="lower"/> => has two parent joints ... elbow and roll
 <parent link="world"/> => <parent link="tcp"/> => loop
-<link name="world"/> => <link name="world"/><link name="lost"/> => in parts ... lost
+<link name="world"/> => <link name="world"/><link name="lost"/> => without a parent joint ... lost
 name="elbow" type="revolute" => name="elbow" type="ball" => elbow ... 'ball'
 name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is prismatic ... locked=
 <limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... locked=
 effort="40" velocity="2.5" => effort="40" velocity="fast" => velocity ... joint elbow ... 'fast'
-lower="-2.5" upper="2.5" => => range of joint elbow is empty
-<mass value="2"/> => <mass/> => link lower of ... value of its mass
-<axis xyz="0 1 1"/> => <axis xyz="0 0 0"/> => Joint tilt of ... axis of length 0
-<dynamics damping="0.1"/> => <dynamics damping="-0.1"/> => elbow ... damping -0.1
-<mimic joint="left" => <mimic joint="right" => right ... mimics no joint
+lower="-2.5" upper="2.5" => => lower end of the range of joint elbow
+<mass value="2"/> => <mass/> => link lower of ... value of the mass
+<axis xyz="0 1 1"/> => <axis xyz="0 0 0"/> => Joint tilt of ... zero axis
+<dynamics damping="0.1"/> => <dynamics damping="-0.1"/> => elbow ... damping of joint elbow
+<mimic joint="left" => <mimic joint="right" => right ... must mimic an existing joint
 """
 NO_ROBOTS = """
-solid gripper => is not XML ... line 1
+solid gripper => is not valid XML ... line 1
 <mujoco/> => is not a robot description ... <mujoco>
 <robot name="r"/> => without links
 <robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arm/></robot> => xacro
@@ -305,8 +305,8 @@ def test_zero_and_less_count_as_not_given(tmp_path):
     ):
         change = (elbow, f'effort="{effort}" velocity="{velocity}"')
         arm = load(tmp_path, change)
-        (note,) = (x for x in arm.notes if "count as not given" in x)
-        assert note.startswith(f"robot.urdf: it gives no {lacking} of elbow")
+        (note,) = (x for x in arm.notes if "values of at most 0 are ignored" in x)
+        assert note.startswith(f"robot.urdf: it has no {lacking} of elbow")
         assert (arm.limits.joint_torque is None) == ("no effort" in note)
         assert (arm.limits.joint_velocity is None) == ("no velocity" in note)
         # Without speeds no accelerations are assumed.
@@ -316,7 +316,7 @@ def test_zero_and_less_count_as_not_given(tmp_path):
     arm = load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml")
     np.testing.assert_array_equal(arm.limits.joint_torque, [80, 70, 33, 15])
     np.testing.assert_array_equal(arm.limits.joint_velocity, [2, 1.5, 1.25, 4])
-    assert not any("not given" in x for x in arm.notes)
+    assert not any("ignored" in x for x in arm.notes)
     # Those of some joints only are not enough.
     change = ('effort="80" velocity="2"', 'effort="0" velocity="2"')
     words = "joint pan has no joint_torque ... joint_limits"
@@ -349,7 +349,7 @@ def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path):
     for old, new, words in table:
         arm = load(tmp_path, (old, new))
         assert not arm.has_bodies and arm.limits.joint_torque is None
-        assert any(words in note and "limits of effort are left out" in note for note in arm.notes)
+        assert any(words in note and "effort limits are ignored" in note for note in arm.notes)
         q = np.random.default_rng(3).normal(size=(20, 4))
         np.testing.assert_array_equal(arm.tool_position(q), whole.tool_position(q))
         refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
@@ -380,12 +380,12 @@ def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path)
 
 
 CHOICES = """
-{tip: gripper} => no link 'gripper' to be the tip ... left_finger ... tcp
+{tip: gripper} => tip must be a link of ... 'gripper' ... left_finger ... tcp
 {tip: null} => 4 links that could be the tip ... cover ... tcp ... (in a job, arm: {tip:
-{tip: base_link, base: upper} => base upper does not carry the tip base_link
-{tip: base_link, base: base_link} => No joint turns
+{tip: base_link, base: upper} => tip base_link is not below the base upper
+{tip: base_link, base: base_link} => No joint moves
 {base: null} => lift ... is prismatic ... locked={'lift': ...}
-{locked: {thumb: 0}} => no joint 'thumb' to be locked ... hinge
+{locked: {thumb: 0}} => joint 'thumb' cannot be locked ... hinge
 {locked: {hinge: 2}} => hinge ... locked at 2 ... -1 to 1
 {locked: {hand_tcp: 1}} => hand_tcp ... is fixed and cannot be locked
 """
@@ -402,9 +402,9 @@ def test_xml_that_cannot_be_read_is_refused(tmp_path):
     )
     head = '<?xml version="1.0" encoding="{}"?><robot name="r"/>'
     names = ("utf-7", "zlib_codec", "nowhere", "utf-16")
-    table = [(head.format(x), "is not XML") for x in names]
+    table = [(head.format(x), "is not valid XML") for x in names]
     grown = f'<!DOCTYPE robot [{entities}]><robot name="r">&a11;</robot>'
-    table.append((grown, "is not XML ... amplification"))
+    table.append((grown, "is not valid XML ... amplification"))
 
     def read(text):
         (tmp_path / "robot.urdf").write_text(text)
@@ -440,9 +440,12 @@ def test_descriptions_of_absurd_size_are_refused_at_once(tmp_path):
         return ac.load_arm(file)
 
     table = [
-        (links(1001), "more than the 1000 links"),
-        ("<robot>" + "<x/>" * 300_000 + "</robot>", "more than the 200000 elements"),
-        ("<robot>" + "<link>" * 101 + "</link>" * 101 + "</robot>", "nested more than 100 deep"),
+        (links(1001), "more than 1000 links"),
+        ("<robot>" + "<x/>" * 300_000 + "</robot>", "more than 200000 elements"),
+        (
+            "<robot>" + "<link>" * 101 + "</link>" * 101 + "</robot>",
+            "nested more than 100 levels deep",
+        ),
     ]
     refusals(read, table)
     # Only what a body is is taken from it.
@@ -461,13 +464,13 @@ NAMES = [
 # N stands for what is no number.
 NUMBERS = """
 velocity="2.5" => velocity="N" => must be one finite number
-<mass value="2"/> => <mass value="N"/> => needs a number as value of its mass
-<origin xyz="0.4 0 0.02"/> => <origin xyz="N 0 0"/> => needs three numbers as its xyz
+<mass value="2"/> => <mass value="N"/> => value of the mass must be a number
+<origin xyz="0.4 0 0.02"/> => <origin xyz="N 0 0"/> => xyz must be three numbers
 """
 TOO_LARGE = """
-xyz="0.4 0 0.02" => xyz="1e300 0 0.02" => elbow ... up to 1e+09 ... 1e300
-<mass value="2"/> => <mass value="1e200"/> => its mass ... up to 1e+09
-multiplier="0.5" => multiplier="1e300" => right ... is locked ... beyond 1e+09
+xyz="0.4 0 0.02" => xyz="1e300 0 0.02" => elbow ... at most 1e+09 ... 1e300
+<mass value="2"/> => <mass value="1e200"/> => of the mass ... at most 1e+09
+multiplier="0.5" => multiplier="1e300" => locked position ... right ... at most 1e+09
 """
 
 
@@ -494,7 +497,7 @@ def test_pipes_are_refused(tmp_path):
         for i in range(600)
     )
     change = ("</robot>", mimics + "</robot>")
-    refusals(lambda x: load(tmp_path, x), [(change, "Joint m ... mimics no joint")])
+    refusals(lambda x: load(tmp_path, x), [(change, "Joint m ... must mimic an existing joint")])
 
 
 # Joints as name, kind, parent link, child link, mimicked joint.

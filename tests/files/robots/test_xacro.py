@@ -70,7 +70,7 @@ def test_files_that_xacro_cannot_expand_are_refused(tmp_path, monkeypatch):
     refusals(lambda x: load(write(tmp_path, x)), bodies, words)
     macro = '<xacro:macro name="arm" params=""><link name="base"/></xacro:macro>'
     refusals(
-        lambda x: load(write(tmp_path, x)), [(macro, "makes no links ... only defines macros")]
+        lambda x: load(write(tmp_path, x)), [(macro, "produces no links ... only defines macros")]
     )
     monkeypatch.setitem(sys.modules, "xacro", None)
     refusals(lambda x: load(write(tmp_path, x)), [(ARM, "pip install 'armcontour[ros]'")])
@@ -79,7 +79,7 @@ def test_files_that_xacro_cannot_expand_are_refused(tmp_path, monkeypatch):
 def test_a_process_that_ends_early_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.executable", "/bin/true")
     file = write(tmp_path, ARM)
-    refusals(load, [(file, "robot.xacro ... ended without an answer")])
+    refusals(load, [(file, "robot.xacro ... ended without a result")])
     monkeypatch.setattr("sys.executable", str(tmp_path / "none"))
     refusals(load, [(file, "robot.xacro ... cannot be started")])
 
@@ -160,14 +160,14 @@ def test_arguments_are_given(tmp_path):
 
 
 def test_arguments_that_lack_or_are_too_many_are_named(tmp_path):
-    size = "it needs a value of its argument 'size' ... --xacro-arg size=VALUE"
+    size = "it requires a value of its argument 'size' ... --xacro-arg size=VALUE"
     texts = ("$(arg size)", "${xacro.arg('size')}", r"$(eval arg('size'${'\x29'})")
     refusals(lambda x: load(write(tmp_path, link(x))), [(x, size) for x in texts])
     file = write(tmp_path, '<xacro:arg name="soft" default="no"/>' + ARM)
     (tmp_path / "robot.urdf").write_text(f"{HEAD}{ARM}</robot>")
     table = [
-        ((file, {"sofd": True}), "it has no argument 'sofd': it takes soft"),
-        ((tmp_path / "robot.urdf", {"a": 1}), "takes no arguments"),
+        ((file, {"sofd": True}), "it has no argument 'sofd'. Its arguments are soft"),
+        ((tmp_path / "robot.urdf", {"a": 1}), "has no arguments"),
         (("ur5e", {"a": 1}), "no option arguments"),
     ]
     loaded = lambda x: ac.load_arm(x[0], ac.ArmOptions(arguments=x[1]), trust_xacro=True)  # noqa: E731

@@ -221,14 +221,14 @@ def test_response_is_that_of_a_sine():
 
 def test_integrators_that_no_model_has_are_refused(plan, refuses):
     for parameters, words in (
-        ({"kp": 5.0, "order": "first", "ki": 1.0}, "integral gain of a velocity loop"),
+        ({"kp": 5.0, "order": "first", "ki": 1.0}, "integral gain of the velocity loop"),
         ({"kp": 5.0, "kv": 50.0, "ki": -1.0}, "ki of a servo model must not be negative"),
         (
             {
                 "kp": 5.0, "kv": 50.0, "ki": 1.0, "interpolation": "cubic",
                 "velocity_feedforward": 1.0, "acceleration_feedforward": 0.1,
             },
-            "linear set-points only",
+            "only for linear set-points",
         ),
     ):  # fmt: skip
         refuses(lambda parameters=parameters: ac.ServoModel(**parameters), InvalidInput, words)

@@ -265,7 +265,7 @@ def test_a_payload_takes_gain_and_limit_away(job):
     for i in range(4):
         chain = loaded.chain.replace(payload=ac.Payload(mass=0.5 + sampled.payload[i]))
         more = type(loaded.dynamics)(chain).mass_matrix(set_points.q)
-        ratio = 1 + sampled.payload[i] * robustness._inertia(
+        ratio = 1 + sampled.payload[i] * robustness._payload_inertia(
             loaded, set_points, Uncertainty(payload=0.4)
         )
         for j in (0, 1):

@@ -10,7 +10,7 @@ import armcontour as ac
 from armcontour.simulation.robustness import Uncertainty
 from armcontour.simulation.robustness.rigid_body_runs import (
     BodyRuns,
-    describe,
+    describe_errors,
     spread_on_bodies,
     trace_on_bodies,
 )
@@ -67,8 +67,8 @@ def test_refusals(planar, refuses):
     first = ac.ServoModel(kp=25.0, order="first")
     for box, uncertain_arm, model, *words in (
         (Uncertainty(jitter=1e-3), arm, servo),
-        (Uncertainty(gains=[0.1] * 3), arm, servo, "2 joints"),
-        (Uncertainty(dead_time=3e-3), arm, servo, "cannot be negative"),
+        (Uncertainty(gains=[0.1] * 3), arm, servo, "2 numbers (one per joint)"),
+        (Uncertainty(dead_time=3e-3), arm, servo, "must not exceed the dead time"),
         (Uncertainty(payload=1.0), arm, servo, "0.5 kg"),
         (Uncertainty(viscous=1.0, friction=0.5), arm, servo),
         (Uncertainty(armature=0.1), ac.load_arm("pmk3s"), servo),
@@ -84,7 +84,7 @@ def test_refusals(planar, refuses):
 def test_a_robot_has_its_errors(planar):
     arm, servo, _, _ = planar
     u = Unknowns.from_uncertainty(ALL, arm, servo)
-    true, controller_arm, robot_servo = u.robot(u.high)
+    true, controller_arm, robot_servo = u.make_robot(u.high)
     for actual, expected in (
         (true.chain.payload.mass, 1.1),
         (true.chain.viscous, [2.0, 1.0]),
@@ -100,12 +100,12 @@ def test_a_robot_has_its_errors(planar):
     weighed = Unknowns.from_uncertainty(
         Uncertainty(payload=[0.0, 1.0], payload_known=True), arm, servo
     )
-    assert weighed.robot(np.ones(1))[1].chain.payload.mass == pytest.approx(1.5)
+    assert weighed.make_robot(np.ones(1))[1].chain.payload.mass == pytest.approx(1.5)
     arm = ac.load_arm("ur5e").with_tool(ac.Frame(position=[0.0, 0.0, 0.12]))
     u = Unknowns.from_uncertainty(Uncertainty(payload=[0.0, 2.0]), arm, SERVO)
-    load = u.robot(np.array([2.0]))[0].chain.payload
+    load = u.make_robot(np.array([2.0]))[0].chain.payload
     assert load.mass == 2.0 and load.center[2] == 0.12
-    assert u.robot(np.zeros(1))[0].chain.payload is None
+    assert u.make_robot(np.zeros(1))[0].chain.payload is None
 
 
 LIMITS = ac.Limits.only(joint_torque=[40.0, 40.0])
@@ -170,6 +170,6 @@ def test_a_robot_that_cannot_be_controlled_is_named(planar, runs):
     arm, servo, path, set_points = planar
     wild = Unknowns.from_uncertainty(runs.unknowns.box, arm, servo.replace(kv=9e3))
     wrong = BodyRuns(set_points=set_points, path=path, unknowns=wild, limits=LIMITS, options={})
-    with pytest.raises(ac.ExecutionError, match="The robot with no errors: .*unstable"):
+    with pytest.raises(ac.ExecutionError, match="robot with no errors failed: .*unstable"):
         spread_on_bodies(wrong, wild.high[None])
-    assert describe(wild, wild.high) == "payload +0.4 kg; kp +0.05"
+    assert describe_errors(wild, wild.high) == "payload +0.4 kg; kp +0.05"

@@ -5,7 +5,7 @@ import timeit
 from importlib import resources
 
 from armcontour.core.yaml_loader import load
-from armcontour.files.job_edits import Change, change_data, change_text
+from armcontour.files.job_text_edits import Change, change_data, change_text
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
 

@@ -17,7 +17,7 @@ ENDLESS = (
 
 
 def test_time_is_limited(tmp_path, refuses, monkeypatch):
-    monkeypatch.setattr("armcontour.files.robots.xacro_file.SECONDS", 2.0)
+    monkeypatch.setattr("armcontour.files.robots.xacro_file.MAX_SECONDS", 2.0)
     refuses(lambda: load(write(tmp_path, ENDLESS)), ac.InvalidInput, "longer than 2 s")
 
 

@@ -254,8 +254,8 @@ def test_the_refusal_names_the_limiting_requirement(refuses):
     acceleration, error = {"limit": "joint_acceleration"}, {"limit": "contour error"}
     for job_case, servo, slowest, words, data in (
         (held, 1e-3, 1.05, ("are held", "saturation: report"), acceleration),
-        (job(SHORT), 1e-9, 1.05, ("comes down to", "shorter cycle"), error),
-        (parse_job(lags), 1e-6, 1.05, ("compensate the lag of the servo",), error),
+        (job(SHORT), 1e-9, 1.05, ("but is at least", "shorter cycle"), error),
+        (parse_job(lags), 1e-6, 1.05, ("Compensate the lag of the servo",), error),
         (job(SHORT), 1e-3, 1.0001, ("larger slowest",), acceleration),
     ):
         call = partial(
@@ -285,7 +285,7 @@ def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
     fastest = np.abs(beyond.trajectory(beyond.trajectory.breaks, 1)[:, 1]).max()
     assert f"joint 2 has {fastest / 1e-3:.3g} times" in beyond.condition
     call = partial(ac.certify, short_job, goal=CertificateGoal(servo_error=2e-5))
-    words = "The servo model does not explain errors of up to", "allow more"
+    words = "that the servo model does not explain", "Allow a larger error"
     refuses(call, ac.NotRealizable, *words, limit="contour error", allowed=2e-5)
 
 
@@ -303,11 +303,11 @@ def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
         (partial(CertificateGoal, servo_error=1e-3, tolerance=1e-3), "must be below the tolerance"),
         (partial(CertificateGoal, servo_error=1e-3, slowest=1.0), "slowest must be above 1"),
         (partial(CertificateGoal, servo_error=1e-3, saturation="maybe"), "refuse, report"),
-        (partial(certify, job(SHORT), box=Uncertainty(payload=0.5)), "carries only 0 kg"),
-        (partial(certify, job(SHORT), box=Uncertainty(jitter=2e-3)), "jitter of 0.002 s"),
+        (partial(certify, job(SHORT), box=Uncertainty(payload=0.5)), "at most the 0 kg"),
+        (partial(certify, job(SHORT), box=Uncertainty(jitter=2e-3)), "Jitter must be less than"),
         (
             partial(certify, job(SHORT), box=Uncertainty(dead_time=1e-3)),
-            "dead time cannot be negative",
+            "must not exceed the dead time",
         ),
     ):
         refuses(call, ac.InvalidInput, words)
@@ -362,7 +362,7 @@ def test_goals_of_job_files(refuses):
         (text.replace("run: only", "run: none"), "certificate.run"),
         (text.replace("10 %", "10 mm"), "percentage"),
         (text.replace("10 %", "100 %"), "0 to below 1"),
-        (LINE + "certificate: {}\n", "needs a tolerance"),
+        (LINE + "certificate: {}\n", "requires a tolerance"),
     ):
         refuses(partial(parse_job, wrong), ac.InvalidInput, words)
 

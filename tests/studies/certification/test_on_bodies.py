@@ -100,7 +100,7 @@ def test_what_the_budget_cannot_hold_is_refused_with_its_parts():
     with pytest.raises(ac.NotRealizable) as raised:
         ac.certify(job, goal=replace(job.certificate, servo_error=0.02e-3, slowest=1.2))
     # The largest part first, which more knowledge of the robot would reduce.
-    parts = re.search(r"its parts are (\w+) ([0-9.]+) mm, (\w+) ([0-9.]+) mm", str(raised.value))
+    parts = re.search(r"Its parts are (\w+) ([0-9.]+) mm, (\w+) ([0-9.]+) mm", str(raised.value))
     assert {parts[1], parts[3]} <= {"payload", "friction", "kp", "kv", "sampling"}
     assert float(parts[2]) >= float(parts[4]) > 0
     assert raised.value.needed > raised.value.allowed == 0.02e-3
@@ -137,7 +137,7 @@ FIRST_ORDER = JOB.replace("kv: 150 1/s", "order: first").replace("inverse_dynami
 
 
 def test_what_refuses_a_job_is_found_before_the_search(monkeypatch, refuses):
-    name = "armcontour.studies.certification.certification.search"
+    name = "armcontour.studies.certification.certification.search_plan"
     monkeypatch.setattr(name, lambda case: pytest.fail("the search has begun"))
     job = parse_job(JOB)
     there = ac.Path.polyline([(0.32, 0.22), (0.30, 0.22)])
@@ -147,13 +147,13 @@ def test_what_refuses_a_job_is_found_before_the_search(monkeypatch, refuses):
         (partial(replace, job.certificate, saturation="report"), "saturation"),
         (partial(replace, job.certificate, plant="servo"), "plant: rigid_body"),
         (partial(ac.certify, parse_job(FIRST_ORDER)), "order second"),
-        (partial(ac.certify, parse_job(CASCADE)), "A box of rigid bodies needs"),
+        (partial(ac.certify, parse_job(CASCADE)), "A box of rigid bodies requires"),
         (partial(ac.certify, replace(job, path=two)), "one contour"),
         (partial(ac.certify, replace(job, path=named)), "1 contour, 1 dwell, 1 event"),
         (partial(ac.certify, parse_job(OVERSHOOT + EARLY)), "gas is to come 0.1 s before"),
     ):
         refuses(call, ac.InvalidInput, words)
-    with pytest.raises(ac.NotRealizable, match="At rest at the start of its path") as raised:
+    with pytest.raises(ac.NotRealizable, match="At rest, the tool must be within") as raised:
         ac.certify(parse_job(SAGGING))
     assert raised.value.needed > raised.value.allowed == 0.5e-3
 

@@ -152,7 +152,7 @@ def test_robots_of_a_box_hold_the_goal_on_every_contour():
 def test_a_refusal_names_the_contour(refuses):
     call = partial(ac.certify, job(), goal=ac.CertificateGoal(servo_error=1e-10, slowest=1.05))
     data = {"limit": "contour error", "allowed": 1e-10}
-    refuses(call, ac.NotRealizable, "contour bend", "contour error comes down to", **data)
+    refuses(call, ac.NotRealizable, "contour bend", "largest contour error", **data)
 
 
 def test_a_total_tolerance_holds_for_all_contours_alike():

@@ -27,9 +27,9 @@ from armcontour.core.render import number
 from armcontour.files import parse_job, placement_csv
 from armcontour.robot.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
 from armcontour.studies.placement import UNITS, Moves
-from armcontour.studies.placement.grid_search import best_of, search_grid
+from armcontour.studies.placement.grid_search import index_of_best, search_grid
 from armcontour.studies.placement.place_evaluation import CutoffVerdicts, Verdict
-from armcontour.studies.placement.screen import PlaceBounds, beyond_links, longest_reach
+from armcontour.studies.placement.screen import PlaceBounds, longest_reach, reach_excess
 
 GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
 CORNER = """\
@@ -250,13 +250,13 @@ def test_wrong_wishes_are_refused(square):
     slow = replace(square, runs=(replace(run, timing=ac.Optimal(duration=5.0)),))
     for job, wrong, words in (
         (square, {"objective": "beauty"}, "must be one of duration, manipulability"),
-        (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
-        (square, {"run": "first"}, "no run 'first': its runs are compensated"),
-        (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
+        (square, {"objective": "clearance"}, "those of UR5e are"),
+        (square, {"run": "first"}, "no run 'first'. Its runs are compensated"),
+        (square, {"what": "base", "about": "origin"}, "about its own origin"),
         (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base cannot be tilted"),
         (square, {"processes": 0}, "processes"),
         (slow, {}, "specified duration of 5 s"),
-        (parse_job(CORNER), {"over": {}}, "they are the key placement.over"),
+        (parse_job(CORNER), {"over": {}}, "use the key placement.over"),
     ):
         processes = wrong.pop("processes", None)
         with pytest.raises(InvalidInput, match=words):
@@ -293,7 +293,7 @@ def test_a_note_reports_a_best_place_at_the_end_of_a_range(square):
     for first, last in ((best + 0.02, best + 0.06), (best - 0.06, best - 0.02)):
         placement = ac.place(square, ac.PlaceSearch(over={"x": (first, last, 2)}, refined=False))
         (note,) = (x for x in placement.notes if "range" in x)
-        assert note.startswith("The best place is at the end of the range of x: a wider range")
+        assert note.startswith("The best place is at the end of the range of x. A wider range")
 
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "panda"])
@@ -317,7 +317,7 @@ def test_distances_beyond_are_those_of_the_farthest_pose():
     bases = np.zeros((2, 3, 4))
     bases[:, :, :3] = np.eye(3)
     bases[1, 0, 3] = 0.5
-    np.testing.assert_allclose(beyond_links(arm.chain, 5, poses, bases), [2 - radius, 1.5 - radius])
+    np.testing.assert_allclose(reach_excess(arm.chain, 5, poses, bases), [2 - radius, 1.5 - radius])
 
 
 class Untidy(Executor):
@@ -406,7 +406,7 @@ def test_the_order_of_answers_changes_nothing(candidates, every, seed):
     assert str(shuffled_result) == str(alone)
     if all(more >= 0.5 for _, more in candidates):
         # With bounds that hold the best is that of all.
-        best = best_of(alone, "duration")
+        best = index_of_best(alone, "duration")
         finite = [x for x in judge.durations if np.isfinite(x)]
         assert (best is None) == (not finite)
         assert best is None or judge.durations[best] == min(finite)
@@ -450,5 +450,5 @@ def test_a_lost_worker_is_an_error(square, refuses):
     for after in (0, 2):
         with pytest.raises(ExecutionError, match=lost):
             ac.place(square, ac.PlaceSearch(over=FEW), executor=Losing(after))
-    with pytest.raises(InvalidInput, match="An executor has its own workers"):
+    with pytest.raises(InvalidInput, match="an executor has its own workers"):
         ac.place(square, ac.PlaceSearch(over=FEW), executor=InProcess(), processes=2)

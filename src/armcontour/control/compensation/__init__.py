@@ -1,4 +1,4 @@
-"""Compensation of the servos' delay: set-points that make joints follow a trajectory."""
+"""Compensation of the delay of servos: set-points with which the joints follow a trajectory."""
 
 from armcontour.control.compensation.compensator import (
     METHODS,

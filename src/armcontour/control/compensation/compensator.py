@@ -1,4 +1,4 @@
-"""Public function `compensate`: set-points for a realizable trajectory."""
+"""Function `compensate` and its options: set-points with which servos follow a trajectory."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from armcontour.motion.set_point_check import check_set_points, describe_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 
-# Relative tolerance for rounding errors of durations, which are sums.
-SAME = 1e-9
+# Relative tolerance of durations, which have rounding errors because they are sums.
+DURATION_TOLERANCE = 1e-9
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CompensationOptions(Options):
-    """Options that all methods of `compensate` have: the base of the options of each method.
+    """Options of all methods of `compensate`; base of the options of each method.
 
     Args:
-        command_limits: Limits of the set-points themselves, as controllers check them by
-            differences over the cycle: joint_velocity [rad/s], joint_acceleration
-            [rad/s²], joint_jerk [rad/s³], joint_lower and joint_upper [rad], each one value or one
-            per joint. Set-points of a joint that exceeds one are the nearest ones within them (mean
-            square), at rest at both ends of the plan; they begin earlier and end later by up to
-            1 s. `SetPoints.limit_cost` is the error that this causes.
+        command_limits: Limits of the set-points, which controllers check by differences over the
+            cycle: joint_velocity [rad/s], joint_acceleration [rad/s²], joint_jerk [rad/s³],
+            joint_lower and joint_upper [rad], each one value or one per joint. If set-points of a
+            joint exceed a limit, they are replaced by the nearest ones within the limits (least
+            squares), which are at rest at both ends of the plan and begin earlier and end later by
+            up to 1 s. `SetPoints.limit_cost` is the error that this causes.
     """
 
     method: ClassVar[str]
@@ -43,7 +43,7 @@ class CompensationOptions(Options):
 
     @property
     def specific(self) -> dict[str, Any]:
-        """The specified options that only this method has, without arms, by name."""
+        """Specified options that only this method has, by name, except arms."""
         names = ("poles", "gravity_feedforward")
         return {x: getattr(self, x) for x in names if getattr(self, x, None) is not None}
 
@@ -51,11 +51,11 @@ class CompensationOptions(Options):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Inverse(CompensationOptions):
-    """The exact inverse of the unsaturated servo; options are those of `CompensationOptions`.
+    """Exact inverse of the unsaturated servo; options are those of `CompensationOptions`.
 
-    It inverts the mean of the trajectory over a cycle about each set-point. If accelerations jump,
-    the servo commands accelerations about 1 % above those of the plan. The first set-point, one
-    cycle before time 0, is the start of the plan.
+    The inverse is applied to the mean of the trajectory over a cycle about each set-point. If
+    accelerations of the plan jump, the servo commands accelerations about 1 % above those of the
+    plan. The first set-point, one cycle before time 0, is the start of the plan.
 
     >>> ac.compensate(planned, servo, ac.Inverse()).method
     'inverse'
@@ -67,7 +67,7 @@ class Inverse(CompensationOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PolePlacement(CompensationOptions):
-    """The paper's compensator (26), for servos of order "second"; also `CompensationOptions`.
+    """The paper's compensator (26) for servos of order "second"; extends `CompensationOptions`.
 
     >>> slow = ac.plan(path, arm, limits.replace(speed=0.02))
     >>> ac.compensate(slow, servo, ac.PolePlacement()).method
@@ -75,7 +75,7 @@ class PolePlacement(CompensationOptions):
 
     Args:
         poles: Two regulator poles and the observer pole [1/s], (3,), or three per joint, (dof, 3);
-            by default all joints lag as the one with the smallest K_v.
+            by default all joints have the lag of the joint with the smallest K_v.
     """
 
     method = "pole_placement"
@@ -85,17 +85,18 @@ class PolePlacement(CompensationOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InverseDynamics(CompensationOptions):
-    """The inverse of drives that move the arm's rigid bodies; also `CompensationOptions`.
+    """Inverse of drives that move the arm's rigid bodies; extends `CompensationOptions`.
 
-    It is most accurate for plans with limits of jerk. Its first and last set-points hold the arm at
-    both ends of the plan. It requires an arm with masses, and a servo of order "second".
+    The method is most accurate for plans with jerk limits. With the first and the last set-point,
+    the arm is at rest at the ends of the plan. The method requires an arm with masses and a servo
+    of order "second".
 
     >>> options = ac.InverseDynamics(gravity_feedforward=True)
     >>> options.method
     'inverse_dynamics'
 
     Args:
-        gravity_feedforward: True if the controller adds the gravity torque; by default True, in
+        gravity_feedforward: True if the controller adds the gravity torque; by default True, or in
             a job the value of its experiment.
         controller: The arm model of the controller, for example without a payload that was
             identified later; by default the nominal arm.
@@ -109,7 +110,7 @@ class InverseDynamics(CompensationOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NoCompensation(CompensationOptions):
-    """The trajectory itself, without time advance; options are those of `CompensationOptions`.
+    """Set-points on the trajectory without time advance; options as in `CompensationOptions`.
 
     >>> sent = ac.compensate(planned, servo, ac.NoCompensation())
     >>> bool(np.allclose(sent.q[-1], planned(planned.duration)))
@@ -120,7 +121,7 @@ class NoCompensation(CompensationOptions):
 
 
 INVERSE = Inverse()
-# Options by the names of their methods.
+# Classes of options by the names of their methods.
 METHODS: dict[str, type[CompensationOptions]] = {
     x.method: x for x in (Inverse, PolePlacement, InverseDynamics, NoCompensation)
 }
@@ -138,13 +139,14 @@ def compensate(
 ) -> SetPoints:
     """Compute set-points with which the servos follow a trajectory.
 
-    Set-points have a time advance of the servo's dead time, plus half a cycle for
-    interpolation "step". They then start before time 0, at the start of the plan.
+    The time advance of the set-points is the dead time of the servo, plus half a cycle for
+    interpolation "step". With a time advance, set-points begin before time 0, at the start of the
+    plan.
 
-    After the plan, set-points have a transient: with velocity feed-forward f its time constant is
-    `f / kp`, with an integrator `1 / ki`. It is truncated after 1 s or 20 % of the motion:
-    set-points then fade to the end of the plan, and `SetPoints.truncated` bounds the resulting
-    joint errors.
+    With feed-forward or an integrator, set-points have a transient after the plan. Its time
+    constant is `f / kp` with velocity feed-forward f, and `1 / ki` with an integrator. The
+    transient is truncated after 1 s or 20 % of the motion. Then the set-points fade to the end of
+    the plan, and `SetPoints.truncated` is an upper bound of the resulting joint errors.
 
     >>> sent = ac.compensate(planned, servo, ac.Inverse(), cycle=4e-3)
     >>> sent.q.shape[1], sent.cycle
@@ -156,24 +158,23 @@ def compensate(
         options: The method and its options: `Inverse`, `PolePlacement`, `InverseDynamics` or
             `NoCompensation`.
         cycle: Cycle [s].
-        arm: The nominal arm whose bodies the drives move, for `InverseDynamics`; other methods do
-            not use it.
-        limits: Limits of the controller, instead of those of the plan: set-points must be within
-            joint_lower and joint_upper, and must not move faster than joint_velocity. Without
-            `limits`, a warning is given if set-points exceed the command limits or the limits of
-            the plan.
+        arm: The nominal arm with masses, for `InverseDynamics`; other methods ignore it.
+        limits: Limits of the controller instead of the limits of the plan. Set-points must be
+            within joint_lower and joint_upper, and must not move faster than joint_velocity.
+            Without `limits`, a warning is given if set-points exceed the command limits or the
+            limits of the plan.
 
     Raises:
-        InvalidInput: An argument has the wrong type, gains do not fit the joints or the interval,
-            the interval is longer than the motion, the set-points are too many, `InverseDynamics`
-            has no arm with masses, or it or `PolePlacement` has a servo with joints of another
-            order than "second", an integrator, friction or a cycle.
+        InvalidInput: An argument has the wrong type, the gains do not fit the joints or the cycle,
+            the cycle is longer than the motion, the set-points are too many, `InverseDynamics` has
+            no arm with masses, or `InverseDynamics` or `PolePlacement` has a servo with an order
+            other than "second", an integrator, friction or a drive cycle.
         CompensationError: Poles are not stable, set-points exceed the given limits, or the plan
-            exceeds velocity or acceleration of the command limits by more than 1 %.
+            exceeds the velocity or acceleration of the command limits by more than 1 %.
 
     Warns:
-        UserWarning: No limits are given, and set-points exceed those of the plan; or compensation
-            with this servo may be worse than none (`ServoModel.doubt`).
+        UserWarning: No limits are given and set-points exceed the limits of the plan, or
+            compensation with this servo may be worse than none (`ServoModel.doubt`).
     """
     set_points = unchecked_set_points(trajectory, servo, options, cycle=cycle, arm=arm)
     if limits is not None:
@@ -193,14 +194,14 @@ def unchecked_set_points(
     cycle: float,
     arm: Arm | None,
 ) -> SetPoints:
-    """Set-points as of `compensate`, without a check of limits."""
+    """Set-points of `compensate`, without its check of limits."""
     interval = check_cycle(cycle)
     model, duration = servo.for_joints(trajectory.dof), trajectory.duration
-    if interval > max(duration * (1 + SAME), LONGEST_CLOCK):
+    if interval > max(duration * (1 + DURATION_TOLERANCE), LONGEST_CLOCK):
         raise InvalidInput(
-            f"The cycle of {interval:g} s is longer than the motion of {duration:.6g} "
-            f"s, so that no set-point lies within it; it is in seconds: for {interval:g} ms give "
-            f"{interval / 1e3:g}, in a job `cycle: {interval:g} ms`.",
+            f"The cycle must not be longer than the motion of {duration:.6g} s, but is "
+            f"{interval:g} s. The cycle is in seconds. For {interval:g} ms, specify "
+            f"{interval / 1e3:g}, or in a job `cycle: {interval:g} ms`.",
             needed=interval,
             allowed=max(duration, LONGEST_CLOCK),
         )
@@ -209,7 +210,7 @@ def unchecked_set_points(
     checks.check_count(
         f"{count * interval:.4g} s of motion at a cycle of {interval:g} s",
         count * trajectory.dof,
-        "take a longer cycle or a higher speed",
+        "use a longer cycle or a higher speed",
     )
     start, q, truncated = _set_points(trajectory, model, interval, options, arm)
     set_points = SetPoints(
@@ -222,9 +223,9 @@ def unchecked_set_points(
     )
     if options.command_limits is None:
         return set_points
-    from armcontour.control.compensation.nearest_set_points import within_limits
+    from armcontour.control.compensation.nearest_set_points import limit_set_points
 
-    return within_limits(set_points, model, options.command_limits, arm)
+    return limit_set_points(set_points, model, options.command_limits, arm)
 
 
 def _set_points(
@@ -234,7 +235,7 @@ def _set_points(
     options: CompensationOptions,
     arm: Arm | None,
 ) -> tuple[float, FloatArray, FloatArray | None]:
-    """Time of the first set-point [s], set-points, (n, dof) [rad], and `SetPoints.truncated`."""
+    """Time of the first set-point [s], set-points [rad], (n, dof), and `SetPoints.truncated`."""
     if isinstance(options, NoCompensation):
         t = set_point_times(trajectory, cycle).inside
         end = trajectory([trajectory.duration], side="left")
@@ -249,14 +250,14 @@ def _set_points(
         fed = options.gravity_feedforward is not False
         start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.controller)
     else:
-        from armcontour.control.compensation.set_points import inverse
+        from armcontour.control.compensation.inverse_servo import invert_servo
 
-        start, q = inverse(trajectory, servo, cycle)
+        start, q = invert_servo(trajectory, servo, cycle)
     if not servo.has_feedforward and not servo.ki.any():
         return start, q, None
-    from armcontour.control.compensation.feedforward import for_feedforward
+    from armcontour.control.compensation.feedforward import invert_feedforward
 
-    return start, *for_feedforward(q, cycle, servo, trajectory.duration)
+    return start, *invert_feedforward(q, cycle, servo, trajectory.duration)
 
 
 def set_point_count(

@@ -12,43 +12,43 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
 from armcontour.robot.servo.simulation import ServoSimulation, polynomials
 
-# Set-points nearer to the last one than this have settled [rad].
-SETTLED = 1e-10
-# Simulated time after truncation, in time constants.
-SETTLING_OF_INTEGRATORS = 3.0
-# Largest number of corrections of the solution for cubics, and the error at which they end [rad].
+# A set-point has settled if it differs from the last set-point by at most this [rad].
+SETTLED_DISTANCE = 1e-10
+# Simulated time after a truncated transient of an integrator [time constants of the servo].
+INTEGRATOR_SETTLING = 3.0
+# Cubic interpolation: largest number of iterations, and error at which they end [rad].
 MAX_CORRECTIONS = 50
-EXACT = 1e-13
+CORRECTION_TOLERANCE = 1e-13
 
 
-def for_feedforward(
+def invert_feedforward(
     plain: FloatArray, cycle: float, servo: ServoModel, duration: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Set-points with which a servo with feed-forward responds like one without."""
-    # In every cycle, the mean of the command including feed-forward equals the mean of the command
-    # without it. These equations are solved forward from rest, which is stable for any
-    # feed-forward. The transient after the motion is truncated if it is too long: set-points then
-    # fade to the end of the plan.
-    # plain (n, dof) [rad].
-    # Returns set-points [rad], (m, dof), with m >= n: their difference to the last one decays with
-    # the time constant `velocity_feedforward / kp`. Also the largest error of each joint due to the
-    # truncation [rad], (dof,); None without truncation.
+    """Set-points for a servo with feed-forward, and bounds of the errors due to truncation."""
+    # The servo with feed-forward responds to the returned set-points like a servo without
+    # feed-forward to `plain` [rad], (n, dof). In every cycle, the mean of the command including
+    # feed-forward equals the mean of the command without it. These equations are solved forward
+    # from rest, which is stable for any feed-forward.
+    # Returns set-points [rad], (m, dof) with m >= n, and bounds of the joint errors due to
+    # truncation [rad], (dof,), None without truncation. After the motion, the set-points approach
+    # the last one with the time constant `velocity_feedforward / kp`. If this transient is too
+    # long, it is truncated, and the set-points fade to the end of the plan.
     allowed = max(int(longest_tail(duration) / cycle), 1)
     done = len(plain) - integrator_tail(servo, duration, cycle)
     rows = int(np.ceil(min(tail_duration(servo, duration) / cycle, allowed) + SETTLING))
-    # The friction compensation is already a part of the set-points.
+    # `plain` already contains the friction compensation.
     frictionless = servo.replace(friction=0.0)
     prompt = frictionless.without_feedforward().for_joints(plain.shape[1])
     want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), cycle, prompt)
     start = plain[0]
-    set_points = _solved(want - start, cycle, servo) + start
+    set_points = _solve_means(want - start, cycle, servo) + start
     if servo.interpolation == "cubic":
         for _ in range(MAX_CORRECTIONS):
             error = want - _means(set_points, cycle, frictionless)
-            set_points += _solved(error, cycle, servo)
-            if np.abs(error).max() <= EXACT:
+            set_points += _solve_means(error, cycle, servo)
+            if np.abs(error).max() <= CORRECTION_TOLERANCE:
                 break
-    moves = np.flatnonzero((np.abs(set_points - plain[-1]) > SETTLED).any(axis=1))
+    moves = np.flatnonzero((np.abs(set_points - plain[-1]) > SETTLED_DISTANCE).any(axis=1))
     length = max(done, moves[-1] + 2 if len(moves) else 0)
     if length > done + allowed:
         set_points = set_points[: done + allowed]
@@ -59,48 +59,50 @@ def for_feedforward(
 
 
 def tail_duration(servo: ServoModel, duration: float) -> float:
-    """Longest duration of the set-points after a motion with feed-forward [s]."""
+    """Duration of the transient of set-points after a motion, at most that of truncation [s]."""
     longest = longest_tail(duration)
     return longest if servo.ki.any() else min(SETTLING * float(servo.lead[0].max()), longest)
 
 
 def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Fade set-points to the last one, in place; bounds of the errors of the joints [rad]."""
-    # The exact tail moves no joint, so the error is the response to the removed part. After the
-    # tail the set-points are constant, so the error only decays.
+    """Fade set-points to the last one, in place; returns bounds of joint errors [rad], (dof,)."""
+    # The exact tail moves no joint, so the error is the response to the removed part of the tail.
+    # After the tail, the set-points are constant, so the error decays.
     share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, len(tail) + 1) / len(tail))
     removed = np.pad((last - tail) * share[:, None], ((1, 0), (0, 0)))
     tail += removed[1:]
     if servo.ki.any():
-        # An integrator overshoots afterwards.
-        extra = int(np.ceil(SETTLING_OF_INTEGRATORS / (servo.slowest * cycle)))
+        # With an integrator, joints overshoot after the tail.
+        extra = int(np.ceil(INTEGRATOR_SETTLING / (servo.slowest * cycle)))
         removed = np.pad(removed, ((0, extra), (0, 0)), mode="edge")
     still = np.zeros(tail.shape[1])
     prompt = servo.replace(dead_time=still, friction=still)
     run = ServoSimulation(removed, cycle, prompt).run(0, len(removed) - 1, still, still)
     q, dq, _ = np.abs(run.states).T
     change = np.abs(np.diff(removed, axis=0)).max(axis=0)
-    # Error between the samples and after the last one; the last term bounds reversals of friction.
+    # between, after: bounds of the additional errors between the samples and after the last sample.
+    # The friction term bounds the effect of reversals.
     between = dq.max(axis=0) * cycle / 2 + servo.velocity_feedforward * change
     after = 0.0 if servo.kv is None else dq[-1] / servo.kv
     return np.asarray(q.max(axis=0) + between + after + 2 * servo.friction)
 
 
 def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Means of the command over the intervals that end at each set-point [rad], (n, dof)."""
+    """Means of the command over the interval before each set-point [rad], (n, dof)."""
     pieces = polynomials(q, cycle, servo)[:, :-1]
     return np.asarray((pieces @ (cycle ** np.arange(4) / np.arange(1, 5))).T)
 
 
-def _solved(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Set-points for given means of the command over the intervals that end at them."""
-    # Means are relative to the position before the first set-point; cubics count as lines.
+def _solve_means(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
+    """Set-points with given means of the command over the interval before each, (n, dof)."""
+    # Set-points and means are relative to the position before the first set-point [rad]. Cubic
+    # interpolation is approximated by linear interpolation.
     from scipy.signal import lfilter
 
     set_points = np.empty_like(means)
     held = servo.interpolation == "step"
     for j, (a, b) in enumerate(zip(*servo.lead, strict=True)):
-        # Weights of the first and second differences of set-points.
+        # Weights of first and second differences of set-points in the command.
         first, second = a / cycle, b / cycle**2
         if held:
             # In the cycle that ends at set-point k, the command is set-point k - 1.
@@ -110,7 +112,7 @@ def _solved(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
         line, curvature = np.array([0.5 + first, 0.5 - first]), second * np.array([1.0, -2.0, 1.0])
         shares = np.ones(1)
         if servo.ki[j]:
-            # The integrator acts against acceleration feed-forward.
+            # Acceleration feed-forward bypasses the integrator.
             share, shares = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
             line, curvature = np.convolve(line, shares), np.convolve(curvature, share)
         set_points[:, j] = lfilter(

@@ -1,8 +1,8 @@
-"""Set-points by the inverse of the drives that move the arm's bodies."""
+"""Set-points by the inverse of the drives that move the arm's rigid bodies."""
 
-# The command with which the drives follow the plan is known at every time, see
-# `armcontour.robot.drives`. Set-points are those whose interpolation is nearest to this command,
-# see docs/concepts/compensation.md.
+# `armcontour.robot.drives` computes the exact command with which the drives follow the plan, at
+# every time. Set-points are chosen so that their interpolation approximates this command best, see
+# docs/concepts/compensation.md.
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from armcontour.robot import Arm
 from armcontour.robot.drives import Drives
 from armcontour.robot.servo import ServoModel
 
-# Weights of a set-point and its neighbours in the mean about it. The middle of a line is the mean
-# of its ends; the middle of a cubic is `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
-MEANS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
+# Weights of a set-point and its neighbours at distances 1, 2 in the mean of the interpolated
+# command about it. They follow from Simpson's rule, because the middle of a line is the mean of its
+# ends, and the middle of a cubic is `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
+MEAN_WEIGHTS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
 
 
 def inverse_dynamics(
@@ -35,26 +36,29 @@ def inverse_dynamics(
     gravity_feedforward: bool = True,
     controller: Arm | None = None,
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], set-points [rad], (n, dof), by the inverse of `Drives`."""
+    """Time of the first set-point [s], and set-points by the inverse `Drives` [rad], (n, dof)."""
     if arm is None:
         raise InvalidInput(
-            "The method inverse_dynamics needs the masses of the robot: give compensate the arm."
+            "The method inverse_dynamics requires an arm with masses, but no arm is given. "
+            "Specify arm=."
         )
     if arm.dof != trajectory.dof:
         raise InvalidInput(
-            f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {trajectory.dof}."
+            f"The arm and the trajectory must have the same joints, but the arm {arm.name} has "
+            f"{arm.dof} joints and the trajectory has {trajectory.dof}."
         )
     drives = Drives(
         arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, controller=controller
     )
     ends = trajectory([0.0]), trajectory([trajectory.duration], side="left")
     still = np.zeros((1, arm.dof))
-    # Friction at rest is unknown and assumed zero: the drives hold the arm against gravity only.
+    # Friction at rest is unknown and assumed to be zero, so at rest the drives compensate only
+    # gravity.
     hold, final = (drives.command(x, still, still) for x in ends)
     tail = np.arange(integrator_tail(servo, trajectory.duration, cycle)) * cycle
 
     def command_at(t: FloatArray) -> FloatArray:
-        """The exact command at times, (n, dof)."""
+        """Exact command at times t [rad], (n, dof)."""
         moving = (t >= 0) & (t < trajectory.duration)
         q = np.where((t < 0)[:, None], *ends)
         dq, ddq = np.zeros((2, *q.shape))
@@ -68,7 +72,9 @@ def inverse_dynamics(
             exact = command_at(
                 np.append(t[0] - [cycle, cycle / 2], np.stack([t, t + cycle / 2], 1))
             )
-            set_points = _nearest(exact[2::2], exact[1::2], hold, final, servo.interpolation)
+            set_points = _solve_set_points(
+                exact[2::2], exact[1::2], hold, final, servo.interpolation
+            )
             commands = np.concatenate([set_points, final])
         return commands[:, joints]
 
@@ -77,18 +83,19 @@ def inverse_dynamics(
     )
 
 
-def _nearest(
+def _solve_set_points(
     points: FloatArray, halves: FloatArray, hold: FloatArray, final: FloatArray, interpolation: str
 ) -> FloatArray:
-    """Set-points whose interpolation has the same means as a command about every set-point."""
-    # For held set-points, these are means over their intervals. For lines and cubics, they have
-    # triangular weights from the previous to the next set-point, so that lines are the
-    # least-squares approximation of the command. Means are by Simpson's rule in each half: `points`
-    # are at the set-points, `halves` half an interval before the first one and after each.
+    """Set-points whose interpolation has the means of a command about each set-point, (n, dof)."""
+    # For held set-points, a mean is over the interval of the set-point. For lines and cubics, a
+    # mean has triangular weights from the previous to the next set-point. With these weights, lines
+    # are the least-squares approximation of the command. Means are computed by Simpson's rule.
+    # points: command at the set-points. halves: command half an interval before the first set-point
+    # and half an interval after each set-point.
     if interpolation == "step":
         return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)
     mean = (halves[:-1] + points + halves[1:]) / 3
-    n, weights = len(mean), MEANS[interpolation]
+    n, weights = len(mean), MEAN_WEIGHTS[interpolation]
     reach = len(weights) - 1
     for k in range(1, reach + 1):
         mean[:k] -= weights[k] * hold

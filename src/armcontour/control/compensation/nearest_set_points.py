@@ -1,4 +1,4 @@
-"""Command limits: nearest set-points within them, and the resulting error."""
+"""Nearest set-points within command limits, and the resulting error."""
 
 from __future__ import annotations
 
@@ -22,19 +22,20 @@ from armcontour.robot.limits import JOINT_RANGE
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 
-# Set-points may begin earlier and end later by this many time constants of the slowest servo, plus
-# this many times the duration of a jerk-limited ramp from zero to the acceleration limit.
+# Set-points begin earlier and end later by TIME_CONSTANTS time constants of the slowest servo, plus
+# RAMPS times the duration of a jerk-limited ramp from zero to the acceleration limit.
 TIME_CONSTANTS, RAMPS = 2.0, 4.0
-# A plan that exceeds a limit of velocity or acceleration by less than this share is smoothed.
-SMOOTHED = 0.01
+# Set-points are changed to satisfy a limit of velocity or acceleration that the plan exceeds by at
+# most this share. A plan with a larger excess is rejected.
+SMOOTHED_SHARE = 0.01
 UNLIMITED = np.array([[-np.inf], [np.inf]])
 UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 
 
-def within_limits(
+def limit_set_points(
     set_points: SetPoints, servo: ServoModel, limits: Limits, arm: Arm | None = None
 ) -> SetPoints:
-    """Replace set-points by the nearest ones within command limits."""
+    """Replace set-points by the nearest set-points within command limits."""
     # If a limit is active, set-points begin earlier and end later, because a compensated command
     # accelerates and decelerates faster than its joint.
     dof, cycle = set_points.q.shape[1], set_points.cycle
@@ -42,7 +43,7 @@ def within_limits(
     bounds = command_bounds(limits, dof)
     if find_excess(set_points.q, cycle, bounds) is None:
         return replace(set_points, command_limits=limits)
-    _check_plan(set_points, bounds[:3], SMOOTHED)
+    _check_plan(set_points, bounds[:3], SMOOTHED_SHARE)
     jerky = np.isfinite(bounds[2, 1])
     ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
     usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
@@ -57,8 +58,8 @@ def within_limits(
         _check_plan(set_points, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
         raise CompensationError(
             f"No set-points of joint {joint + 1} satisfy command_limits between the ends of the "
-            f"plan, even {LONGEST_TAIL:g} s longer at both: raise command_limits, or plan a slower "
-            "motion.",
+            f"plan, even if they begin {LONGEST_TAIL:g} s earlier and end {LONGEST_TAIL:g} s "
+            "later. Increase command_limits, or plan a slower motion.",
             joint=joint,
         )
     longer = replace(
@@ -67,13 +68,14 @@ def within_limits(
         start_time=set_points.start_time - extra * cycle,
         command_limits=limits,
     )
-    return replace(longer, limit_cost=_cost(longer, nearest - q, servo, arm))
+    return replace(longer, limit_cost=_limit_cost(longer, nearest - q, servo, arm))
 
 
 def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
-    """Reject a plan beyond the bounds, because set-points within them would leave its path."""
+    """Raise an error if the plan exceeds bounds; bounds of rates are widened by `share`."""
+    # Set-points within the exceeded bounds would leave the path of the plan.
     plan, cycle = set_points.trajectory, set_points.cycle
-    # Set-points with a time advance end before the plan.
+    # The times extend to the end of the plan, because set-points with a time advance end earlier.
     t = set_points.times(int((plan.duration - set_points.start_time) / cycle) + 3, cycle)
     allowed = np.concatenate([bounds[:1], bounds[1:] * (1 + share)])
     worst = find_excess(plan.with_rests(t), cycle, allowed)
@@ -85,10 +87,10 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     if order:
         value, limit = abs(value), abs(limit)
     raise CompensationError(
-        f"The plan exceeds command_limits.{name} of {limit:.6g} {UNITS[order]}: joint {j + 1} has "
-        f"{value:.6g} {UNITS[order]} at t = {t[k]:.6g} s, so set-points within the limit would "
-        f"leave the path: plan with limits.{name} of {limit:.6g} {UNITS[order]}, or raise the "
-        "command limit.",
+        f"The plan must stay within command_limits.{name} of {limit:.6g} {UNITS[order]}, but joint "
+        f"{j + 1} has {value:.6g} {UNITS[order]} at t = {t[k]:.6g} s. Set-points within the limit "
+        f"would leave the path. Plan with limits.{name} of {limit:.6g} {UNITS[order]}, or increase "
+        "the command limit.",
         t=float(t[k]),
         joint=j,
         limit=name,
@@ -97,10 +99,10 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     )
 
 
-def _cost(
+def _limit_cost(
     set_points: SetPoints, change: FloatArray, servo: ServoModel, arm: Arm | None
 ) -> LimitCost:
-    """Error due to a change of set-points [rad], (n, dof), by the linear servo response."""
+    """Errors due to a change of set-points [rad], (n, dof), by the response of linear servos."""
     deviation, plan = np.abs(change).max(axis=0), set_points.trajectory
     arm = plan.arm if arm is None else arm
     times = set_points.t

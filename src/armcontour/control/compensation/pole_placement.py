@@ -1,11 +1,12 @@
-"""The paper's compensator (26), as corrected: third order, by pole placement."""
+"""The paper's compensator (26), with corrections: third order, by pole placement."""
 
-# With `X = (K_v + g)(m1 + m2) + K_v² + m1 m2 + K_v g` its numerator factors, so that
+# With `X = (K_v + g)(m1 + m2) + K_v² + m1 m2 + K_v g`, the numerator of the compensator F factors:
 #
 #     F(s) = G(s)⁻¹ H(s),    H(s) = (X s - m1 m2 g) / ((s - m1)(s - m2)(s - g)).
 #
-# H is the response of compensator and servo together. H is applied to the trajectory exactly, and
-# G⁻¹ to the result, whose derivatives are known. See docs/concepts/compensation.md.
+# G is the servo, and H = F G is the response of compensator and servo together. H is applied to the
+# trajectory exactly. G⁻¹ is applied to the result, whose derivatives are known. See
+# docs/concepts/compensation.md.
 
 from __future__ import annotations
 
@@ -26,12 +27,12 @@ from armcontour.motion import Trajectory, quintic
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import GAINS, MAX_TIME_CONSTANTS
 
-# Largest step of the Taylor series of the filter's state, in shortest time constants of the filter.
+# Largest step of the Taylor series of the filter's state [shortest time constants of the filter].
 LARGEST_STEP = 0.25
-# Largest number of terms: the series of inputs up to fifth order converges to rounding errors.
+# Largest number of terms of the series, with which its error is below rounding errors.
 TERMS = 22
-# Terms below this share of the state are neglected.
-NOTHING = 1e-20
+# The series ends at a term below this share of the state.
+NEGLIGIBLE = 1e-20
 
 
 @compiled()
@@ -44,8 +45,9 @@ def run_filter(
     start: FloatArray,
 ) -> FloatArray:
     """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals."""
-    # width (n,) [s], coefficients (n, 6, dof), damping (dof, 2), rate (dof,) [1/s], fastest (dof,)
-    # [1/s], start (dof,).
+    # width: durations of the intervals [s], (n,). coefficients: polynomials of q over the
+    # intervals, (n, 6, dof). damping: d1 and d2, (dof, 2). rate: p [1/s], (dof,). fastest: largest
+    # magnitude of the poles [1/s], (dof,). start: initial x, at rest, (dof,).
     # Returns x, x' / p and x'' / p² at the n + 1 ends of the intervals, (n + 1, dof, 3).
     n, dof = len(width), len(rate)
     states = np.empty((n + 1, dof, 3))
@@ -60,7 +62,7 @@ def run_filter(
             steps = max(int(np.ceil(width[i] * fastest[j] / LARGEST_STEP)), 1)
             h = width[i] / steps
             for step in range(steps):
-                # The input over this step in powers of v = u / h.
+                # local: polynomial of the input over this step in the share of the step.
                 x0 = step / steps
                 share = 1.0 / steps
                 for k in range(6):
@@ -70,7 +72,7 @@ def run_filter(
                         local[m] = local[m] * x0 + local[m - 1] * share
                     local[0] = local[0] * x0 + coefficients[i, k, j]
                 x1, x2, x3 = now[0], now[1], now[2]
-                negligible = NOTHING * (abs(x1) + abs(x2) + abs(x3) + abs(local[0]))
+                negligible = NEGLIGIBLE * (abs(x1) + abs(x2) + abs(x3) + abs(local[0]))
                 terms = TERMS
                 for k in range(TERMS):
                     series[k, 0], series[k, 1], series[k, 2] = x1, x2, x3
@@ -100,11 +102,11 @@ ComplexArray = npt.NDArray[np.complex128]
 
 
 def default_poles(servo: ServoModel) -> ComplexArray:
-    """Poles [1/s], (dof, 3), with equal F G of all joints and no negative impulse response."""
-    # The observer pole at -K_v cancels the zero, so that F G = p² / (s + p)² does not depend on the
-    # joint's K_v. An equal lag of all joints causes no contour error. The demand is a weighted mean
-    # of the plan's acceleration, so it never exceeds the plan's largest acceleration. p is the
-    # smallest K_v of all joints.
+    """Poles with the same F G for all joints and no negative impulse response [1/s], (dof, 3)."""
+    # The observer pole at -K_v cancels the zero. Therefore F G = p² / (s + p)² does not depend on
+    # the joint's K_v. An equal lag of all joints causes no contour error. The demand is a weighted
+    # mean of the plan's acceleration, so it does not exceed the plan's largest acceleration. p is
+    # the smallest K_v of all joints.
     assert servo.kv is not None
     return pole_family(servo.kv, float(servo.kv.min()))
 
@@ -119,16 +121,15 @@ def pole_family(kv: FloatArray, p: float) -> ComplexArray:
 def pole_placement(
     trajectory: Trajectory, servo: ServoModel, cycle: float, poles: npt.ArrayLike | None = None
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points by pole placement, (26) [rad], (n, dof)."""
-    # Poles are m1, m2 (real, or complex conjugates) and g [1/s], one triple or one per joint.
+    """Time of the first set-point [s], and set-points by pole placement (26) [rad], (n, dof)."""
+    # poles: m1, m2 (real, or complex conjugates) and g [1/s], (3,) or (dof, 3).
     servo.check_orders("Pole placement, (26),")
     placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
     fastest = float(np.abs(placed).max())
     checks.raise_if(
         fastest * cycle > MAX_TIME_CONSTANTS,
-        f"A pole of {fastest:g} 1/s is {fastest * cycle:.3g} time constants in a command "
-        f"interval of {cycle:g} s, but at most {MAX_TIME_CONSTANTS:g} are computed: take poles "
-        f"up to {MAX_TIME_CONSTANTS / cycle:g} 1/s, or a shorter cycle.",
+        f"The magnitude of poles must be at most {MAX_TIME_CONSTANTS / cycle:g} 1/s with a cycle "
+        f"of {cycle:g} s, but is {fastest:g} 1/s. Use slower poles or a shorter cycle.",
     )
     return advance_set_points(
         trajectory,
@@ -145,7 +146,7 @@ def _set_points(
     placed: ComplexArray,
     times: SetPointTimes,
 ) -> FloatArray:
-    """Output of the compensator at the times, and until its transient has decayed."""
+    """Set-points at the times, and after them until the transient has decayed [rad], (n, dof)."""
     assert servo.kv is not None
     knots = np.union1d(trajectory.breaks, times.inside)
     tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / cycle))
@@ -160,7 +161,8 @@ def _set_points(
     states, lead, rate, damping = run_poles(servo.kv, placed, width, motion, motion[0, 0])
     indices = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
     x1, x2, x3 = np.moveaxis(states[indices], 2, 0)
-    # Each quintic begins at its knot; the last rest has no further one.
+    # Each polynomial begins at its knot. The end of the last polynomial uses the same value,
+    # because the joints rest there.
     source = motion[np.minimum(indices, len(motion) - 1), 0]
     x4 = source - x1 - damping[:, 0] * x2 - damping[:, 1] * x3
     y, dy, ddy = x1 + lead * x2, rate * (x2 + lead * x3), rate**2 * (x3 + lead * x4)
@@ -176,8 +178,8 @@ def run_poles(
     coefficients: FloatArray,
     start: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """States of the filter F G as in `run_filter`, the factor of their rates in F G, p, damping."""
-    # kv (dof,) [1/s], placed (dof, 3) [1/s].
+    """States of the filter F G from `run_filter`, numerator factor x / p², p, and damping."""
+    # kv [1/s], (dof,). placed: poles [1/s], (dof, 3).
     x, (c0, c1, c2) = transfer(kv, placed)
     rate = np.cbrt(c0)
     damping = np.stack([c1 / rate**2, c2 / rate], axis=1)
@@ -188,9 +190,8 @@ def run_poles(
 def transfer(
     kv: FloatArray, placed: ComplexArray
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
-    """Coefficients of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)` of each joint."""
-    # kv (dof,) [1/s], placed (dof, 3) [1/s].
-    # Returns x, (dof,), and (c0, c1, c2), (dof,) each.
+    """Coefficients x and (c0, c1, c2) of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)`, (dof,)."""
+    # kv [1/s], (dof,). placed: poles [1/s], (dof, 3).
     m1, m2, g = placed.T
     c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
     x = ((kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g).real
@@ -198,7 +199,7 @@ def transfer(
 
 
 def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
-    """Checked poles m1, m2 and g of each joint [1/s], (dof, 3)."""
+    """Check poles; returns m1, m2 and g of each joint [1/s], (dof, 3)."""
     try:
         placed = np.array(poles, dtype=np.complex128)
     except (TypeError, ValueError, OverflowError) as error:
@@ -209,8 +210,8 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
         placed = np.tile(placed, (dof, 1))
     if placed.shape != (dof, 3) or not np.isfinite(placed).all():
         raise InvalidInput(
-            f"poles must be three finite numbers [1/s], or {dof} rows of three: two regulator "
-            "poles and the observer pole."
+            "poles must be three finite numbers [1/s] (two regulator poles and the observer pole), "
+            f"or {dof} rows of three numbers."
         )
     m1, m2, g = placed.T
     size = float(np.abs(placed).max())
@@ -223,8 +224,8 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
         j = int(np.flatnonzero((placed.real >= 0).any(axis=1))[0])
         shown = placed[j] if placed[j].imag.any() else placed[j].real
         raise CompensationError(
-            f"The compensator's poles of joint {j + 1} are {shown.tolist()} 1/s: they must "
-            "have negative real parts, or the set-points grow without bound.",
+            f"The poles of joint {j + 1} must have negative real parts, because otherwise the "
+            f"set-points grow without bound, but are {shown.tolist()} 1/s.",
             joint=j,
         )
     low, high = GAINS
@@ -232,7 +233,7 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
     if outside.any():
         j = int(np.argmax(outside))
         raise InvalidInput(
-            f"The poles of joint {j + 1} must be between -{high:g} and -{low:g} 1/s, like gains of "
-            f"servos, but are {placed[j].tolist()} 1/s."
+            f"The poles of joint {j + 1} must be from -{high:g} to -{low:g} 1/s, which is the "
+            f"range of servo gains, but are {placed[j].tolist()} 1/s."
         )
     return placed

@@ -1,4 +1,4 @@
-"""Times of set-points, their time advance, and the inverse of the servo."""
+"""Times of set-points, and their time advance."""
 
 from __future__ import annotations
 
@@ -10,22 +10,16 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.motion import Trajectory
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.model import without_integral
 
-# Set-points closer than this to a break of the trajectory [cycles] are moved to it.
+# A set-point that is closer to a break of the trajectory than this [cycles] is moved to the break.
 SNAP = 1e-9
 # Time constants after the end of the motion for which set-points continue, so that the transient of
 # the compensation decays.
 SETTLING = 36.0
-# Longest transient of set-points after a motion [s], and as a share of it; the rest is truncated.
+# The transient of set-points after a motion is truncated after LONGEST_TAIL [s] or after this share
+# of the duration of the motion.
 LONGEST_TAIL = 1.0
 TAIL_SHARE = 0.2
-# A mean over a cycle T differs from the value by T² / 24 times the second derivative. Linear
-# interpolation adds T² / 12, held set-points (means, too) add T² / 24.
-BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
-# Half width in cycles of the second differences that correct this bias: a smaller width would
-# increase the commanded acceleration at jumps of acceleration.
-REACH = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +27,13 @@ class SetPointTimes:
     """Times of the plan for which set-points are computed."""
 
     before: int  # Number of set-points before the motion
-    # Times of the set-points during the motion; times close to a break are at the break [s].
+    # inside: times of the set-points during the motion [s]; times near a break are at the break.
     inside: FloatArray
     after_end: float  # Time from the end of the motion to the first set-point after it [s]
 
 
 def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -> SetPointTimes:
-    """Times of set-points from `offset` to the end of the motion."""
+    """Times of set-points from `offset` (0 or before the motion) to the end of the motion."""
     duration = trajectory.duration
     count = int(np.ceil((duration - offset) / cycle * (1 - 1e-15) - SNAP))
     grid = offset + np.arange(max(count, 1), dtype=np.float64) * cycle
@@ -57,8 +51,7 @@ def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -
 
 def time_advances(servo: ServoModel, cycle: float) -> FloatArray:
     """Time advance of each joint's set-points [s], (dof,)."""
-    # The time advance is the dead time, plus half a cycle for interpolation "step", which delays
-    # the command by that on average.
+    # Interpolation "step" delays the command by half a cycle on average.
     return servo.dead_time + (cycle / 2 if servo.interpolation == "step" else 0.0)
 
 
@@ -71,13 +64,14 @@ def advance_set_points(
     hold: FloatArray | None = None,
     from_rest: bool = False,
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point, and set-points with a time advance per joint [rad], (n, dof)."""
-    # The set-point at time t belongs to the plan's time t + lead. The set-points start before time
-    # 0 by as many cycles as the largest time advance requires; a joint with a smaller time advance
-    # first rests at the start of the plan. lead (dof,) [s].
-    # command: computes the set-points of joints with given indices, (k,), at given times [rad],
-    # (n, k). hold: set-point that holds the arm at the start [rad], (dof,), by default the start.
-    # from_rest: every joint has a set-point that holds it before time 0.
+    """Time of the first set-point [s], and set-points with time advances [rad], (n, dof)."""
+    # lead: time advance of each joint [s], (dof,). The set-point at time t corresponds to the
+    # plan's time t + lead. The set-points begin before time 0 by as many cycles as the largest time
+    # advance requires. A joint with a smaller time advance first rests at the start of the plan.
+    # command: function that computes the set-points of the joints with these indices, (k,), at
+    # these times [rad], (n, k). hold: set-point with which the arm rests at the start of the plan
+    # [rad], (dof,), by default the start. from_rest: if True, the first set-point of every joint is
+    # at rest.
     whole = lead.max() / cycle
     early = int(np.floor(whole + SNAP)) + 1 if from_rest else int(np.ceil(whole - SNAP))
     start = trajectory(0.0) if hold is None else hold
@@ -89,76 +83,18 @@ def advance_set_points(
         column = np.concatenate([still, command(times, joints)])
         columns |= dict(zip(joints.tolist(), column.T, strict=True))
     length = max(len(x) for x in columns.values())
-    # A joint whose command ends earlier keeps its last set-point.
+    # A joint whose command ends earlier repeats its last set-point.
     padded = [
         np.pad(columns[j], (0, length - len(columns[j])), mode="edge") for j in range(len(lead))
     ]
     return -early * cycle + 0.0, np.stack(padded, axis=1)
 
 
-def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[float, FloatArray]:
-    """Time of the first set-point, and set-points by the inverse of the servo [rad], (n, dof)."""
-    # A set-point is the mean of the exact command over the cycle about its time, which is the
-    # command of the plan's mean. The means of velocity and acceleration are differences of position
-    # and velocity, so a jump of acceleration between two set-points affects both in proportion.
-    final = trajectory([trajectory.duration], side="left")
-    tail = np.zeros((integrator_tail(servo, trajectory.duration, cycle), trajectory.dof))
-
-    def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
-        t = times.inside
-        if len(t) and times.after_end < cycle / 2:
-            # The cycle about the next set-point still contains a part of the motion.
-            t = np.append(t, trajectory.duration + times.after_end)
-        # A held acceleration corresponds to the middle of the drive cycle.
-        q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
-        q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
-        ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, cycle)
-        commands = servo.command(q, ends, ddq)
-        inside = commands[: len(t)]
-        inside -= BIAS[servo.interpolation] * _second_differences(inside, trajectory, t, cycle)
-        return np.concatenate([commands, final])[:, joints]
-
-    return advance_set_points(
-        trajectory, time_advances(servo, cycle), cycle, command, from_rest=True
-    )
-
-
 def integrator_tail(servo: ServoModel, duration: float, cycle: float) -> int:
-    """Number of set-points after a motion that empty the integrators of the servo."""
+    """Number of set-points after a motion until the integrators decay; 0 without integrators."""
     return int(longest_tail(duration) / cycle) + 2 if servo.ki.any() else 0
 
 
 def longest_tail(duration: float) -> float:
     """Time after a motion at which the transient of its set-points is truncated [s]."""
     return min(LONGEST_TAIL, TAIL_SHARE * duration)
-
-
-def _means(
-    trajectory: Trajectory, t: FloatArray, cycle: float, ahead: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of q, dq and ddq over the cycles about times, including the rest around the motion."""
-    # Means of q are by Simpson's rule, which is exact up to third order. Means of ddq are for
-    # cycles that are shifted by `ahead` [s].
-    shifts = cycle / 2 * np.arange(-1, 2)
-    if ahead:
-        shifts = np.append(shifts, ahead + shifts[::2])
-    # One evaluation for all times, because a program has thousands of laws.
-    q, dq = trajectory.motion_with_rests((t[:, None] + shifts).ravel(), 1)
-    count = len(shifts)
-    first, middle, last = (q[k::count] for k in range(3))
-    before, after = dq[count // 4 * 3 :: count], dq[count - 1 :: count]
-    return (first + 4 * middle + last) / 6, (last - first) / cycle, (after - before) / cycle
-
-
-def _second_differences(
-    u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float
-) -> FloatArray:
-    """Second differences of set-points, over up to REACH intervals of the same move, (n, dof)."""
-    # They fade towards both ends of a move, because set-points at rest have no bias.
-    ends = trajectory.starts
-    k = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)
-    inside = np.minimum(t - ends[k - 1], ends[k] - t) / cycle
-    reach = np.clip(np.floor(inside + SNAP), 0, REACH).astype(np.intp)
-    i = np.arange(len(t))
-    weight = np.clip(inside / REACH, 0, 1) / np.maximum(reach, 1) ** 2
-    return np.asarray(weight[:, None] * (u[i + reach] - 2 * u + u[i - reach]))

@@ -1,4 +1,4 @@
-"""Estimates of parameters, and the base of the results of both identifications."""
+"""Estimates of parameters, and base classes of the results of both identifications."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ UNITS = {
     "friction": "rad",
     "acceleration_limit": "rad/s²",
 }
-# Lower and upper end of an interval, less the value.
+# Lower and upper end of an interval, relative to the value (end less value).
 Ends = tuple[float, float]
 # Parameters that are fitted as logarithms.
 LOGARITHMIC = ("kp", "kv", "ki", "acceleration_limit")
@@ -45,12 +45,12 @@ class Estimate(Result):
     Args:
         name: Name of the parameter.
         unit: Unit of the value.
-        value: The value; nan if there is none.
-        sd: Standard deviation; nan if there is none, as for a parameter at the bound of its range
-            or one that keeps its nominal value.
+        value: The value; nan if the model does not have the parameter.
+        sd: Standard deviation; nan for a parameter at the bound of its range, or with its nominal
+            value.
         low, high: Ends of the 95 % interval.
-        determined: True if the logs determine it: `sd` is at most 10 % of the value; for a dead
-            time 0.5 ms and for feed-forward 0.05 are sufficient, too. For rigid bodies, small
+        determined: True if the logs determine the parameter: `sd` is at most 10 % of the value, at
+            most 0.5 ms for a dead time, or at most 0.05 for feed-forward. For rigid bodies, small
             frictions, masses and inertias may have a larger `sd`.
     """
 
@@ -66,7 +66,8 @@ class Estimate(Result):
     def from_interval(
         cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **others: Any
     ) -> Estimate:
-        """The estimate from its standard deviation and the ends of its interval, less the value."""
+        """Estimate with the interval `ends` relative to the value (logarithms for LOGARITHMIC)."""
+        # also: standard deviation up to which the parameter is determined, however small its value.
         if name in LOGARITHMIC:
             low, high = (value * math.exp(x) for x in np.clip(ends, -700.0, 700.0))
             sd *= value
@@ -80,11 +81,11 @@ class Estimate(Result):
 
     @property
     def label(self) -> str:
-        """Name of the parameter in texts."""
+        """Name of the parameter in texts, with spaces instead of underscores."""
         return self.name.replace("_", " ")
 
     def to_data(self) -> Data:
-        """Value, standard deviation and interval."""
+        """Data of the value, the standard deviation and the interval."""
         ends = (("value", "value"), ("sd", "sd"), ("low", "from"), ("high", "to"))
         return Data(
             f"Estimate of {self.label}",
@@ -98,7 +99,7 @@ class Estimate(Result):
 
     @property
     def row(self) -> Row:
-        """The value with its 95 % interval."""
+        """Row of a table with the value and its 95 % interval; "open" if it is not determined."""
         ends = self.low, self.high
         note = f"({number_range(ends, self.unit)})" if np.isfinite(ends).all() else ""
         if not (self.determined or math.isnan(self.value)):
@@ -108,7 +109,7 @@ class Estimate(Result):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimates(Result, Checked):
-    """Base of results with estimates, which are attributes, too, such as `kp`.
+    """Base of results with estimates, which are also attributes, such as `kp`.
 
     Args:
         parameters: Estimates of the parameters by name.
@@ -129,7 +130,7 @@ class Estimates(Result, Checked):
         return tuple(self.parameters.values())
 
     def table(self, name: str) -> Table:
-        """The estimates, one a row.
+        """Table of the estimates, one row per estimate.
 
         Args:
             name: Name of the table.
@@ -146,8 +147,8 @@ class JointEstimates(Estimates):
     Args:
         name: Name of the joint.
         rms: RMS error of the model on the logs that were fitted [rad].
-        rests: For each log, measured less predicted positions [rad]; nan where they do not count,
-            (n,). Empty if no model was fitted.
+        rests: Residuals of each log: measured less predicted positions [rad], (n,); nan at samples
+            that do not count. Empty if no model was fitted.
     """
 
     name: str
@@ -170,7 +171,7 @@ class IdentifiedJoints(Estimates):
     joints: tuple[JointEstimates, ...] = field(repr=False)
 
     def __getitem__(self, name: str | int) -> Any:
-        """A joint by its name, or by its number from 1."""
+        """The result of a joint by its name, or by its number from 1."""
         for j, joint in enumerate(self.joints):
             if name in (joint.name, j + 1):
                 return joint
@@ -179,11 +180,11 @@ class IdentifiedJoints(Estimates):
 
     @property
     def source(self) -> str:
-        """Sources of the logs."""
+        """Sources of the logs (file names), separated by commas."""
         return ", ".join(dict.fromkeys(x.source for x in self.logs))
 
     def _tables(self) -> tuple[Table, Table]:
-        """Tables of the joints with all rows, and of the estimates only."""
+        """Two tables: all rows of each joint, and only the estimates of each joint."""
         every = [x.to_data() for x in self.joints]
         rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in every]
         names = [x for x in UNITS if any(x in y.parameters for y in self.joints)]

@@ -18,44 +18,50 @@ from armcontour.core.sampling import white_noise
 from armcontour.motion.log import FEWEST, Log
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
-# Gaps of more sample intervals than this split a log, because the command in the gap is unknown.
+# A gap of more sample intervals than this splits a log, because the command in it is unknown.
 SHORT_GAP = 20.0
-# Time at the start of a log that fits ignore [s]: it depends on commands before the log.
-SKIPPED = 0.04
+# Time at the start of a log that fits ignore, because it depends on commands before the log [s].
+SKIPPED_TIME = 0.04
 # Time over which the speed of the command is averaged [s], about the settling time of a servo.
-RECENT = 0.1
-# Samples from which the initial velocity is estimated.
-STARTING = 20
-# A command below this share of the typical speed counts as rest; the percentile of the typical
-# speed, above which weights do not increase.
-AT_REST, TYPICAL = 0.02, 95
-# Contiguous parts of equal motion of a single log.
+SPEED_WINDOW = 0.1
+# Number of samples from which the initial velocity is estimated.
+START_SAMPLES = 20
+# REST_SHARE: a command slower than this share of the typical speed counts as rest.
+# TYPICAL_PERCENTILE: percentile of the command speeds that is the typical speed, the upper bound of
+# weights.
+REST_SHARE, TYPICAL_PERCENTILE = 0.02, 95
+# Number of contiguous parts with equal motion into which a single log is divided.
 PARTS = 5
-# Typical sizes of changes in a fit: of logarithms for LOGARITHMIC, others in SI units.
+# Typical changes of the parameters in a fit: of the logarithm for LOGARITHMIC, else in SI units.
 SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3, 0.5)
-# Parameters in which the motion is linear (as in its initial state) if nothing saturates.
+# Parameters in which the simulated motion is linear unless an acceleration limit is fitted.
 LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
-# Typical measurement offset [rad]; initial position, velocity and, with an integrator, acceleration
-# [rad, rad/s, rad/s²].
-BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
-# Step of numerical derivatives, in these sizes.
-STEP = 1e-5
-# Smaller values, at a bound of zero, are rounding errors.
+# Typical changes of the initial values of a log: measurement offset [rad], position [rad],
+# velocity [rad/s], acceleration [rad/s²] (only with an integrator).
+INITIAL_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
+# Step of numerical derivatives, as a share of these typical changes.
+DERIVATIVE_STEP = 1e-5
+# Fitted parameters up to this value are rounding errors at the bound 0.
 ROUNDING = 1e-9
-# Residuals are in mrad, and clipped if a trial diverges.
-MRAD, MOST = 1e3, 1e4
-# Range of the gains of the search [1/s]: velocity loops of drives have bandwidths below 160 Hz.
-SLOWEST, FASTEST = 0.1, 1000.0
-# Unknowns whose typical change moves all samples by less than this have no effect [mrad].
-INVISIBLE = 1e-4
-# Standard deviations in half a 95 % interval.
-REACH = 1.96
-# Standard deviations that are small enough for any value.
-ALSO = {"dead_time": 0.5e-3, "velocity_feedforward": 0.05, "acceleration_feedforward": 0.05}
-# Effects of a drive cycle exceed their first-order approximation by up to this factor.
-HIGHER = 1.2
-# Number of fitted initial values of a log: offset, position, velocity.
-BEGINS = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
+# Residuals are in mrad (MRAD per rad) and clipped to this magnitude, because trials can diverge.
+MRAD, MAX_RESIDUAL = 1e3, 1e4
+# Bounds of the gains in the search [1/s]; velocity loops of drives have bandwidths below 160 Hz.
+MIN_GAIN, MAX_GAIN = 0.1, 1000.0
+# A linear unknown has no effect if its typical change changes the residuals by at most this norm
+# [mrad].
+LEAST_EFFECT = 1e-4
+# Half-width of a 95 % interval of a normal distribution [standard deviations].
+HALF_INTERVAL = 1.96
+# Parameters with at most this standard deviation are determined, however small their value is.
+SUFFICIENT_SD = {
+    "dead_time": 0.5e-3,
+    "velocity_feedforward": 0.05,
+    "acceleration_feedforward": 0.05,
+}
+# Largest ratio of the effect of a drive cycle to its first-order approximation.
+CYCLE_EFFECT = 1.2
+# Number of fitted initial values (offset, position, velocity) of a log segment, by model order.
+INITIAL_VALUES = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
 
 
 class Model(NamedTuple):
@@ -66,7 +72,7 @@ class Model(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Longest dead time [s], drive cycle [s] (0 for continuous loops), and allowed orders."""
+    """Search range: longest dead time [s], drive cycle [s] (0: continuous loop), allowed orders."""
 
     longest: float
     drive_cycle: float
@@ -75,15 +81,15 @@ class Search(NamedTuple):
     @property
     def fastest(self) -> float:
         """Largest gain of the search [1/s]."""
-        return min(FASTEST, 2 / self.drive_cycle) if self.drive_cycle else FASTEST
+        return min(MAX_GAIN, 2 / self.drive_cycle) if self.drive_cycle else MAX_GAIN
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
+        """Lower and upper bounds of a model's parameters, (m,) each; logarithms for LOGARITHMIC."""
         fastest = self.fastest
         lead = 3.0 if model.order == "second" else 0.3
         ranges = JointServo(
-            (SLOWEST, fastest), (0.5, fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
-            (0.01, 1e5), (0.0, 0.1), (SLOWEST, FASTEST / 10),
+            (MIN_GAIN, fastest), (0.5, fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
+            (0.01, 1e5), (0.0, 0.1), (MIN_GAIN, MAX_GAIN / 10),
         )  # fmt: skip
         bounds = np.array([getattr(ranges, x) for x in model.free]).reshape(-1, 2).T
         logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
@@ -93,29 +99,29 @@ class Search(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogSegment:
-    """One joint in one log, or between two gaps of it; arrays are (n,)."""
+    """Samples of one joint in one log without a long gap; arrays are (n,)."""
 
     log: int  # Index of the log
     start: int  # Index of its first sample in the log
     command: LoggedCommand  # Command with times and set-points
     y: FloatArray  # Measured positions [rad]
-    use: BoolArray
-    weight: FloatArray  # Weight of each sample, by the motion of the command
-    part: IntArray  # Index of the part (for cross-validation) of each sample
+    use: BoolArray  # Mask of the samples that are fitted
+    weight: FloatArray  # Weight of each sample: limited speed of the command [rad/s], 0 at rest
+    part: IntArray  # Index of the cross-validation part of each sample
 
     def after(self, lag: float) -> LogSegment:
-        """The segment, with samples used after SKIPPED and a lag of the joint [s]."""
+        """The segment whose mask `use` excludes the first SKIPPED_TIME and `lag` seconds."""
         t = self.command.t
-        return replace(self, use=t >= min(max(SKIPPED, lag, t[5]), t[-1] / 4))
+        return replace(self, use=t >= min(max(SKIPPED_TIME, lag, t[5]), t[-1] / 4))
 
     @property
     def velocity(self) -> float:
-        """Measured velocity at the begin [rad/s]."""
-        n = min(STARTING, len(self.y))
+        """Measured velocity at the start of the segment [rad/s]."""
+        n = min(START_SAMPLES, len(self.y))
         return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
     def cut(self, a: int, b: int, every: int = 1) -> LogSegment:
-        """Every `every`-th sample from a to b, with set-points only there and before."""
+        """Every `every`-th sample from index a to b, with set-points only at and before them."""
         c, before = self.command, len(self.command.knots) - len(self.command.t)
         a += -(before + a) % every
         knots, samples = slice(0, before + b, every), slice(a, b, every)
@@ -131,8 +137,8 @@ class LogSegment:
 def split_logs(
     logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0
 ) -> list[LogSegment]:
-    """Split logs at long gaps, weigh the samples of joint j by motion, divide them into parts."""
-    # The first `lag` + SKIPPED seconds do not count.
+    """Segments of joint j between long gaps of the logs, weighted by motion, with parts."""
+    # `use` excludes the start of each segment: the larger of `lag` and SKIPPED_TIME [s].
     spans = []
     for i, log in enumerate(logs):
         t = log.t
@@ -142,10 +148,10 @@ def split_logs(
     for i, a, b in spans:
         t, u = logs[i].t[a:b], logs[i].command[a:b, j]
         travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
-        speeds.append((travel - np.interp(t - RECENT, t, travel)) / RECENT)
+        speeds.append((travel - np.interp(t - SPEED_WINDOW, t, travel)) / SPEED_WINDOW)
     every = np.concatenate(speeds) if speeds else np.zeros(1)
-    usual = float(np.percentile(every[every > 0], TYPICAL)) if every.any() else 1.0
-    weights = [np.where(x > AT_REST * usual, np.minimum(x, usual), 0.0) for x in speeds]
+    usual = float(np.percentile(every[every > 0], TYPICAL_PERCENTILE)) if every.any() else 1.0
+    weights = [np.where(x > REST_SHARE * usual, np.minimum(x, usual), 0.0) for x in speeds]
     total, done = max(sum(float(x.sum()) for x in weights), 1e-300), 0.0
     moving = {i for (i, _, _), x in zip(spans, weights, strict=True) if x.any()}
     segments = []
@@ -169,18 +175,18 @@ def split_logs(
 
 
 class Problem:
-    """The least-squares problem of a model and log segments, solved by variable projection."""
+    """Least-squares problem of a model and log segments, solved by variable projection."""
 
-    # Unknowns are the parameters of the model, and for each segment the offset of the measurement
-    # and the initial position, velocity and acceleration that the model has. Linear unknowns are
-    # solved for in every step; only the others are searched.
+    # Unknowns are the m parameters of the model, then for each segment b initial values: the
+    # measurement offset and the position, velocity and acceleration that the model requires.
+    # The search varies the nonlinear unknowns only; each step solves for the linear unknowns.
 
     def __init__(self, model: Model, segments: Sequence[LogSegment], search: Search) -> None:
         self.model, self.segments, self.search = model, segments, search
-        self.m, self.b = len(model.free), BEGINS[model.order] + ("ki" in model.free)
+        self.m, self.b = len(model.free), INITIAL_VALUES[model.order] + ("ki" in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
         scales, count = [getattr(SCALES, x) for x in model.free], len(segments)
-        self.scale = np.concatenate([scales, np.tile(BEGIN_SCALES[: self.b], count)])
+        self.scale = np.concatenate([scales, np.tile(INITIAL_SCALES[: self.b], count)])
         self.used = [np.flatnonzero(s.use) for s in segments]
         free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
         self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
@@ -188,10 +194,10 @@ class Problem:
         begin = [not limited or k == 0 for k in range(self.b)]
         parameters = [not limited and x in LINEAR for x in model.free]
         self.linear: BoolArray = np.concatenate([parameters, np.tile(begin, count)]).astype(bool)
-        self.steps = np.where(self.linear, 1.0, STEP) * self.scale
+        self.steps = np.where(self.linear, 1.0, DERIVATIVE_STEP) * self.scale
 
     def servo(self, unknowns: FloatArray) -> JointServo:
-        """The servo of parameters (..., m)."""
+        """The servo with parameters (..., m), which are logarithms for LOGARITHMIC."""
         values = np.where(
             self.logarithmic, np.exp(np.where(self.logarithmic, unknowns, 0.0)), unknowns
         )
@@ -199,7 +205,7 @@ class Problem:
         return JointServo(**{"kp": np.inf, **parameters})
 
     def guess(self, values: dict[str, float], lag: float) -> FloatArray:
-        """Unknowns from parameters, with initial states as for a pure delay."""
+        """Unknowns from parameter values; initial values are those of a pure delay of `lag` [s]."""
         parameters = np.array([values.get(x, 0.0) for x in self.model.free])
         parameters = np.where(self.logarithmic, np.log(np.maximum(parameters, 1e-9)), parameters)
         begins = []
@@ -210,15 +216,15 @@ class Problem:
         return np.asarray(np.clip(np.concatenate([parameters, begins]), self.low, self.high))
 
     def select(self, unknowns: FloatArray, indices: Sequence[int]) -> FloatArray:
-        """The unknowns of a problem with some of the segments."""
+        """The unknowns that belong to a problem with only the segments of these indices."""
         begins = unknowns[self.m :].reshape(-1, self.b)[list(indices)]
         return np.concatenate([unknowns[: self.m], begins.ravel()])
 
     def linearize(
         self, unknowns: FloatArray, only: BoolArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Residuals [mrad], and their derivatives by all unknowns or by those of a mask."""
-        # Residuals are simulated less measured positions of the samples that count.
+        """Residuals [mrad], and their derivatives by all unknowns or by the unknowns of a mask."""
+        # Residuals are simulated less measured positions of the used samples.
         m, b = self.m, self.b
         only = np.full(len(unknowns), True) if only is None else only
         searched, later = np.flatnonzero(only[:m]), np.flatnonzero(only[m + 1 : m + b]) + 1
@@ -229,7 +235,7 @@ class Problem:
         servo, column, end = self.servo(values), np.cumsum(only), 0
         every = np.zeros((1 + int(column[-1]), sum(len(k) for k in self.used)))
         for i, (s, used) in enumerate(zip(self.segments, self.used, strict=True)):
-            begin, first = np.zeros((rows, len(BEGIN_SCALES))), m + i * b
+            begin, first = np.zeros((rows, len(INITIAL_SCALES))), m + i * b
             begin[:, :b] = unknowns[first : first + b]
             begin[np.arange(after, rows), later] += self.steps[m + later]
             _, q0, dq0, ddq0 = begin.T
@@ -242,29 +248,31 @@ class Problem:
             block[0] = q[0] + unknowns[first] - s.y[used]
         every *= MRAD
         if not np.isfinite(every.sum()):
-            every = np.nan_to_num(every, nan=MOST)
-        return np.clip(every[0], -MOST, MOST), every[1:].T
+            every = np.nan_to_num(every, nan=MAX_RESIDUAL)
+        return np.clip(every[0], -MAX_RESIDUAL, MAX_RESIDUAL), every[1:].T
 
     def residuals(self, unknowns: FloatArray) -> FloatArray:
-        """Simulated less measured positions of the samples that count [mrad]."""
+        """Simulated less measured positions of the used samples [mrad]."""
         return self.linearize(unknowns, np.full(len(unknowns), False))[0]
 
     def project(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The unknowns with the best linear ones, and their residuals [mrad]."""
-        # Returns unknowns, residuals, and normalized derivatives by linear ones within their
+        """Solve for the linear unknowns; returns unknowns, residuals [mrad], and derivatives."""
+        # The returned derivatives are normalized, and by the linear unknowns that are not at
         # bounds.
         linear = np.flatnonzero(self.linear)
         start, slopes = self.linearize(unknowns, self.linear)
-        if np.abs(start).max() >= MOST:  # Diverged: an offset must not hide it.
+        if (
+            np.abs(start).max() >= MAX_RESIDUAL
+        ):  # The simulation diverged; an offset must not hide this.
             return unknowns, start, slopes[:, :0]
-        slopes, size = normalize(slopes * self.scale[linear], INVISIBLE)
+        slopes, size = normalize(slopes * self.scale[linear], LEAST_EFFECT)
         size /= self.scale[linear]
         square = np.einsum("ki,kj->ij", slopes, slopes)
         low, high = ((y[linear] - unknowns[linear]) * size for y in (self.low, self.high))
         within, step = np.full(len(linear), True), np.zeros(len(linear))
         for _ in range(len(LINEAR) + 1):
             inverse = invert(square[np.ix_(within, within)])[0]
-            # The second solution removes rounding errors of the first one.
+            # The second iteration removes the rounding errors of the first iteration.
             for _ in range(2):
                 errors = start + np.einsum("ki,i->k", slopes, step)
                 step[within] -= inverse @ np.einsum("ki,k->i", slopes[:, within], errors)
@@ -277,11 +285,11 @@ class Problem:
         return best, start + np.einsum("ki,i->k", slopes, step), slopes[:, within]
 
     def cost(self, unknowns: FloatArray) -> float:
-        """Half of the sum of squared residuals with the best linear unknowns [mrad²]."""
+        """Half of the sum of squared residuals after solving for the linear unknowns [mrad²]."""
         return float(np.sum(self.project(np.clip(unknowns, self.low, self.high))[1] ** 2)) / 2
 
     def solve(self, start: FloatArray, evaluations: int) -> Any:
-        """Solve the problem from a start with at most `evaluations` evaluations."""
+        """Solution by `scipy.optimize` from a start with at most `evaluations` evaluations."""
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
         unknowns, linear = begin, np.empty((0, 0))
@@ -320,7 +328,7 @@ class Fit:
 
     @property
     def servo(self) -> JointServo:
-        """The servo, with plain numbers."""
+        """The fitted servo, with floats as values."""
         values = self.problem.servo(self.x[: self.problem.m])
         return JointServo(*(float(x) if x > ROUNDING else 0.0 for x in values))
 
@@ -330,7 +338,7 @@ class Fit:
         return float(white_noise(self.problem.residuals(self.x))) / MRAD
 
     def at_bounds(self) -> tuple[set[str], set[str]]:
-        """Parameters at their lower bounds, and at their upper ones."""
+        """Names of the parameters at their lower bounds, and at their upper bounds."""
         p, m = self.problem, self.problem.m
         near, names = 1e-2 * p.scale[:m], np.array(p.model.free)
         low, high = self.x[:m] - p.low[:m] < near, p.high[:m] - self.x[:m] < near
@@ -338,7 +346,7 @@ class Fit:
 
 
 def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -> Fit:
-    """Solve a problem from the best starts with few evaluations, then continue the best fit."""
+    """Solve a problem from its best starts with few evaluations, then refine the best solution."""
     few = evaluations
     if len(starts) > 1:
         few = min(12, evaluations // 4)
@@ -351,11 +359,11 @@ def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -
 
 
 def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
-    """Positions of a servo over a log segment [rad], (n,); offset and initial state are fitted."""
-    s, b = segment, BEGINS[order] + int(servo.ki > 0)
+    """Predicted positions in a log segment [rad], (n,); offset and initial state are fitted."""
+    s, b = segment, INITIAL_VALUES[order] + int(servo.ki > 0)
     free = np.isinf(servo.acceleration_limit)
-    scale = BEGIN_SCALES[:b]
-    steps = np.diag(BEGIN_SCALES)[:b] * (1.0 if free else STEP)
+    scale = INITIAL_SCALES[:b]
+    steps = np.diag(INITIAL_SCALES)[:b] * (1.0 if free else DERIVATIVE_STEP)
     steps[0] = 0.0
 
     def simulate(begins: FloatArray) -> FloatArray:
@@ -364,7 +372,7 @@ def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: flo
 
     x = np.array([0.0, s.y[0], s.velocity, 0.0])
     q = simulate(x + steps)
-    # Without saturation the motion is linear in its initial state, so one step is enough.
+    # Without saturation the motion is linear in its initial state, so one iteration is sufficient.
     for _ in range(1 if free else 8):
         slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
         slopes[0] = 1.0
@@ -388,10 +396,10 @@ def estimate_parameters(
     longest_cycle: float = 0.0,
     rivals: Sequence[JointServo] = (),
 ) -> dict[str, Estimate]:
-    """Estimates of the parameters of a fit, by name; no interval for those at a bound."""
-    # without: servos that are fitted without one part of the logs each. Their scatter shows effects
-    # that are not modelled, such as other joints. rivals: servos of other models with equal errors,
-    # if no model is complete. longest_cycle: longest cycle of the drive, if it is unknown [s].
+    """Estimates of the parameters of a fit by name; parameters at a bound have no interval."""
+    # without: servos each fitted without one part of the logs. Their scatter includes the effects
+    # that are not modelled, such as other joints. rivals: servos of other models with nearly the
+    # same error, if no model is complete. longest_cycle: longest drive cycle, if it is unknown [s].
     p, names, bounds = fit.problem, fit.problem.model.free, set().union(*fit.at_bounds())
     free = np.full(len(fit.x), True)
     free[: p.m] = [x not in bounds for x in names]
@@ -400,7 +408,7 @@ def estimate_parameters(
     variance = float(np.sum(residuals**2)) / freedom * correlation_length(residuals)
     deviations = np.where(free, Precision.from_jacobian(jacobian, variance).sd(free), math.nan)
     servo, estimates = fit.servo, {}
-    cycled = cycled_servo(servo, longest_cycle)
+    cycled = add_drive_cycle(servo, longest_cycle)
     for name, sd in zip(names, deviations.tolist(), strict=False):
         value, other = getattr(servo, name), getattr(cycled, name)
         every, others = (np.array([getattr(y, name) for y in x]) for x in (without, rivals))
@@ -412,20 +420,20 @@ def estimate_parameters(
         if math.isfinite(sd):
             jackknife = float(np.std(every) * math.sqrt(len(every) - 1)) if len(every) else 0.0
             sd = max(sd, jackknife, float(np.std(others)))
-        low, high = min(shift, 0.0) - REACH * sd, max(shift, 0.0) + REACH * sd
+        low, high = min(shift, 0.0) - HALF_INTERVAL * sd, max(shift, 0.0) + HALF_INTERVAL * sd
         if name not in LOGARITHMIC:
             low = max(low, -value)
-        options: dict[str, Any] = {"also": ALSO.get(name, 0.0)}
+        options: dict[str, Any] = {"also": SUFFICIENT_SD.get(name, 0.0)}
         if name == "acceleration_feedforward" and p.model.order == "first":
             options = {"unit": "s"}
         estimates[name] = Estimate.from_interval(name, value, sd, (low, high), **options)
     return estimates
 
 
-def cycled_servo(servo: JointServo, drive_cycle: float) -> JointServo:
-    """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle."""
-    # Held values and differences over a cycle have a delay of half a cycle.
-    half = HIGHER * drive_cycle / 2
+def add_drive_cycle(servo: JointServo, drive_cycle: float) -> JointServo:
+    """The servo with a drive cycle [s] that is equivalent, to first order, to the given servo."""
+    # Held values and differences over a drive cycle are delayed by half a drive cycle.
+    half = CYCLE_EFFECT * drive_cycle / 2
     kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)
     slow = 1 - (kp + ki) * half
     return servo._replace(

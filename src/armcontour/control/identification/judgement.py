@@ -1,4 +1,4 @@
-"""Judgement of an identified servo by the contour error on motion that was not fitted."""
+"""Validation of an identified servo by its contour error on motion that was not fitted."""
 
 from __future__ import annotations
 
@@ -7,39 +7,42 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.control.identification.joint_fit import split_logs
-from armcontour.control.identification.servo_identification import (
+from armcontour.control.identification.identification_result import (
     JointIdentification,
     Judgement,
-    rounded,
+    round_digits,
     write_servo,
 )
+from armcontour.control.identification.joint_fit import split_logs
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.sampling import interpolate
 from armcontour.motion.log import Log
 from armcontour.robot import Arm
 from armcontour.robot.servo.simulation import JointServo
 
-# Contour errors are computed from samples with this spacing [s].
-STEP = 4e-3
-# Commands that differ by less than this share of their range are the same program.
-SAME = 0.02
-# Without an arm a joint counts in proportion to its tracking error, but to no less than this share
-# of the largest one: the noise of a joint that hardly moves is no contour error.
-FLOOR = 0.1
-# Newton steps to a delay, and the largest difference of contour and joint delays [s].
-STEPS, BEYOND = 3, 0.1
-# A model or delay is rejected if it leaves more than this share of the tracking error.
-WEAK = 0.8
-# Contour errors up to this multiple of the encoder noise count as noise.
-NOISES = 3.0
-# Smallest divisor.
+# Spacing of the samples from which contour errors are computed [s].
+SPACING = 4e-3
+# Two logs are of the same program if their commands differ by at most this share of their range.
+SAME_PROGRAM = 0.02
+# Without an arm, errors of a joint are divided by its RMS tracking error, at least by this share of
+# the largest tracking error, so that the noise of a joint that hardly moves is not amplified.
+LEAST_WEIGHT = 0.1
+# NEWTON_STEPS: number of Newton steps for a delay. DELAY_MARGIN: largest difference of the delay of
+# the contour from the delays of the joints [s].
+NEWTON_STEPS, DELAY_MARGIN = 3, 0.1
+# A model or delay is rejected if its error exceeds this share of the tracking error.
+MAX_WEAK = 0.8
+# A contour error of at most this multiple of the encoder noise counts as 0.
+NOISE_MULTIPLE = 3.0
+# Lower bound of divisors.
 TINY = 1e-30
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _LogSamples:
-    """Samples of a log: times, commands, used samples, and residuals of each choice."""
+    """Samples of a log: times [s], commands [rad], mask of used samples, and residuals [rad]."""
+
+    # rest: residuals for each choice of the written model ("none", "delay", "model"), (n, dof).
 
     t: FloatArray
     command: FloatArray
@@ -49,17 +52,18 @@ class _LogSamples:
     def deviate(
         self, choice: Sequence[str], longest: float, weight: FloatArray, arm: Arm | None
     ) -> tuple[float, FloatArray]:
-        """RMS contour error, and RMS deviation of each joint from the contour [rad]."""
+        """RMS contour error (see `Judgement.errors`), and RMS deviations of the joints [rad]."""
+        # choice: key of `rest` for each joint. longest: longest delay of a joint [s].
         residual = np.stack([self.rest[c][:, j] for j, c in enumerate(choice)], axis=1)
         moved, times = self.command + residual, self.t
         if arm is not None:
-            reach = (longest + BEYOND) / float(np.median(np.diff(self.t)))
+            reach = (longest + DELAY_MARGIN) / float(np.median(np.diff(self.t)))
             both = arm.tool_position(self.command), arm.tool_position(moved)
             squares, positions = find_nearest(*both, int(np.ceil(reach)))
             times = np.interp(positions, np.arange(len(positions)), self.t)
         elif len(weight) > 1:
             both = self.command * weight, moved * weight
-            times = times - find_delay([(times, *both)], -BEYOND, longest + BEYOND)
+            times = times - find_delay([(times, *both)], -DELAY_MARGIN, longest + DELAY_MARGIN)
         deviations = moved - interpolate(times, self.t, self.command)
         if arm is None:
             squares = np.sum((deviations * weight) ** 2, axis=1)
@@ -67,22 +71,22 @@ class _LogSamples:
         return float(np.sqrt(np.mean(squares[self.use]))), each
 
 
-def judge(
+def choose_written(
     logs: Sequence[Log],
     joints: Sequence[JointIdentification],
     interpolation: str,
     longest: float,
     arm: Arm | None,
 ) -> tuple[tuple[JointIdentification, ...], Judgement]:
-    """Choose the written model of each joint by the contour error, and judge the result."""
+    """Choose the model of each joint that is written by the contour error, and judge the result."""
     # Good models are written. For the other joints, the weak model, the delay or nothing is
-    # written, depending on which has the smallest contour error. Without an arm the contour is in
-    # joint space.
+    # written, whichever has the smallest contour error. Without an arm, the contour is a curve in
+    # joint space. longest: longest dead time of the search [s].
     delays = _joint_delays(logs, longest)
-    motions = [_prepare(logs, i, joints, longest) for i in range(len(logs))]
+    motions = [_sample_log(logs, i, joints, longest) for i in range(len(logs))]
     every = [np.concatenate([x.rest[y] for x in motions]) for y in ("none", "delay")]
     lags, delayed = (np.sqrt(np.mean(x**2, axis=0)) for x in every)
-    weight = 1 / np.maximum(lags, max(FLOOR * float(lags.max()), TINY))
+    weight = 1 / np.maximum(lags, max(LEAST_WEIGHT * float(lags.max()), TINY))
 
     def deviations(choice: Sequence[str]) -> list[tuple[float, FloatArray]]:
         return [x.deviate(choice, float(delays.max()), weight, arm) for x in motions]
@@ -96,7 +100,7 @@ def judge(
     choice = ["model" if x.written else "none" for x in joints]
     for j, joint in enumerate(joints):
         if joint.note:
-            others = ("none", "delay") if delayed[j] <= WEAK * lags[j] else ("none",)
+            others = ("none", "delay") if delayed[j] <= MAX_WEAK * lags[j] else ("none",)
             choice = min((choice, *([*choice[:j], y, *choice[j + 1 :]] for y in others)), key=cost)
     done = deviations(choice)
     errors = np.array([(y[0], x[0]) for x, y in zip(done, none, strict=True)])
@@ -111,26 +115,26 @@ def judge(
     judgement = Judgement(
         programs=count_programs(logs),
         ratio=float(
-            np.max(np.where(after > NOISES * noise, after / np.maximum(before, TINY), 0.0))
+            np.max(np.where(after > NOISE_MULTIPLE * noise, after / np.maximum(before, TINY), 0.0))
         ),
         errors=errors,
     )
     written = []
     for j, (joint, c) in enumerate(zip(joints, choice, strict=True)):
         if c != "model":
-            delay = rounded(delays[j] * (c == "delay"))
+            delay = round_digits(delays[j] * (c == "delay"))
             servo = JointServo(np.inf, dead_time=delay)
             joint = write_servo(joint, split_logs(logs, j, interpolation, delay), servo)
         written.append(replace(joint, contour_ratio=float(max(y[j] for y in shares))))
     return tuple(written), judgement
 
 
-def _prepare(
+def _sample_log(
     logs: Sequence[Log], i: int, joints: Sequence[JointIdentification], longest: float
 ) -> _LogSamples:
-    """The samples of log i, with the residuals of predictions."""
+    """Samples of log i with residuals of no model, of delays from other logs, and of the models."""
     log = logs[i]
-    every = max(int(STEP / log.interval * (1 + 1e-6)), 1)
+    every = max(int(SPACING / log.interval * (1 + 1e-6)), 1)
     delays = _joint_delays([x for k, x in enumerate(logs) if k != i] or logs, longest)
     model = np.stack([x.rests[i] if x.rests else np.full(len(log.t), np.nan) for x in joints], 1)
     predicted = np.isfinite(model)
@@ -148,7 +152,7 @@ def _prepare(
 
 
 def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
-    """Delay of each joint with the smallest tracking error [s], (dof,)."""
+    """Delay of each joint with the smallest tracking error, at most `longest` [s], (dof,)."""
     delays = []
     for j in range(logs[0].dof):
         motions = [(x.t, x.command[:, [j]], x.measured[:, [j]]) for x in logs]
@@ -159,10 +163,10 @@ def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
 def find_delay(
     motions: Sequence[tuple[FloatArray, FloatArray, FloatArray]], low: float, high: float
 ) -> float:
-    """Delay of commands with the smallest sum of squared tracking errors (Newton's method) [s]."""
-    # motions: times (n,) [s], commands (n, k) and positions (n, k).
+    """Delay from `low` to `high` with the smallest tracking error, by Newton's method [s]."""
+    # motions: times (n,) [s], commands (n, k) and positions (n, k) of each log.
     delay = 0.0
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         above = below = 0.0
         for t, command, q in motions:
             errors = q - interpolate(t - delay, t, command)
@@ -174,14 +178,14 @@ def find_delay(
 
 
 def count_programs(logs: Sequence[Log]) -> int:
-    """Number of logs whose commands differ from those of all earlier logs."""
+    """Number of different programs: logs whose commands differ from those of all earlier logs."""
 
     def is_same(one: Log, other: Log) -> bool:
         difference = one.command - interpolate(
             one.t - one.t[0], other.t - other.t[0], other.command
         )
         ranges = np.maximum(np.ptp(one.command, axis=0), np.ptp(other.command, axis=0))
-        return bool((np.ptp(difference, axis=0) <= SAME * ranges).all())
+        return bool((np.ptp(difference, axis=0) <= SAME_PROGRAM * ranges).all())
 
     programs: list[Log] = []
     for log in logs:
@@ -192,9 +196,9 @@ def count_programs(logs: Sequence[Log]) -> int:
 def find_nearest(
     curve: FloatArray, points: FloatArray, reach: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Squared distances of points to a curve, and nearest positions on it in samples, (n,)."""
-    # curve and points (n, m) are at the same times; the search covers `reach` samples before and
-    # after.
+    """Squared distances of points to a polyline, and fractional indices of nearest points, (n,)."""
+    # Rows of curve and points, (n, m), are at the same times. The search for the nearest point
+    # covers `reach` samples before and after.
     n = len(curve)
     nearest, positions, rows = np.full(n, np.inf), np.zeros(n), np.arange(n)
     edges = np.diff(curve, axis=0)

@@ -1,4 +1,4 @@
-"""Least squares of both identifications: solver, covariance, tolerances of parameters."""
+"""Least squares for both identifications: solver, covariance and tolerances of parameters."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 
-# Largest standard deviation of a determined parameter, as a share of its value.
-SHARE = 0.10
-# Lowest lines of the spectrum of the scores, and samples for each line (Müller, Econometrica 2007).
-LINES, PER_LINE = 24, 4
-# Directions with less information than this share of the largest one are not determined.
+# Largest standard deviation of a determined parameter, relative to its value.
+RELATIVE_SD = 0.10
+# Long-run covariance of the scores (Müller, Econometrica 2007): largest number of spectral lines
+# that are averaged, and smallest number of samples per line.
+LINES, SAMPLES_PER_LINE = 24, 4
+# Eigenvectors whose eigenvalue is below this share of the largest eigenvalue are not determined.
 DEPENDENT = 1e-14
 
 
 def allowed_deviation(value: Any, also: Any = 0.0) -> Any:
     """Largest standard deviation of a determined parameter: a share of its value, or `also`."""
-    return np.maximum(SHARE * np.abs(value), also)
+    return np.maximum(RELATIVE_SD * np.abs(value), also)
 
 
 def normalize(columns: FloatArray, shortest: float = 1e-150) -> tuple[FloatArray, FloatArray]:
@@ -30,7 +31,7 @@ def normalize(columns: FloatArray, shortest: float = 1e-150) -> tuple[FloatArray
 
 
 def invert(square: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Inverse of products of normalized columns, and the columns that depend on others."""
+    """Pseudo-inverse of a Gram matrix of normalized columns, and the mask of dependent columns."""
     values, vectors = np.linalg.eigh(square)
     good = values > DEPENDENT * values.max(initial=0.0)
     inverse = vectors[:, good] / values[good] @ vectors[:, good].T
@@ -46,9 +47,10 @@ def solve(
     near: float = 1e-9,
 ) -> Any:
     """Solve a bounded least-squares problem by `scipy.optimize.least_squares`."""
-    # An orthogonal transformation reduces the residuals to one number and zeros, so that the solver
-    # does not decompose long matrices, which is slow with several BLAS threads. Residuals may be
-    # nan. A reduction of the sum of squares by less than the share `near` ends the search.
+    # slopes(x): residuals and their derivatives. An orthogonal transformation reduces the residuals
+    # to their norm and zeros, so that the solver does not decompose long matrices, which is slow
+    # with several BLAS threads. Residuals may be nan. The search ends when an iteration reduces the
+    # sum of squares by less than the share `near`.
     from scipy.optimize import least_squares
 
     def size(x: FloatArray) -> FloatArray:
@@ -60,7 +62,7 @@ def solve(
         upper = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)[1]
         return np.asarray(upper[:, 1:] * norms[1:] * np.copysign(1.0, upper[0, 0]))
 
-    # Unknowns without any effect overflow in the solver's search for a step.
+    # Unknowns without an effect cause overflow in the step computation of the solver.
     with np.errstate(over="ignore"):
         return least_squares(
             size, start, triangle, bounds=bounds, x_scale="jac", max_nfev=evaluations,
@@ -69,45 +71,46 @@ def solve(
 
 
 class Precision(NamedTuple):
-    """Fisher information of the logs about the unknowns, scaled to 1 for each unknown."""
+    """Fisher information about the unknowns, scaled so that its diagonal is 1."""
 
-    information: FloatArray  # Products of the scaled derivatives, (unknowns, unknowns)
-    scores: FloatArray  # Covariance of derivatives times residuals, (unknowns, unknowns)
-    size: FloatArray  # Units, (unknowns,)
-    freedom: float = math.inf  # Degrees of freedom of the covariance; infinite if it is known
+    # information: Gram matrix of the normalized derivatives of the residuals, (unknowns, unknowns).
+    information: FloatArray
+    # scores: covariance of the scores (sums of derivatives times residuals), (unknowns, unknowns).
+    scores: FloatArray
+    size: FloatArray  # Norms of the derivatives before normalization, (unknowns,)
+    freedom: float = math.inf  # Degrees of freedom of the covariance; infinite if it is exact
 
     @classmethod
     def from_jacobian(cls, jacobian: FloatArray, variance: float = 1.0) -> Precision:
-        """The precision of a fit whose residuals are independent."""
-        # jacobian (samples, unknowns).
+        """Precision of a fit with independent residuals; jacobian (samples, unknowns)."""
         unit, size = normalize(jacobian)
         information = np.einsum("ki,kj->ij", unit, unit)
         return cls(information, variance * information, size)
 
     @classmethod
     def correlated(cls, jacobian: FloatArray, residuals: FloatArray) -> Precision:
-        """The precision of a fit whose residuals may be correlated."""
-        # The covariance of the sum of the scores is that of the lowest lines of their spectrum.
-        # jacobian (samples, dof, unknowns), residuals (samples, dof).
+        """Precision of a fit whose residuals may be correlated."""
+        # The covariance of the sum of the scores is the mean over the lowest lines of their cosine
+        # spectrum. jacobian (samples, dof, unknowns), residuals (samples, dof).
         independent = cls.from_jacobian(jacobian.reshape(-1, jacobian.shape[2]))
         unit = jacobian / independent.size
-        # Samples without information take no time.
+        # The abscissa of the cosines is the accumulated information instead of time.
         weights = np.sum(unit**2, axis=(1, 2))
         clock = (np.cumsum(weights) - weights / 2) / max(float(np.sum(weights)), 1e-300)
-        lines = max(min(LINES, len(clock) // PER_LINE), 2)
+        lines = max(min(LINES, len(clock) // SAMPLES_PER_LINE), 2)
         waves = np.sqrt(2) * np.cos(np.pi * np.outer(clock, np.arange(1, lines + 1)))
         amplitudes = np.einsum("sjp,sj->ps", unit, residuals) @ waves
         return independent._replace(scores=amplitudes @ amplitudes.T / lines, freedom=lines)
 
     @property
     def quantile(self) -> float:
-        """Half of the width of a 95 % interval, in standard deviations."""
+        """Half-width of a 95 % interval [standard deviations]."""
         from scipy.special import stdtrit
 
         return float(stdtrit(self.freedom, 0.975))
 
     def covariance(self, free: BoolArray) -> FloatArray:
-        """Covariance if only the free unknowns are estimated, else 0, (unknowns, unknowns)."""
+        """Covariance of the free unknowns, 0 for the others, (unknowns, unknowns)."""
         block, covariance = np.ix_(free, free), np.zeros_like(self.information)
         inverse, dependent = invert(self.information[block])
         part = inverse @ self.scores[block] @ inverse
@@ -116,5 +119,5 @@ class Precision(NamedTuple):
         return covariance
 
     def sd(self, free: BoolArray) -> FloatArray:
-        """Standard deviations if only the free unknowns are estimated, (unknowns,)."""
+        """Standard deviations of the free unknowns, 0 for the others, (unknowns,)."""
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance(free)), 0.0)))

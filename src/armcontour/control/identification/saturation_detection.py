@@ -1,4 +1,4 @@
-"""Detection of saturated samples in a log: acceleration or velocity limits of a drive."""
+"""Detection of samples in a log at which a drive saturates at an acceleration or velocity limit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.control.identification.estimates import UNITS, Estimate
 from armcontour.control.identification.joint_fit import (
-    REACH,
+    HALF_INTERVAL,
     LogSegment,
     Model,
     Problem,
@@ -26,71 +26,79 @@ from armcontour.control.identification.selection import (
     Selected,
     is_implausible,
     predict_parts,
-    select,
+    select_model,
 )
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.sampling import white_noise
 from armcontour.robot.servo.simulation import JointServo
 
-# Derivatives are those of parabolas over the fewest samples with which noise is at most this share
-# of the largest derivative, and over at most this time before and after [s].
-NOISY, LONGEST = 0.015, 0.04
-# Percentile of a derivative that is near its limit, and the range about it, as a share of it.
-TOP, RANGE = 99.0, 0.1
-# Values at a limit differ by at most this share of it or this many deviations of the noise.
-EQUAL, SIGMAS = 0.01, 4.0
-# Fewest successive samples at a limit, and the shortest time [s].
-FEWEST_EQUAL, SHORTEST = 4, 5e-3
-# At a limit the commanded acceleration exceeds the measured one by at least this share of the
-# largest acceleration, and by this many times its error at the other samples.
-EXCESS, ERRORS = 0.05, 4.0
-# Dead times that are tried for the commanded acceleration: number, and longest one [s].
-DELAYS, LATEST = 26, 0.1
-# Smallest share of samples at a limit, and fewest samples to fit the commanded acceleration.
+# Derivatives are computed from parabolas through the fewest samples for which the noise is below
+# the share MAX_NOISE of the largest derivative, and through at most LONGEST_WINDOW seconds on each
+# side.
+MAX_NOISE, LONGEST_WINDOW = 0.015, 0.04
+# TOP_PERCENTILE: percentile of the magnitudes of a derivative that is the first guess of its limit.
+# PLATEAU_RANGE: half-width of the range about the guess in which the limit is sought, as a share of
+# it.
+TOP_PERCENTILE, PLATEAU_RANGE = 99.0, 0.1
+# A value is at a limit if it differs from the limit by at most the share PLATEAU_SHARE of the
+# limit, or by at most PLATEAU_SIGMAS standard deviations of the noise.
+PLATEAU_SHARE, PLATEAU_SIGMAS = 0.01, 4.0
+# Smallest number of successive samples of a plateau, and its shortest duration [s].
+FEWEST_SAMPLES, SHORTEST_PLATEAU = 4, 5e-3
+# On a saturated plateau, the commanded acceleration exceeds the measured acceleration by more than
+# the share EXCESS of the largest acceleration, and by more than EXCESS_ERRORS times its RMS error
+# at the unsaturated samples.
+EXCESS, EXCESS_ERRORS = 0.05, 4.0
+# Number of dead times that are tried for the commanded acceleration, and the longest of them [s].
+DELAY_COUNT, LONGEST_DELAY = 26, 0.1
+# LEAST_SHARE: smallest share of saturated samples that counts as saturation.
+# FEWEST_FREE: smallest number of other samples to which the commanded acceleration is fitted.
 LEAST_SHARE, FEWEST_FREE = 2e-3, 50
-# Smallest and largest multiple of the measured limit that is tried, and their number.
-REFINED = (0.98, 1.06, 9)
-# Fewest samples in a row that are fitted: shorter segments only determine their initial state.
-FEWEST_BETWEEN = 20
-# With more segments, their free initial states would explain most of the motion.
-MAX_BETWEEN = 40
-# Above this share of time at a limit, undetermined gains are not accepted as a model.
-HIDDEN = 0.5
-# Margin about clipped samples [s]: drives with a cycle react up to one cycle later.
+# Multiples of the measured limit that are tried: smallest, largest, and their number.
+LIMIT_MULTIPLES = (0.98, 1.06, 9)
+# Shorter segments between saturated samples are not fitted [samples], because they determine no
+# more than their initial state.
+FEWEST_UNSATURATED = 20
+# Largest number of segments that are fitted; the free initial states of more segments would explain
+# most of the motion.
+MAX_SEGMENTS = 40
+# If a joint is at its acceleration limit for more than this share of the time, a model with
+# undetermined K_p is rejected.
+MAX_LIMIT_TIME = 0.5
+# Margin before and after saturated samples [s], because drives react up to one drive cycle later.
 MARGIN = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Saturation:
-    """Saturation of a joint."""
+    """Acceleration or velocity limit at which a joint saturates, and the affected samples."""
 
     kind: str  # "acceleration" or "velocity"
-    # limit, sd: the limit and its standard deviation [rad/s² or rad/s].
-    limit: float
-    sd: float
-    # time, duration: time at the limit and of the logs [s].
-    time: float
-    duration: float
-    clipped: tuple[BoolArray, ...]  # Samples of each segment that the limit affects
+    limit: float  # The limit [rad/s² or rad/s]
+    sd: float  # Standard deviation of the limit [rad/s² or rad/s]
+    time: float  # Time at the limit [s]
+    duration: float  # Total duration of the segments [s]
+    clipped: tuple[BoolArray, ...]  # Mask of the samples of each segment that the limit affects
 
     @property
     def hides(self) -> bool:
-        """True if the joint is at its acceleration limit for more than HIDDEN of the time."""
-        return self.kind == "acceleration" and self.time > HIDDEN * self.duration
+        """True if the joint is at its acceleration limit for too long, see MAX_LIMIT_TIME."""
+        return self.kind == "acceleration" and self.time > MAX_LIMIT_TIME * self.duration
 
     def describe(self, name: str) -> str:
-        """Clause on the saturation of the joint with this name."""
+        """Clause for messages, such as "joint 2 saturates at 3 rad/s² for 0.4 s of 10 s"."""
         limit = f"{self.limit:.3g} {'rad/s²' if self.kind == 'acceleration' else 'rad/s'}"
         return f"{name} saturates at {limit} for {self.time:.2g} s of {self.duration:.3g} s"
 
 
 def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
-    """Find plateaus of acceleration or velocity at which the loop commands a larger value."""
-    # The commanded acceleration is linear in position, velocity and command, and is fitted to the
-    # other samples. So motion that is planned at a limit and follows its command is not saturation.
+    """Find plateaus of acceleration or velocity that the loop commands to exceed; None if none."""
+    # The commanded acceleration is linear in position, velocity and command. Its coefficients are
+    # fitted to the samples outside the plateaus. Therefore a planned plateau that the joint follows
+    # is not saturation.
     motion = _MeasuredMotion(segments)
     for order, kind in ((2, "acceleration"), (1, "velocity")):
-        # The test of a velocity plateau needs the acceleration, too.
+        # The test of a velocity plateau also requires the acceleration.
         windows = [motion.window(x) for x in {2, order}]
         if not all(windows):
             continue
@@ -102,8 +110,8 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
             continue
         acceleration, (demanded, error) = motion.derive(2, k), prediction
         excess = np.sign(values) * (demanded - acceleration)
-        top = float(np.percentile(np.abs(acceleration), TOP))
-        threshold = max(EXCESS * top, ERRORS * error)
+        top = float(np.percentile(np.abs(acceleration), TOP_PERCENTILE))
+        threshold = max(EXCESS * top, EXCESS_ERRORS * error)
         clipped = np.full(len(values), False)
         for i, j in _spans(plateaus):
             clipped[i:j] = np.median(excess[i:j]) > threshold
@@ -113,7 +121,7 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
         sizes = np.abs(values[clipped])
         sd = float(np.std(sizes) * np.sqrt((2 * k + 1) / len(sizes)))
         if order == 2:
-            slack = max(ERRORS * error, EXCESS * EQUAL * limit)
+            slack = max(EXCESS_ERRORS * error, EXCESS * PLATEAU_SHARE * limit)
             clipped |= np.abs(demanded) > limit + slack
         margin = k + max(round(MARGIN / motion.interval), 1)
         every = motion.at_samples(_widen(clipped, margin), k)
@@ -124,22 +132,23 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
     return None
 
 
-def select_between(
+def select_unsaturated(
     segments: Sequence[LogSegment], saturation: Saturation, search: Search
 ) -> Selected | None:
-    """Select the model of a joint from the samples that its limit does not affect."""
-    # Position and velocity are free after each saturated interval. A fit of all samples with the
-    # limit is preferred if its error between these intervals is no larger and its K_p is more
-    # certain. None if the limit affects too many samples, or too many intervals.
+    """Select the model of a joint from its unsaturated samples; None if they are too few."""
+    # Each interval between saturated samples is a segment with a free initial state. A fit of all
+    # samples with an acceleration limit is preferred if its error in these segments is not
+    # significantly larger and its K_p has a smaller standard deviation.
+    # None is also returned if there are too many segments.
     between = [
         s.cut(i, j)
         for s, clipped in zip(segments, saturation.clipped, strict=True)
         for i, j in _spans(~clipped)
-        if np.sum(s.use[i:j]) >= FEWEST_BETWEEN
+        if np.sum(s.use[i:j]) >= FEWEST_UNSATURATED
     ]
-    if not between or len(between) > MAX_BETWEEN:
+    if not between or len(between) > MAX_SEGMENTS:
         return None
-    free = select(between, search, limited=False)
+    free = select_model(between, search, limited=False)
     if free is None:
         return None
     if saturation.kind == "velocity" or free.fit.problem.model.order != "second":
@@ -153,16 +162,16 @@ def select_between(
     certain = [estimate_parameters(x)[KP].sd for x in (whole, free.fit)]
     if not is_implausible(whole) and rms * GAIN < free.rms and certain[0] < certain[1]:
         return replace(predict_parts(whole), rivals=free.rivals)
-    # Smoothing lowers short plateaus, so larger limits are tried, too.
+    # Smoothing reduces the height of short plateaus, so larger limits are tried, too.
     measured, servo = saturation.limit, free.fit.servo
     value = min(
-        (measured, *measured * np.linspace(*REFINED)),
+        (measured, *measured * np.linspace(*LIMIT_MULTIPLES)),
         key=lambda x: _error(segments, servo._replace(acceleration_limit=x), search.drive_cycle),
     )
     sd = max(saturation.sd, abs(value - measured) / 2)
     limit = Estimate(
-        name=LIMIT, unit=UNITS[LIMIT], value=float(value), sd=sd, low=value - REACH * sd,
-        high=value + REACH * sd, determined=bool(sd <= allowed_deviation(value)),
+        name=LIMIT, unit=UNITS[LIMIT], value=float(value), sd=sd, low=value - HALF_INTERVAL * sd,
+        high=value + HALF_INTERVAL * sd, determined=bool(sd <= allowed_deviation(value)),
     )  # fmt: skip
     return replace(predict_parts(free.fit, segments, limit), rivals=free.rivals)
 
@@ -174,10 +183,10 @@ def _error(segments: Sequence[LogSegment], servo: JointServo, drive_cycle: float
 
 
 class _MeasuredMotion:
-    """Motion of a joint at regular times, and its derivatives by parabolas."""
+    """Measured motion of a joint on uniform times, and its derivatives from fitted parabolas."""
 
-    # A parabola spans `k` samples before and after its own, so derivatives lack `k` samples at both
-    # ends of a segment.
+    # The parabola of a sample spans the `k` samples before and after it, so derivatives lack `k`
+    # samples at both ends of a segment.
 
     def __init__(self, segments: Sequence[LogSegment]) -> None:
         self.segments = segments
@@ -192,32 +201,34 @@ class _MeasuredMotion:
         ]
 
     def noise(self, order: int, k: int) -> float:
-        """Standard deviation of the noise of a derivative."""
+        """Standard deviation of the noise of a derivative [rad/s**order]."""
         return self.sigma * float(np.linalg.norm(_filter(order, k, self.interval)))
 
     def derive(self, order: int, k: int, signals: Sequence[FloatArray] | None = None) -> FloatArray:
-        """A derivative of the positions or of other signals, segments concatenated."""
+        """Derivative of the positions or of other signals, concatenated over the segments."""
         weights = _filter(order, k, self.interval)
         every = self.positions if signals is None else signals
         return np.concatenate([np.convolve(x, weights, "valid") for x in every if len(x) > 2 * k])
 
     def window(self, order: int) -> int:
-        """Half width in samples of the filter for a derivative; 0 if it would be noise."""
-        longest = min(round(LONGEST / self.interval), max(len(x) for x in self.positions) // 4)
+        """Half-width k of the filter of a derivative [samples]; 0 if noise dominates for all k."""
+        longest = min(
+            round(LONGEST_WINDOW / self.interval), max(len(x) for x in self.positions) // 4
+        )
         for k in range(1, longest + 1):
-            top = float(np.percentile(np.abs(self.derive(order, k)), TOP))
-            if self.noise(order, k) < NOISY * top:
+            top = float(np.percentile(np.abs(self.derive(order, k)), TOP_PERCENTILE))
+            if self.noise(order, k) < MAX_NOISE * top:
                 return k
         return 0
 
     def predict_acceleration(self, k: int, free: BoolArray) -> tuple[FloatArray, float] | None:
-        """Acceleration that the loop commands [rad/s²], (n,), and its RMS error at free samples."""
-        # None if there are too few free samples for the fit.
+        """Commanded acceleration [rad/s²], (n,), and its RMS error at the samples in `free`."""
+        # None if the mask has too few samples for the fit.
         if np.sum(free) < FEWEST_FREE:
             return None
         acceleration, best = self.derive(2, k), None
         position, velocity = self.derive(0, k), self.derive(1, k)
-        for delay in np.linspace(0.0, LATEST, DELAYS):
+        for delay in np.linspace(0.0, LONGEST_DELAY, DELAY_COUNT):
             every = zip(self.times, self.segments, strict=True)
             commands = [s.command.evaluate(t - delay) for t, s in every]
             u, du, ddu = (self.derive(x, k, commands) for x in range(3))
@@ -231,7 +242,7 @@ class _MeasuredMotion:
         return best
 
     def at_samples(self, mask: BoolArray, k: int) -> tuple[BoolArray, ...]:
-        """The mask of derivatives, resampled at the samples of each segment."""
+        """Convert a mask of derivatives to a mask of the samples of each segment."""
         masks, done = [], 0
         for t, s in zip(self.times, self.segments, strict=True):
             times_mask = np.full(len(t), False)
@@ -243,24 +254,24 @@ class _MeasuredMotion:
 
 
 def _filter(order: int, k: int, interval: float) -> FloatArray:
-    """Weights of `np.convolve` for a derivative of the parabola through 2 k + 1 samples."""
+    """Weights for `np.convolve` that give the derivative of a parabola through 2 k + 1 samples."""
     from scipy.signal import savgol_coeffs
 
     return np.asarray(savgol_coeffs(2 * k + 1, 2, deriv=order, delta=interval))
 
 
 def _find_plateaus(values: FloatArray, noise: float, interval: float) -> tuple[float, BoolArray]:
-    """The limit of a derivative, and the runs of samples at it."""
+    """Limit of a derivative, and the mask of the samples in plateaus at this limit."""
     sizes = np.abs(values)
-    limit, width = float(np.percentile(sizes, TOP)), SIGMAS * noise
+    limit, width = float(np.percentile(sizes, TOP_PERCENTILE)), PLATEAU_SIGMAS * noise
     plateaus = np.full(len(sizes), False)
-    for share in (RANGE, RANGE / 2, *[EQUAL] * 5):
+    for share in (PLATEAU_RANGE, PLATEAU_RANGE / 2, *[PLATEAU_SHARE] * 5):
         near = np.abs(sizes - limit) <= max(share * limit, width)
         if not near.any():
             return limit, plateaus
         limit = float(np.median(sizes[near]))
-    near = np.abs(sizes - limit) <= max(EQUAL * limit, width)
-    fewest = max(FEWEST_EQUAL, round(SHORTEST / interval))
+    near = np.abs(sizes - limit) <= max(PLATEAU_SHARE * limit, width)
+    fewest = max(FEWEST_SAMPLES, round(SHORTEST_PLATEAU / interval))
     for sign in (1.0, -1.0):
         for i, j in _spans(near & (np.sign(values) == sign)):
             plateaus[i:j] = j - i >= fewest
@@ -268,11 +279,11 @@ def _find_plateaus(values: FloatArray, noise: float, interval: float) -> tuple[f
 
 
 def _spans(mask: BoolArray) -> list[tuple[int, int]]:
-    """Start and end indices of the runs of true values."""
+    """Start and end index (exclusive) of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.intp)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _widen(mask: BoolArray, by: int) -> BoolArray:
-    """The mask, extended by some samples before and after each run."""
+    """The mask with each run of true values extended by `by` samples on both sides."""
     return np.asarray(np.convolve(mask, np.ones(2 * by + 1))[by : len(mask) + by] > 0.5)

@@ -1,4 +1,4 @@
-"""Selection of a joint's servo model by its error on parts of the logs that were not fitted."""
+"""Selection of a joint's servo model by cross-validation over parts of the logs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from armcontour.robot.servo.simulation import JointServo
 KP, KV, KI = "kp", "kv", "ki"
 FEED, ACCELERATION = "velocity_feedforward", "acceleration_feedforward"
 DELAY, LIMIT, FRICTION = "dead_time", "acceleration_limit", "friction"
-# From simple to rich.
+# Candidate models, from simple to rich.
 CANDIDATES = (
     Model("delay", (DELAY,)),
     Model("first", (KP, DELAY)),
@@ -38,33 +38,37 @@ CANDIDATES = (
     Model("second", (KP, KV, KI, FEED, ACCELERATION, DELAY, FRICTION)),
     Model("second", (KP, KV, FEED, DELAY, LIMIT)),
 )
-# Optional parameters of a cascade.
+# Parameters of a P-PI cascade (model with k_i) that are removed if they do not reduce its error.
 OPTIONAL = (ACCELERATION, FEED, FRICTION)
-# A richer model is selected if the median over the parts of its error, divided by that of the
-# poorer one, is below GAIN (with an acceleration limit below LIMIT_GAIN), and if its error is
-# smaller on this share of the parts.
+# A richer model is selected if its error divided by the error of the poorer model, as the median
+# over the parts, is below GAIN (LIMIT_GAIN if it has an acceleration limit), and if its error is
+# smaller on at least the share MAX_PARTS of the parts.
 GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
-# A richer model is not better if its error on the fitted data is above this share.
-SAME = 0.97
-# A poorer model is worse if its cost on the fitted data is above this multiple.
-WORSE = 2.0
-# A cascade is fitted where the error of the other models is below this share of the tracking error.
-EXPLAINED = 0.5
-# Loops with less damping are rejected, because no drive is tuned like this.
-DAMPING = 0.2
-# Evaluations of each cross-validation fit, which starts from the fit of all parts.
-REFITTED = 10
-# Selection uses samples this far apart [s] if the set-points between them are on straight lines,
-COARSE = 4e-3
-# with a remaining error below this share of the random changes of the positions.
-THIN = 0.3
-# Longest first dead time of a joint that saturates [s].
+# A richer model is discarded if its error on the fitted data exceeds this share of the error of the
+# best model.
+RICHER_SHARE = 0.97
+# A poorer model is discarded if its cost on the fitted data exceeds this multiple of the best cost.
+POORER_RATIO = 2.0
+# A cascade is fitted if the error of the best model so far is below this share of the tracking
+# error.
+CASCADE_SHARE = 0.5
+# Smallest damping ratio of a fitted loop; no drive is tuned with less damping.
+LEAST_DAMPING = 0.2
+# Largest number of evaluations of a cross-validation fit, which starts from the fit of all parts.
+REFIT_EVALUATIONS = 10
+# Selection uses samples with the spacing COARSE_SPACING [s] if linear interpolation of their
+# set-points reproduces the command with an RMS error below the share THINNING_ERROR of the noise of
+# the positions.
+COARSE_SPACING = 4e-3
+THINNING_ERROR = 0.3
+# Upper bound of the dead time from which the fit of a saturating joint starts [s].
 USUAL_DELAY = 0.01
-# Times over which accelerations are measured [s], short for fast motion and long for small motion
-# in noise, and their percentile.
-ACCELERATING, FAST = (8e-3, 40e-3), 99
-# First values of loops: K_p [1/s], also times the gain of the lag; K_v; k_i; feed-forward, which
-# matters only in loops that saturate; dead time over the lag.
+# ACCELERATION_TIMES: times over which accelerations are measured [s], a short time for fast motion
+# and a long time for small motion in noise. ACCELERATION_PERCENTILE: percentile that counts as the
+# largest acceleration.
+ACCELERATION_TIMES, ACCELERATION_PERCENTILE = (8e-3, 40e-3), 99
+# Initial values of loops: a, b, K_v [1/s], k_i [1/s], velocity feed-forward, and dead time divided
+# by the lag. The initial K_p is a + b / lag. Feed-forward matters only in loops that saturate.
 STARTS = (
     (10.0, 0.0, 20.0, 5.0, 1.0, 0.8), (1.0, 0.0, 100.0, 5.0, 1.0, 1.0),
     (40.0, 0.0, 150.0, 5.0, 0.6, 0.5), (30.0, 0.0, 100.0, 5.0, 0.0, 0.3),
@@ -75,34 +79,35 @@ STARTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Selected:
-    """A fitted model and its predictions of parts to which it was not fitted."""
+    """A fitted model and its predictions of the parts to which it was not fitted."""
 
     fit: Fit  # The fit to all samples
-    segments: Sequence[LogSegment]  # The segments of the predictions
-    unseen: list[FloatArray]  # Predicted positions [rad]; each sample by a fit without its part
+    segments: Sequence[LogSegment]  # The segments that are predicted
+    # unseen: predicted positions of each segment [rad]; each part by a fit of the other parts.
+    unseen: list[FloatArray]
     errors: FloatArray  # Mean squared errors of the parts, weighted by motion [rad²], (parts,)
-    motions: FloatArray  # Weights of the parts, (parts,)
-    limit: Estimate | None = None  # Acceleration limit that is estimated apart from the fit
-    without: Sequence[JointServo] = ()  # Servos that are fitted without one part each
-    rivals: Sequence[JointServo] = ()  # Servos of other models whose error is hardly larger
+    motions: FloatArray  # Weights of the parts (sums of the sample weights), (parts,)
+    limit: Estimate | None = None  # Acceleration limit if it is estimated separately from the fit
+    without: Sequence[JointServo] = ()  # Servos, each fitted without one part
+    rivals: Sequence[JointServo] = ()  # Servos of other models with nearly the same error
 
     @property
     def servo(self) -> JointServo:
-        """The servo of the fit with the limit."""
+        """The fitted servo, with the separately estimated limit if there is one."""
         return limited_servo(self.fit.servo, self.limit)
 
     @property
     def rms(self) -> float:
-        """Error on parts that were not fitted [rad]."""
+        """RMS error on parts that were not fitted, weighted by motion [rad]."""
         return float(np.sqrt(np.average(self.errors, weights=self.motions)))
 
     @property
     def explains_all(self) -> bool:
-        """True if the error is noise or rounding, so that no richer model can be better."""
+        """True if the error is noise or rounding. Then no richer model can be better."""
         return self.rms * GAIN < max(self.fit.noise, ROUNDING)
 
     def is_better(self, other: Selected) -> bool:
-        """True if this richer model is better than a poorer one."""
+        """True if this model is significantly better than a poorer one, see GAIN."""
         limited = LIMIT in self.fit.problem.model.free
         ratio = float(np.median(self.errors / np.maximum(other.errors, 1e-300))) ** 0.5
         some = float(np.mean(self.errors < other.errors))
@@ -110,7 +115,7 @@ class Selected:
 
 
 def find_lag(segments: Sequence[LogSegment], longest: float) -> float:
-    """Pure delay with the smallest tracking error [s], on a grid of about 1 ms."""
+    """Delay of the command with the smallest tracking error [s], on a grid of about 1 ms."""
 
     def remaining_error(lag: float) -> float:
         errors = [s.y - s.command.evaluate(s.command.t - lag) for s in segments]
@@ -121,12 +126,12 @@ def find_lag(segments: Sequence[LogSegment], longest: float) -> float:
     return float(min(np.linspace(0.0, longest, int(longest / 1e-3) + 2), key=remaining_error))
 
 
-def select(
+def select_model(
     segments: Sequence[LogSegment], search: Search, *, limited: bool = True
 ) -> Selected | None:
-    """Select the model of a joint; None if none can be judged or all are at their bounds."""
-    some = _thin(segments)
-    # A model is judged by the parts without which it was fitted.
+    """Select the model of a joint; None if less than two parts move or all fits are implausible."""
+    some = _thin_segments(segments)
+    # Cross-validation requires at least two parts.
     if len(_moving_parts(some)) < 2:
         return None
     trials = _Trials(some, search)
@@ -150,11 +155,11 @@ def select(
     if some is segments:
         return replace(best, rivals=rivals)
     whole = Problem(best.fit.problem.model, segments, search)
-    return replace(best, rivals=rivals, fit=fit(whole, [best.fit.x], REFITTED))
+    return replace(best, rivals=rivals, fit=fit(whole, [best.fit.x], REFIT_EVALUATIONS))
 
 
 class _Trials:
-    """The models that were fitted to a joint, and the best one so far."""
+    """Models that were fitted to a joint, and the best of them."""
 
     def __init__(self, segments: Sequence[LogSegment], search: Search) -> None:
         self.segments, self.search = segments, search
@@ -164,13 +169,13 @@ class _Trials:
         self.best: Selected | None = None
 
     def add(self, model: Model) -> None:
-        """Fit another model; it replaces the best one if it is better."""
+        """Fit a model; it becomes the best model if it is significantly better."""
         problem, best = Problem(model, self.segments, self.search), self.best
         starts = [problem.guess(x, self.lag) for x in self._starts(model)]
         result = fit(problem, starts, 30 if KI in model.free else 60)
-        hopeless = best and result.cost > SAME**2 * best.fit.cost
+        hopeless = best and result.cost > RICHER_SHARE**2 * best.fit.cost
         if KI in model.free and not hopeless:
-            # Loops that differ in both gains by an exchange have the same poles.
+            # Loops with exchanged K_p and k_i have the same poles.
             servo = result.servo
             other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
             exchanged = fit(problem, [problem.guess(other, servo.dead_time)], 30)
@@ -183,34 +188,34 @@ class _Trials:
             self.best = self.tried[-1]
 
     def may_be_cascade(self, model: Model) -> bool:
-        """True if the best model explains enough for a fit with an integrator."""
+        """True if the best model explains enough of the tracking error to try a cascade."""
         if self.best is None:
             return False
         lag = np.concatenate([(s.y - s.command.u)[s.use] for s in self.best.segments])
         supported = {KI, ACCELERATION} & set(self.best.fit.problem.model.free)
-        explains = self.best.rms < EXPLAINED * np.std(lag)
+        explains = self.best.rms < CASCADE_SHARE * np.std(lag)
         return bool(explains and (ACCELERATION not in model.free or supported))
 
     def prune(self) -> None:
-        """Remove optional parameters that do not improve the best model."""
+        """Remove OPTIONAL parameters without which the best model is not significantly worse."""
         for name in OPTIONAL:
             assert self.best is not None
             best = self.best.fit
             order, free = best.problem.model
             remaining = tuple(y for y in free if y != name)
-            # Acceleration feed-forward needs velocity feed-forward.
+            # Acceleration feed-forward requires velocity feed-forward.
             if remaining == free or (name == FEED and ACCELERATION in free):
                 continue
             problem = Problem(Model(order, remaining), self.segments, self.search)
             result = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])
-            if is_implausible(result) or result.cost > WORSE * best.cost:
+            if is_implausible(result) or result.cost > POORER_RATIO * best.cost:
                 continue
             poorer = predict_parts(result)
             if not self.best.is_better(poorer):
                 self.best = poorer
 
     def _starts(self, model: Model) -> list[dict[str, float]]:
-        """Initial parameters of a fit: generic loops, or those of the poorer model."""
+        """Initial parameters of a fit: generic loops (STARTS), or the fit of a poorer model."""
         (order, free), lag = model, self.lag
         if order == "delay":
             return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
@@ -226,74 +231,75 @@ class _Trials:
         initial = poorer.servo._asdict()
         if LIMIT not in new:
             return [initial]
-        # If a joint saturates often, the fit without a limit and its lag are not usable.
-        tops = [max(_acceleration(s, x) for s in self.segments) for x in ACCELERATING]
+        # If a joint often saturates, the fit without a limit is useless. Generic loops are tried.
+        tops = [max(_largest_acceleration(s, x) for s in self.segments) for x in ACCELERATION_TIMES]
         loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
         return [{**x, LIMIT: a} for x in (initial, *loops) for a in (*tops, 3 * max(tops))]
 
 
 def is_implausible(result: Fit) -> bool:
-    """True if a loop has parameters at their bounds, or too little damping."""
+    """True if a fitted loop has parameters at their bounds, or too little damping."""
     low, high = result.at_bounds()
     servo = result.servo
-    ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < DAMPING
+    ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < LEAST_DAMPING
     lead = {FEED} if ACCELERATION in result.problem.model.free else set()
     bounded = high & {KP, KV, KI, FEED, ACCELERATION, LIMIT} or low & ({KP, KV, KI, LIMIT} | lead)
     return bool(ringing or bounded)
 
 
-def _thin(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
-    """The segments with fewer samples, if their set-points give the same command."""
+def _thin_segments(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
+    """Segments with samples at COARSE_SPACING; unchanged if this would change the command."""
     interval = float(np.median(np.diff(segments[0].command.t)))
-    every = int(COARSE / interval * (1 + 1e-6))
+    every = int(COARSE_SPACING / interval * (1 + 1e-6))
     if every < 2 or not segments[0].command.linear:
         return segments
     thinned = [x.cut(0, len(x.y), every) for x in segments]
     for one, full in zip(thinned, segments, strict=True):
         difference = one.command.evaluate(full.command.t) - full.command.u
         rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
-        if np.sqrt(np.mean(difference**2)) > THIN * rough or len(one.y) < FEWEST:
+        if np.sqrt(np.mean(difference**2)) > THINNING_ERROR * rough or len(one.y) < FEWEST:
             return segments
     return thinned
 
 
 def _moving_parts(segments: Sequence[LogSegment]) -> IntArray:
-    """The parts in which the command moves."""
+    """Indices of the parts with used samples in which the command moves."""
     every = [s.part[s.use & (s.weight > 0)] for s in segments]
     return np.unique(np.concatenate(every))
 
 
-def _acceleration(s: LogSegment, time: float) -> float:
-    """Largest measured acceleration over a time [s], without outliers [rad/s²]."""
+def _largest_acceleration(s: LogSegment, time: float) -> float:
+    """Largest measured acceleration over a time [rad/s²], see ACCELERATION_PERCENTILE."""
     t = s.command.t
     interval = float(np.median(np.diff(t)))
     k = min(max(int(round(time / interval)), 1), (len(t) - 1) // 2)
     second = s.y[2 * k :] - 2 * s.y[k:-k] + s.y[: -2 * k]
-    return float(np.percentile(np.abs(second), FAST)) / (k * interval) ** 2
+    return float(np.percentile(np.abs(second), ACCELERATION_PERCENTILE)) / (k * interval) ** 2
 
 
 def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
-    """The servo with an acceleration limit, if there is one."""
+    """The servo with the acceleration limit; unchanged if the limit is None."""
     return servo if limit is None else servo._replace(acceleration_limit=limit.value)
 
 
 def predict_parts(
     result: Fit, judged: Sequence[LogSegment] | None = None, limit: Estimate | None = None
 ) -> Selected:
-    """Predict each part by a fit of the others."""
+    """Predict each moving part by a fit of the other parts (cross-validation)."""
+    # judged: segments that are predicted, by default those of the fit.
     p, segments = result.problem, judged or result.problem.segments
 
     def predict_by(servo: JointServo, s: LogSegment) -> FloatArray:
         return predict(s, limited_servo(servo, limit), p.model.order, p.search.drive_cycle)
 
-    # Parts without motion are predicted by the fit of all.
+    # Parts without motion are predicted by the fit of all parts.
     unseen = [predict_by(result.servo, s) for s in segments]
     errors, motions, without = [], [], []
     for k in _moving_parts(segments):
         others = [replace(s, use=s.use & (s.part != k)) for s in p.segments]
         indices = [i for i, s in enumerate(others) if s.use.any()]
         other = Problem(p.model, [others[i] for i in indices], p.search)
-        servo = fit(other, [p.select(result.x, indices)], REFITTED).servo
+        servo = fit(other, [p.select(result.x, indices)], REFIT_EVALUATIONS).servo
         without.append(servo)
         squares = motion = 0.0
         for i, s in enumerate(segments):

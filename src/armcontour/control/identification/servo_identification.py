@@ -1,366 +1,300 @@
-"""Results of an identification: estimates, the servo that is written, and its predictions."""
+"""Identification of independent servos: selection and validation of the model of each joint."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from armcontour._version import __version__
-from armcontour.control.identification.estimates import IdentifiedJoints, JointEstimates
-from armcontour.control.identification.joint_fit import LogSegment, predict, split_logs
-from armcontour.control.identification.residuals import fastest_motion
-from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.control.identification.fit_options import (
+    MODELS,
+    ServoFit,
+    choose_interpolation,
+    dead_time_range,
+    list_logs,
+)
+from armcontour.control.identification.identification_result import (
+    Identification,
+    JointIdentification,
+    round_digits,
+    write_servo,
+)
+from armcontour.control.identification.joint_fit import (
+    MRAD,
+    LogSegment,
+    Search,
+    estimate_parameters,
+    predict,
+    split_logs,
+)
+from armcontour.control.identification.judgement import MAX_WEAK, choose_written
+from armcontour.control.identification.residuals import (
+    describe_residuals,
+    encoder_resolution,
+    is_white,
+    scale_residuals,
+    tracking_residuals,
+)
+from armcontour.control.identification.saturation_detection import (
+    find_saturation,
+    select_unsaturated,
+)
+from armcontour.control.identification.selection import Selected, find_lag, select_model
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.render import Result, number
-from armcontour.core.result import VERDICT, Data, Row
-from armcontour.core.text import count_noun, short_repr
-from armcontour.motion.log import Log
-from armcontour.robot import Arm
-from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.model import TRUSTED
+from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.sampling import white_noise
+from armcontour.core.text import show
+from armcontour.motion.log import FEWEST, Log
+from armcontour.motion.log_checks import check_distance, check_speeds, check_units
 from armcontour.robot.servo.simulation import JointServo
 
-# Condition of the contour error ratio, and its largest trusted value.
-UNFITTED = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
-# Digits of the numbers in a servo file, and a factor that rounds up bounds.
-DIGITS = 6
-UP = 1 + 10.0 ** (1 - DIGITS)
+SERVO_FIT = ServoFit()
+# A model is good if its RMS error is at most GOOD_SHARE times the tracking error or NOISE_MULTIPLE
+# times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
+# motion.
+GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
+# If the error exceeds this share of the motion, order, unit and sign of the columns are checked.
+MISREAD_SHARE = 0.1
+# A joint is at rest if its motion has at most REST_SIGMAS standard deviations of the noise, or a
+# range of at most LEAST_MOTION [rad] (a 32-bit encoder has a resolution of 1.5e-9 rad).
+REST_SIGMAS, LEAST_MOTION = 1.5, 1e-9
+# Lower bound of a tracking error that is used as a divisor [rad].
+LEAST_LAG = 1e-12
+# Smaller deviations from uniform velocity are rounding errors, because logs have at most nine
+# digits [rad].
+LEAST_BEND = 1e-8
+# Longest drive cycle that is assumed if none is given [s]; a longer sample interval replaces it.
+USUAL_CYCLE = 2e-3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointIdentification(JointEstimates):
-    """The identified servo of one joint.
+@checked
+def identify(
+    logs: Log | Sequence[Log],
+    options: ServoFit = SERVO_FIT,
+    *,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identify the servo of every joint from logs.
 
-    Args:
-        order: Order of the servo that is written: "second", "first", "delay"; or "unknown". The
-            parameters are also those of a model that is not written.
-        servo: Values that are written.
-        tracking_rms: RMS of command less measured position, about its mean [rad].
-        largest: Largest error of the values that are written, on the logs that were fitted [rad].
-        unseen_rms: RMS error on parts that were not fitted [rad]: with several logs that of the
-            worst log, with one log weighted by motion.
-        share: `unseen_rms`, divided by the tracking error of the same kind.
-        model_error: Largest error, also on parts that were not fitted [rad].
-        scaling: The RMS error where it was not fitted is the root of the sum of squares of three
-            parts: at rest [rad], per velocity [s] and per acceleration [s²], (3,).
-        noise: Noise of the encoder [rad].
-        note: Reason for a missing or weak model, or empty.
-        effective: True if the residuals are not white: an effect is not modelled, and the
-            parameters compensate for it, so they differ from the settings of the drive.
-        saturation: A sentence about samples at a limit of the drive, or empty.
-        contour_ratio: RMS deviation from the contour with compensation over that without it, in
-            the worst log.
+    The candidate models of a joint are a dead time, a servo of first order and a servo of second
+    order, as in `ServoModel`. The simplest model that predicts parts of the logs to which it was
+    not fitted is selected. The model is simulated exactly from the set-points. With several logs,
+    each log is predicted from the others. A model is good if its error is at most 30 % of the
+    tracking error, or at most 3 times the noise of the encoder. A model with an error of at most
+    80 % is weak. For joints without a good model, the weak model, the delay of the joint or nothing
+    is written, whichever has the smallest contour error on motion that was not fitted.
 
-    Positions in `rests` are predicted from the other parts of the logs.
-    """
-
-    order: str = "unknown"
-    servo: JointServo = field(default_factory=lambda: JointServo(math.inf))
-    tracking_rms: float = math.nan
-    largest: float = math.nan
-    unseen_rms: float = math.nan
-    share: float = math.nan
-    model_error: float = math.nan
-    scaling: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
-    noise: float = math.nan
-    note: str = ""
-    effective: bool = False
-    saturation: str = ""
-    contour_ratio: float = math.nan
-
-    def to_data(self) -> Data:
-        """The errors on parts that were not fitted, and the estimates."""
-        weak = "weak" if self.written and self.note else ""
-        delay = "delay only" if not self.written and self.servo.dead_time else ""
-        words = (weak, "effective" * self.effective, delay)
-        notes = (self.growth, self.saturation, self.note)
-        return Data(
-            f"Servo of {self.name}",
-            (
-                Row("name", self.name, "", "joint"),
-                Row("share", self.share, "1", "tracking error left"),
-                Row("contour_ratio", self.contour_ratio, "1", "contour error left"),
-                Row("unseen_rms", self.unseen_rms, "rad", "error, RMS"),
-                Row("model_error", self.model_error, "rad", "largest"),
-                Row("order", self.order, "", "model", ", ".join(filter(None, words))),
-                *(Row(x, getattr(self, x), "rad") for x in ("tracking_rms", "rms", "largest")),
-                *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
-                *(Row(x, getattr(self, x)) for x in ("scaling", "noise", "note", "saturation")),
-            ),
-            (self.table("parameters"),),
-            notes=tuple(filter(None, notes)),
-        )
-
-    @property
-    def growth(self) -> str:
-        """Sentence on the growth of the error with the motion; empty without a model."""
-        if not np.isfinite(self.scaling).all():
-            return ""
-        still, rate, acceleration = (number(x, "rad") for x in self.scaling)
-        return (
-            f"Error where not fitted: {still} at rest, {rate} per rad/s, "
-            f"{acceleration} per rad/s² (RMS, squares add)."
-        )
-
-    @property
-    def written(self) -> bool:
-        """True if the servo file has a model of this joint."""
-        return self.order != "unknown"
-
-    @property
-    def determined(self) -> bool:
-        """True if the logs determine all parameters of the model."""
-        return bool(self.parameters) and all(x.determined for x in self.estimates)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Judgement:
-    """Contour errors with and without compensation on motion that was not fitted.
-
-    With compensation, the residuals of the model remain. A delay that all joints share causes no
-    error. With an arm, errors are those of its tool across its path. Without an arm, they are
-    distances in joint space, where each joint is weighted by the inverse of its tracking error.
+    >>> identification = ac.identify(ac.read_log("log.csv"))
+    >>> identification.determined, identification.joints[0].order
+    (True, 'delay')
 
     Args:
-        programs: Number of different programs. If it is 1, parts of the program were predicted.
-        ratio: RMS contour error with compensation over that without it, in the worst log; 0 if only
-            the noise of the encoders remains.
-        errors: RMS contour errors of each log without and with compensation, (logs, 2): in m with
-            an arm, else in tracking errors.
+        logs: A log, with set-points and measured positions, or several logs of the same robot.
+        options: Options, such as `ServoFit(model="second")`.
+        progress: Called with a step that names the joint, before each joint is identified.
+
+    Raises:
+        InvalidInput: The sample interval of a log is outside 0.05 to 100 ms, the logs or the arm
+            differ in their joints, or command and measurement of a log do not belong together.
     """
-
-    programs: int
-    ratio: float
-    errors: FloatArray
-
-    @property
-    def trusted(self) -> bool:
-        """True if compensation removes at least half of the contour error."""
-        return self.ratio <= TRUSTED
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Identification(IdentifiedJoints):
-    """The identified servos of all joints.
-
-    Args:
-        drive_cycle: Cycle of the drives [s], 0 for continuous loops.
-        judgement: Contour errors with and without compensation where the servo was not fitted.
-    """
-
-    joints: tuple[JointIdentification, ...] = field(repr=False)
-    drive_cycle: float
-    judgement: Judgement
-
-    def to_data(self) -> Data:
-        """Verdict on the servo, then every joint and its parameters."""
-        result = self.judgement
-        count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
-        doubt = "" if result.trusted else "compensation may be worse than none"
-        sole = "judged on one program only, provisional: record a different one"
-        return Data(
-            f"Servo models of {count} from {self.source}",
-            (
-                Row("judgement.trusted", result.trusted, "", "trusted", doubt, VERDICT),
-                Row("judgement.ratio", result.ratio, "1", "contour error left", UNFITTED, VERDICT),
-                Row(
-                    "judgement.programs", result.programs, "", "programs",
-                    sole * (result.programs == 1), VERDICT,
-                ),
-                Row("judgement.errors", result.errors),
-                Row("version", __version__),
-                Row("logs", [x.source for x in self.logs]),
-                Row("samples", sum(len(x.t) for x in self.logs)),
-                Row("interpolation", self.interpolation),
-                Row("drive_cycle", self.drive_cycle, "s"),
-                Row("determined", self.determined),
-            ),
-            self._tables(),
-            notes=(*dict.fromkeys(x.note for x in self.joints if x.note), *self.remarks),
-        )  # fmt: skip
-
-    @property
-    def determined(self) -> bool:
-        """True if all parameters of all joints are determined."""
-        return all(x.determined for x in self.joints)
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Sentences about saturation in the logs, and about effective parameters."""
-        names = ", ".join(x.name for x in self.joints if x.effective and x.written)
-        effective = (
-            f"Effective parameters: {names}. The residuals are not white: the model lacks an "
-            "effect, and its parameters differ from the settings of the drive."
-        )
-        sentences = [x.saturation for x in self.joints if x.saturation]
-        return (*sentences, effective) if names else tuple(sentences)
-
-    def servo_model(self) -> ServoModel:
-        """The servo as it is written to a file; joints without a model have order "unknown".
-
-        Raises:
-            InvalidInput: No joint has a model.
-        """
-        if not any(x.written for x in self.joints):
-            notes = " ".join(x.note for x in self.joints[:2])
-            raise InvalidInput(f"{self.source} determines the servo of no joint. {notes}")
-        parameters: dict[str, Any] = {
-            name: [getattr(x.servo, name) for x in self.joints] for name in JointServo._fields
-        }
-        if not np.isfinite(parameters["kv"]).any():
-            parameters["kv"] = None
-        fastest = fastest_motion(self.logs)
-        return ServoModel(
-            interpolation=self.interpolation,
-            order=tuple(x.order for x in self.joints),
-            drive_cycle=self.drive_cycle,
-            model_error=[rounded(min(x.model_error * UP, math.pi)) for x in self.joints],
-            logged_velocity=[rounded(x) for x in fastest[0]],
-            logged_acceleration=[rounded(x) for x in fastest[1]],
-            contour_ratio=float(f"{self.judgement.ratio:.3g}"),
-            programs=self.judgement.programs,
-            **parameters,
-        )
-
-    @checked
-    def predict(self, log: Log) -> Prediction:
-        """Simulate the servo that is written with the commands of a log.
-
-        Args:
-            log: The log, of the same joints; it need not be one that was identified.
-
-        The constant offset between command and measurement, and the position and velocity at the
-        begin of the log, are fitted. Joints without a model follow their commands.
-
-        Raises:
-            InvalidInput: The log has other joints.
-        """
-        if log.dof != len(self.joints):
+    every = list_logs(logs)
+    first, arm = every[0], options.kinematics
+    for log in every[1:]:
+        if log.joint_names != first.joint_names:
             raise InvalidInput(
-                f"{log.source} has {log.dof} joints, but {self.source} has {len(self.joints)}: "
-                "give a log of the same joints."
+                f"All logs must have the same joints, but joint_names is "
+                f"{show(str(first.joint_names))} in {first.source} and "
+                f"{show(str(log.joint_names))} in {log.source}."
             )
-        positions, used = log.command.copy(), np.full(log.command.shape, False)
-        for j, joint in enumerate(self.joints):
-            delay = float(joint.servo.dead_time)
-            for s in split_logs([log], j, self.interpolation, delay):
-                rows = slice(s.start, s.start + len(s.y))
-                positions[rows, j] = predict(s, joint.servo, joint.order, self.drive_cycle)
-                used[rows, j] = s.use
-        return Prediction(log=log, positions=positions, used=used)
-
-
-def write_servo(
-    joint: JointIdentification,
-    segments: Sequence[LogSegment],
-    servo: JointServo,
-    order: str = "unknown",
-    drive_cycle: float = 0.0,
-    unseen: float = 0.0,
-) -> JointIdentification:
-    """The joint with a servo that is written, and the errors of this servo on the logs."""
-    # unseen: largest error on parts that were not fitted [rad].
-    rms, largest = math.nan, math.pi
-    if segments:
-        errors = np.concatenate(
-            [(s.y - predict(s, servo, order, drive_cycle))[s.use] for s in segments]
+    if arm is not None and arm.dof != first.dof:
+        raise InvalidInput(
+            f"{first.source} has {first.dof} joints, but the arm {arm.name} has {arm.dof}. Specify "
+            "the arm with which the log was recorded."
         )
-        rms, largest = float(np.sqrt(np.mean(errors**2))), float(np.abs(errors).max())
-    model_error = max(unseen, largest)
-    return replace(
-        joint, order=order, servo=servo, rms=rms, largest=largest, model_error=model_error
+    interpolation = choose_interpolation(every, options.interpolation)
+    for log in every:
+        if arm is not None:
+            check_distance(log, arm)
+        check_speeds(log)
+    report, joints = subprogress(progress), []
+    longest, orders = dead_time_range(every, options.longest_dead_time)[1], MODELS[options.model]
+    search = Search(longest, options.drive_cycle or 0.0, orders)
+    for j, name in enumerate(first.joint_names):
+        report(Step((name,)))
+        joints.append(identify_joint(every, j, interpolation, search))
+    judged, judgement = choose_written(every, joints, interpolation, search.longest, arm)
+    return Identification(
+        logs=every,
+        interpolation=interpolation,
+        joints=judged,
+        drive_cycle=search.drive_cycle,
+        judgement=judgement,
     )
 
 
-def rounded(value: float) -> float:
-    """A value rounded to the number of digits in a servo file."""
-    return float(f"{value:.{DIGITS}g}")
+def identify_joint(
+    logs: Sequence[Log], j: int, interpolation: str, search: Search
+) -> JointIdentification:
+    """Identify the servo of joint j (index from 0); order "unknown" if no model is accepted."""
+    name = logs[0].joint_names[j]
+    segments = split_logs(logs, j, interpolation)
+    lag = find_lag(segments, search.longest)
+    segments = [x.after(lag) for x in segments]
+    joint = JointIdentification(name=name)
+    if reason := _explain_no_model(segments):
+        return _mark_unknown(joint, segments, f"{name} has no model, because {reason}")
+    saturation, selected = find_saturation(segments), None
+    if saturation is not None:
+        selected = select_unsaturated(segments, saturation, search)
+    poor = selected is not None and selected.rms > NOISE_MULTIPLE * selected.fit.noise
+    # All samples are fitted if no model is selected, or if it is poor and the acceleration
+    # saturates (models have no velocity limit): unsaturated samples may not determine the servo.
+    if selected is None or (poor and saturation is not None and saturation.kind == "acceleration"):
+        whole = select_model(segments, search)
+        selected = min(
+            filter(None, (selected, whole)), key=partial(_rms_error, segments), default=None
+        )
+    motion = _rms([s.y for s in segments], segments)[0]
+    if selected is None or selected.rms > MISREAD_SHARE * motion:
+        for log in logs:
+            check_units(log, search.longest, j)
+    if selected is None:
+        residuals = [tracking_residuals(x, j) for x in logs]
+        note = (
+            f"{name} has no model, because fitted gains (at most {search.fastest:g} 1/s) or "
+            f"feed-forward are at the bounds of their ranges. "
+            f"{describe_residuals(logs, j, residuals)}"
+        )
+        return _mark_unknown(joint, segments, note)
+    servo = JointServo(*(round_digits(x) for x in selected.servo))
+    order, noise = selected.fit.problem.model.order, selected.fit.noise
+    file = [s.y - predict(s, servo, order, search.drive_cycle) for s in segments]
+    unseen = [s.y - q for s, q in zip(selected.segments, selected.unseen, strict=True)]
+    error, tracking = _worst_log(unseen, selected.segments)
+    worst = max((error, tracking), _worst_log(file, segments), key=lambda x: x[0] / x[1])
+    interval = max(float(np.median(np.diff(s.command.t))) for s in segments)
+    unknown_cycle = 0.0 if search.drive_cycle else max(interval, USUAL_CYCLE)
+    limit = {} if selected.limit is None else {selected.limit.name: selected.limit}
+    step = max(encoder_resolution(s.y) for s in segments)
+    effective = not is_white(selected.fit.problem.residuals(selected.fit.x) / MRAD, step)
+    rivals = selected.rivals if effective else ()
+    rests = [np.full(len(x.t), np.nan) for x in logs]
+    for s, errors in zip(selected.segments, unseen, strict=True):
+        t = logs[s.log].t - logs[s.log].t[s.start]
+        some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
+        rests[s.log][some] = np.interp(t[some], s.command.t, errors)
+    joint = replace(
+        joint,
+        parameters=estimate_parameters(selected.fit, selected.without, unknown_cycle, rivals)
+        | limit,
+        effective=effective,
+        saturation=f"{saturation.describe(name)}, which the fit allows for." if saturation else "",
+        unseen_rms=error,
+        share=error / tracking,
+        noise=noise,
+        rests=tuple(rests),
+        scaling=scale_residuals(logs, j, rests),
+    )
+    if saturation is not None and saturation.hides and not joint.kp.determined:
+        note = (
+            f"{name} has no model, because {saturation.describe('it')}, and the other samples do "
+            "not determine its servo. Record more motion at lower accelerations."
+        )
+        return _mark_unknown(replace(joint, saturation=""), segments, note)
+    note, advice, share = "", "", worst[0] / worst[1]
+    if worst[0] > max(GOOD_SHARE * worst[1], NOISE_MULTIPLE * noise):
+        note = (
+            f"on motion that was not fitted, {share:.0%} of the tracking error remains "
+            f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS)"
+        )
+        advice = f" {describe_residuals(logs, j, rests)}"
+    if note and (share > MAX_WEAK or selected.rms > GOOD_SHARE * motion):
+        allowed = f"{MAX_WEAK:.0%}" if share > MAX_WEAK else f"{GOOD_SHARE:.0%} of the motion"
+        note = f"{name} has no model, because {note}, which exceeds {allowed}.{advice}"
+        return _mark_unknown(joint, segments, note)
+    note = (
+        f"The model of {name} is weak: {note}, which exceeds {GOOD_SHARE:.0%}.{advice}"
+        if note
+        else ""
+    )
+    joint = replace(joint, note=note, tracking_rms=_rms(_lags(segments), segments)[0])
+    used = np.concatenate([x[s.use] for x, s in zip(unseen, selected.segments, strict=True)])
+    return write_servo(joint, segments, servo, order, search.drive_cycle, float(np.abs(used).max()))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prediction(Result):
-    """Motion of an identified servo under the commands of a log.
-
-    Args:
-        log: The log.
-        positions: Predicted positions [rad], (n, dof).
-        used: Samples that count: not the first 40 ms or the dead time, which depend on commands
-            before the log, (n, dof).
-    """
-
-    log: Log = field(repr=False)
-    positions: FloatArray = field(repr=False)
-    used: BoolArray = field(repr=False)
-
-    @property
-    def errors(self) -> FloatArray:
-        """Measured less predicted positions [rad], 0 where they do not count, (n, dof)."""
-        return np.where(self.used, self.log.measured - self.positions, 0.0)
-
-    @property
-    def rms(self) -> FloatArray:
-        """Root mean square of the errors of each joint [rad], (dof,)."""
-        return _rms(self.errors, self.used)
-
-    @property
-    def largest(self) -> FloatArray:
-        """Largest error of each joint [rad], (dof,)."""
-        return np.asarray(np.abs(self.errors).max(axis=0))
-
-    @property
-    def tracking_rms(self) -> FloatArray:
-        """RMS of measured less commanded positions about their mean [rad], (dof,)."""
-        errors = self.log.measured - self.log.command
-        count = np.maximum(self.used.sum(axis=0), 1)
-        return _rms(errors - np.sum(errors * self.used, axis=0) / count, self.used)
-
-    def tool_errors(self, arm: Arm) -> FloatArray:
-        """Distances between the tool at measured and at predicted positions [m], (n,).
-
-        They are 0 at samples that do not count for all joints.
-
-        Raises:
-            InvalidInput: The arm has another number of joints.
-        """
-        checks.check_type("tool_errors", arm, Arm)
-        if arm.dof != self.log.dof:
-            raise InvalidInput(
-                f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
-                f"{arm.dof}: give the arm of the log."
-            )
-        offsets = arm.tool_position(self.log.measured) - arm.tool_position(self.positions)
-        return np.where(self.used.all(axis=1), np.linalg.norm(offsets, axis=1), 0.0)
-
-    def to_data(self, arm: Arm | None = None) -> Data:
-        """The errors of all joints; the largest are shown."""
-
-        def of_joints(name: str, label: str) -> Row:
-            values = getattr(self, name)
-            return Row(name, values, "rad", label, self.log.joint_names[int(values.argmax())])
-
-        rows = [
-            Row("log", self.log.source),
-            of_joints("tracking_rms", "tracking error, RMS"),
-            of_joints("rms", "predicted to, RMS"),
-            of_joints("largest", "predicted to, largest"),
-        ]
-        if arm is not None:
-            errors = self.tool_errors(arm)
-            rms = float(np.sqrt(np.mean(errors**2)))
-            rows.append(Row("tool.rms", rms, "m", "at the tool, RMS"))
-            rows.append(Row("tool.largest", float(errors.max()), "m", "at the tool, largest"))
-        return Data(f"Prediction of {self.log.source}", tuple(rows))
-
-    __repr__ = short_repr
+def _mark_unknown(
+    joint: JointIdentification, segments: Sequence[LogSegment], note: str
+) -> JointIdentification:
+    """The joint with order "unknown"; its error is the RMS tracking error about the mean."""
+    written = write_servo(joint, segments, JointServo(math.inf))
+    return replace(written, note=note, tracking_rms=written.rms)
 
 
-def _rms(values: FloatArray, used: BoolArray) -> FloatArray:
-    """Root mean square over the samples that count, (dof,)."""
-    count = np.maximum(used.sum(axis=0), 1)
-    return np.asarray(np.sqrt(np.sum(np.where(used, values, 0.0) ** 2, axis=0) / count))
+def _rms_error(segments: Sequence[LogSegment], selected: Selected) -> float:
+    """RMS error of a model over all used samples [rad]."""
+    order, drive_cycle = selected.fit.problem.model.order, selected.fit.problem.search.drive_cycle
+    return _rms([s.y - predict(s, selected.servo, order, drive_cycle) for s in segments], segments)[
+        0
+    ]
+
+
+def _worst_log(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> tuple[float, float]:
+    """RMS error and RMS tracking error [rad] of the log in which their ratio is largest."""
+    # Errors of a single log are weighted by motion, because the joint may rest in parts of the log.
+    logs = sorted({s.log for s in segments if s.weight.any()})
+    single, pairs, lags = int(len(logs) == 1), [], _lags(segments)
+    for k in logs:
+        indices = [i for i, s in enumerate(segments) if s.log == k]
+        some = [segments[i] for i in indices]
+        error = _rms([errors[i] for i in indices], some, centred=False)[single]
+        pairs.append((error, max(_rms([lags[i] for i in indices], some)[single], LEAST_LAG)))
+    return max(pairs, key=lambda x: x[0] / x[1])
+
+
+def _lags(segments: Sequence[LogSegment]) -> list[FloatArray]:
+    """Measured positions less commands [rad]."""
+    return [s.y - s.command.u for s in segments]
+
+
+def _rms(
+    values: Sequence[FloatArray], segments: Sequence[LogSegment], *, centred: bool = True
+) -> tuple[float, float]:
+    """Unweighted and motion-weighted RMS of values over the used samples, about their means."""
+    # If not `centred`, means are not subtracted.
+    sums = np.zeros(4)
+    for row, s in zip(values, segments, strict=True):
+        square = (row - (np.mean(row[s.use]) if centred else 0.0)) ** 2
+        weight = s.weight * s.use
+        sums += [square @ s.use, s.use.sum(), square @ weight, weight.sum()]
+    return float(np.sqrt(sums[0] / sums[1])), float(np.sqrt(sums[2] / max(sums[3], 1e-300)))
+
+
+def _explain_no_model(segments: Sequence[LogSegment]) -> str:
+    """Reason why no model can be identified (no motion, uniform velocity); empty if none."""
+    if not segments:
+        return f"the log has fewer than {FEWEST} samples without a gap. Record a longer motion."
+    if not any((s.weight * s.use).any() for s in segments):
+        return "no motion is commanded. Record a program that moves this joint."
+    if all(
+        np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= REST_SIGMAS * white_noise(s.y)
+        for s in segments
+    ):
+        change = max(float(np.ptp(s.command.u)) for s in segments)
+        still = f"its measured motion is only noise, although its commands span {change:.3g} rad"
+        return f"{still}. Record more motion."
+    if not any(changes_velocity(s.command.t, x) for s in segments for x in (s.command.u, s.y)):
+        return "the velocity is uniform, which determines a lag, but no gains. Record a multisine."
+    return ""
+
+
+def changes_velocity(t: FloatArray, positions: FloatArray) -> bool:
+    """True if positions [rad] at times t [s], (n,), deviate from a line by more than the noise."""
+    errors = positions - np.polyval(np.polyfit(t, positions, 1), t)
+    return bool(
+        np.std(errors) > REST_SIGMAS * white_noise(positions) and np.ptp(errors) > LEAST_BEND
+    )

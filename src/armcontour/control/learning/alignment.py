@@ -1,4 +1,4 @@
-"""Alignment of a recording with the plan (clock, outliers, tool positions), with checks."""
+"""Alignment of a recording with the plan: clock, outliers and tool positions, with checks."""
 
 from __future__ import annotations
 
@@ -19,41 +19,45 @@ from armcontour.core.sampling import DEVIATION_PER_MEDIAN, interpolate, white_no
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_completeness, find_misreading
 
-# Largest difference between two clocks; a larger one means another job or unit of time.
-WORST_RATE = 0.03
-# Cycles over which differences of set-points are averaged.
-AVERAGED = 10
-# Largest number of Newton steps, and the change at which they end [s].
-STEPS, NEAR = 30, 1e-9
-# A recording belongs to this motion if it differs from the expected one by at most this share of
-# the motion. A loaded arm with weak gains differs by some percent, other jobs by 100 % and more.
-UNLIKE = 0.3
-# Fewest samples per period of the loops' natural frequency: slower disturbances cause errors.
-SAMPLES = 5.0
-# Intervals that differ by less than this share are equal, because clocks drift.
-SAME = 0.01
-# Logged set-points belong to another run if they differ from the exported ones by more than this
-# RMS [rad], by more than this share of the errors, and by more than this multiple of the noise.
-OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
-# A tracker measures in another frame, or another point, if its tool positions differ by more than
-# this [m]: elastic joints deflect less.
-FAR = 0.05
-# Smallest outlier relative to the noise and to the range of samples between these quantiles, number
-# of passes, and largest share of outliers.
-OUTLIER, SPIKE, RANGE, PASSES, MAX_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
-# An encoder has a new offset if the median deviation from the previous run is at least this many
-# standard deviations, and at least this [rad].
-SHIFTED, LEAST_SHIFT = 6.0, 1e-4
+# Largest relative difference of the rates of two clocks. A larger difference means that the log is
+# of another job or has another unit of time.
+MAX_RATE_DIFFERENCE = 0.03
+# Number of cycles over which differences of set-points are averaged.
+AVERAGED_CYCLES = 10
+# Largest number of Newton steps, and the time change below which they end [s].
+MAX_STEPS, CONVERGED = 30, 1e-9
+# A recording belongs to the motion if it differs from the expected motion by at most this share of
+# the motion. A loaded arm with weak gains differs by some percent, another job by 100 % or more.
+MAX_DIFFERENCE = 0.3
+# Smallest number of samples per period of the loops' natural frequency, because disturbances up to
+# this frequency cause errors.
+SAMPLES_PER_PERIOD = 5.0
+# Relative tolerance of the sample interval, because clocks drift.
+INTERVAL_TOLERANCE = 0.01
+# Logged set-points belong to another run if their RMS difference from the set-points of the run
+# exceeds SET_POINT_TOLERANCE [rad], the share ERROR_SHARE of the RMS error, and NOISE_MULTIPLE
+# times the noise.
+SET_POINT_TOLERANCE, ERROR_SHARE, NOISE_MULTIPLE = 1e-4, 0.05, 10.0
+# If measured tool positions differ from the positions by the encoders by more than this [m], the
+# tracker measures another point or in another frame, because elastic joints deflect less.
+MAX_TOOL_DIFFERENCE = 0.05
+# An outlier exceeds OUTLIER_NOISE times the noise and OUTLIER_SHARE times the range of the samples
+# between the quantiles QUANTILES. PASSES: largest number of passes. MAX_OUTLIERS: largest share of
+# outliers.
+OUTLIER_NOISE, OUTLIER_SHARE, QUANTILES, PASSES, MAX_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
+# An encoder has a new offset if its median deviation from the expected motion exceeds SHIFT_SIGMAS
+# standard deviations and LEAST_SHIFT [rad].
+SHIFT_SIGMAS, LEAST_SHIFT = 6.0, 1e-4
 
 
 def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray, int]:
-    """Samples with outliers replaced by interpolation, and the number of outliers."""
-    # An outlier differs from the cubic through its two neighbours on each side by OUTLIER times the
-    # noise and by SPIKE times the quantile range. If there are too many, none is replaced.
-    # values (n, dof) [rad], noise (dof,) [rad].
+    """Samples with outliers replaced by interpolation, and the number of samples with outliers."""
+    # An outlier differs from the cubic through its two neighbours on each side by more than
+    # OUTLIER_NOISE times the noise and OUTLIER_SHARE times the quantile range. If there are too
+    # many, none is replaced. values [rad], (n, dof). noise [rad], (dof,).
     cleaned, bad = values.copy(), np.zeros(values.shape, dtype=np.bool_)
-    low, high = np.quantile(values, RANGE, axis=0)
-    allowed = np.maximum(OUTLIER * noise, SPIKE * (high - low))
+    low, high = np.quantile(values, QUANTILES, axis=0)
+    allowed = np.maximum(OUTLIER_NOISE * noise, OUTLIER_SHARE * (high - low))
     for _ in range(PASSES):
         padded = np.pad(cleaned, ((2, 2), (0, 0)), mode="edge")
         far, near = padded[:-4] + padded[4:], padded[1:-3] + padded[3:-1]
@@ -72,36 +76,36 @@ def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray,
     return cleaned, int(bad.any(axis=1).sum())
 
 
-class Aligned(NamedTuple):
-    """A recording in time of the plan."""
+class AlignedRecording(NamedTuple):
+    """A recording that is resampled at the model's times in the time of the plan."""
 
-    offset: float  # Time of the plan when the clock of the recording was at 0 [s]
-    rate: float  # Seconds of the plan in a second of the recording
+    offset: float  # Time of the plan at which the clock of the recording is 0 [s]
+    rate: float  # Time of the plan per time of the recording
     expected: FloatArray  # Expected joint positions at the model's times [rad], (n, dof)
     measured: FloatArray  # Measured joint positions at these times [rad], (n, dof)
-    noise: FloatArray  # Standard deviation of their white noise [rad], (dof,)
-    # Offset of each encoder since the run before [rad], (dof,); not in `measured`.
+    noise: FloatArray  # Standard deviation of the white noise of the samples [rad], (dof,)
+    # shift: change of each encoder's offset, which `measured` does not include [rad], (dof,).
     shift: FloatArray
     outliers: int  # Number of samples that were ignored
 
 
 def align(
     recording: Recording, lifted: Lifted, set_points: SetPoints, expected: FloatArray | None = None
-) -> Aligned:
-    """Align a recording with the plan by its set-points, or else by the expected motion."""
-    # In the latter case, dead time that is not in the servo model becomes part of the offset.
-    # `expected` are the joint positions at the model's times that the run before lets expect [rad],
-    # (n, dof); by default those of the model, which do not show offsets of encoders.
+) -> AlignedRecording:
+    """Align a recording with the plan by its set-points, or without them by the expected motion."""
+    # By the expected motion, dead time that the servo model lacks becomes part of the offset.
+    # expected: joint positions at the model's times that follow from an earlier run [rad],
+    # (n, dof). By default they are those of the model. Then offsets of encoders are not estimated.
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo
     loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
-    allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES
-    # Set-points correct no faster disturbances than a log of the cycle shows.
+    allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES_PER_PERIOD
+    # Set-points cannot correct disturbances that are too fast for samples at the cycle.
     allowed = max(allowed, set_points.cycle)
-    if recording.interval > allowed * (1 + SAME):
+    if recording.interval > allowed * (1 + INTERVAL_TOLERANCE):
         raise InvalidInput(
-            f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joints' loops "
-            f"need one every {1e3 * allowed:.3g} ms at least: record faster.",
+            f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joint loops "
+            f"require one every {1e3 * allowed:.3g} ms or faster. Record at a higher rate.",
             limit="interval",
             needed=recording.interval,
             allowed=allowed,
@@ -111,39 +115,42 @@ def align(
     offset, rate = 0.0, 1.0
     if not recording.in_plan_time:
         lasts = float(np.ptp(recording.t))
-        if lasts * (1 + WORST_RATE) < duration:
+        if lasts * (1 + MAX_RATE_DIFFERENCE) < duration:
             raise InvalidInput(
-                f"{source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s: record the "
+                f"{source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s. Record the "
                 "whole run, from before its first set-point until the arm rests."
             )
         values, times, reference = recording.q, lifted.t, expected
         if recording.command is not None:
             values, times, reference = recording.command, set_points.t, set_points.q
-        offset, rate = fit_to(recording.t, values, times, reference)
+        offset, rate = fit_clock(recording.t, values, times, reference)
     t = offset + rate * recording.t
     moved = rms(expected - expected.mean(axis=0))
-    apart = recording.q - lifted.between(t, expected)
+    apart = recording.q - lifted.interpolate_at(t, expected)
     deviation = rms(apart)
-    if deviation > UNLIKE * moved:
-        # The distance from the start depends on neither the order nor the unit of columns.
+    if deviation > MAX_DIFFERENCE * moved:
+        # The normalized distance from the start does not depend on the order or unit of columns.
         gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
         gone, due = (x / max(float(x.max()), 1e-300) for x in (gone, due))
-        start = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
-        shifted = lifted.between(recording.t + start, expected)
+        start = (
+            0.0 if recording.in_plan_time else approximate_offset(recording.t, gone, lifted.t, due)
+        )
+        shifted = lifted.interpolate_at(recording.t + start, expected)
         reason = find_misreading(recording.t, recording.q, shifted)
         reason = reason or "it is a log of another job, of other set-points or of another arm"
         raise InvalidInput(
             f"{source} differs by {deviation:.3g} rad RMS from the motion that the set-points "
-            f"cause, but the whole motion is {moved:.3g} rad RMS: {reason}."
+            f"cause, although the whole motion is only {moved:.3g} rad RMS: {reason}."
         )
-    if abs(rate - 1) > WORST_RATE:
+    if abs(rate - 1) > MAX_RATE_DIFFERENCE:
         raise InvalidInput(
-            f"{source} fits the motion with a clock that is off by {100 * abs(rate - 1):.3g} %, "
-            f"and more than {100 * WORST_RATE:g} % is not a clock: it is a log of another job or "
-            "another speed, or its times need their unit."
+            f"The clock of {source} may differ from the time of the plan by at most "
+            f"{100 * MAX_RATE_DIFFERENCE:g} %, but differs by {100 * abs(rate - 1):.3g} %. Either "
+            "it is a log of another job or another speed, or the unit of its times must be "
+            "specified."
         )
     check_completeness(source, t, duration, 2 * recording.interval)
-    apart = recording.q - lifted.between(t, expected)
+    apart = recording.q - lifted.interpolate_at(t, expected)
     noise = white_noise(apart, order=4)
     shift, outliers = np.zeros(lifted.dof), 0
     if not recording.exact:
@@ -151,22 +158,23 @@ def align(
     if has_forerunner:
         middle = np.median(apart, axis=0)
         spread = DEVIATION_PER_MEDIAN * np.median(np.abs(apart - middle), axis=0)
-        sure = np.maximum(SHIFTED * np.maximum(spread, noise), LEAST_SHIFT)
+        sure = np.maximum(SHIFT_SIGMAS * np.maximum(spread, noise), LEAST_SHIFT)
         shift = np.where(np.abs(middle) > sure, middle, 0.0)
-    measured = expected + lifted.bridge(t, apart - shift, noise)
-    return Aligned(offset, rate, expected, measured, noise, shift, outliers)
+    measured = expected + lifted.fill_gaps(t, apart - shift, noise)
+    return AlignedRecording(offset, rate, expected, measured, noise, shift, outliers)
 
 
 def require_same_set_points(run: LearningRun) -> None:
-    """Check that the logged set-points are those of the run."""
+    """Raise an error if the logged set-points are not those of the run."""
     error, noise = rms(run.error), rms(run.noise)
-    allowed = max(OTHERS, SHARE * error, NOISES * noise)
+    allowed = max(SET_POINT_TOLERANCE, ERROR_SHARE * error, NOISE_MULTIPLE * noise)
     if run.set_points_off > allowed:
         raise InvalidInput(
-            f"{run.source} is the log of another run: its set-points differ from those of this run "
-            f"by {run.set_points_off * 1e3:.3g} mrad RMS, and at most {allowed * 1e3:.3g} mrad is "
-            f"allowed for noise of {noise * 1e3:.2g} mrad. Give the set-points that the robot "
-            "executed; if the controller logs filtered set-points, give a log without them.",
+            f"{run.source} is the log of another run, because its set-points differ from those of "
+            f"this run by {run.set_points_off * 1e3:.3g} mrad RMS. At most {allowed * 1e3:.3g} "
+            f"mrad is allowed with a noise of {noise * 1e3:.2g} mrad. Specify the set-points that "
+            "the robot executed. If the controller logs filtered set-points, specify a log without "
+            "set-points.",
             limit="set_points",
             needed=run.set_points_off,
             allowed=allowed,
@@ -175,56 +183,57 @@ def require_same_set_points(run: LearningRun) -> None:
 
 def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoints) -> float:
     """RMS difference of recorded and executed set-points [rad]; 0 if none are recorded."""
-    # Controllers record set-points held or interpolated, with small offsets in time. The resulting
-    # differences alternate within a cycle, so they are averaged over AVERAGED cycles.
+    # Controllers record held or interpolated set-points, with small time offsets. The resulting
+    # differences alternate within a cycle, so differences are averaged over AVERAGED_CYCLES cycles.
     if command is None:
         return 0.0
     differences = command - interpolate(t, set_points.t, set_points.q)
-    part = np.floor((t - t[0]) / (AVERAGED * set_points.cycle)).astype(np.intp)
+    part = np.floor((t - t[0]) / (AVERAGED_CYCLES * set_points.cycle)).astype(np.intp)
     count = np.bincount(part)
     means = [np.bincount(part, weights=x)[count > 0] / count[count > 0] for x in differences.T]
     return float(np.sqrt(np.average(np.square(means).mean(axis=0), weights=count[count > 0])))
 
 
-def fit_to(
+def fit_clock(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> tuple[float, float]:
-    """Offset and rate of the plan's time `offset + rate t`, by fitting values to a reference."""
-    # t (m,) [s], values (m, dof), regular times (n,) [s], reference (n, dof).
+    """Offset and rate of the plan's time `offset + rate t` for which values match a reference."""
+    # values (m, dof) at t (m,) [s] of the clock; reference (n, dof) at uniform times (n,) [s] of
+    # the plan.
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
     middle, rate = float(t.mean()), 1.0
-    centre = coarse_offset(t, values, times, reference) + middle
-    for _ in range(STEPS):
+    centre = approximate_offset(t, values, times, reference) + middle
+    for _ in range(MAX_STEPS):
         plan_times = centre + rate * (t - middle)
         inside = (plan_times >= times[0]) & (plan_times <= times[-1])
         if inside.sum() < 2:
             break
         rows = slope(plan_times[inside])
         errors = values[inside] - curve(plan_times[inside])
-        # Constant differences of a joint, for example due to a load, do not depend on time.
+        # The fit ignores constant differences of a joint, for example due to a load.
         parts = np.stack([rows, rows * (t[inside] - middle)[:, None]], axis=2)
         parts -= parts.mean(axis=0)
         errors = errors - errors.mean(axis=0)
         step, *_ = np.linalg.lstsq(parts.reshape(-1, 2), errors.ravel(), rcond=None)
         centre, rate = centre + float(step[0]), rate + float(step[1])
-        near = abs(step[0]) < NEAR and abs(step[1]) * np.ptp(t) < NEAR
-        if near or abs(rate - 1) > 2 * WORST_RATE:
+        near = abs(step[0]) < CONVERGED and abs(step[1]) * np.ptp(t) < CONVERGED
+        if near or abs(rate - 1) > 2 * MAX_RATE_DIFFERENCE:
             break
     return centre - rate * middle, rate
 
 
-def coarse_offset(
+def approximate_offset(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> float:
-    """Approximate offset with the best fit of values to a reference [s]; see `fit_to`."""
+    """Approximate offset of the clock [s] by cross-correlation; arguments as in `fit_clock`."""
     from scipy.signal import fftconvolve
 
     step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
     span = float(np.ptp(times))
     short = np.arange(times[0], times[-1] + step / 2, step)
     # The arm rests before and after its motion, so the edges are extrapolated as constants.
-    edge = WORST_RATE * span + max(span - float(np.ptp(t)), 0.0)
+    edge = MAX_RATE_DIFFERENCE * span + max(span - float(np.ptp(t)), 0.0)
     long = np.arange(t[0] - edge, t[-1] + edge + step / 2, step)
     pattern = interpolate(short, times, reference)
     padded = interpolate(long, t, values) - pattern.mean(axis=0)
@@ -242,22 +251,22 @@ def add_tool(
     error: FloatArray,
     clock: tuple[float, float] | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Joint errors that explain encoders and a tracker [rad], (n, dof), and noise, (dof,)."""
+    """Joint errors that explain encoders and a tracker [rad], (n, dof), and added noise, (dof,)."""
     # Deviations that only the tracker measures, such as deflections of links, are converted to
     # joint errors by damped least squares, with damping from the noise. tool: times (m,) [s] and
-    # tool points in the frame of the path (m, dimension) [m]. A clock (offset and rate) of None is
-    # fitted to the motion.
+    # tool points in the frame of the path (m, dimension) [m]. error: joint errors by the encoders
+    # [rad], (n, dof). clock: offset and rate of the tracker's clock; if None, they are fitted.
     arm = lifted.nominal.arm
     t, points = checks.check_numbers("tool times", tool[0], "s"), checks.points("tool", tool[1])
     form = t.ndim == 1 and len(t) >= 5 and points.shape == (len(t), arm.dimension)
     if not form or (np.diff(t) <= 0).any():
         raise InvalidInput(
-            f"The positions of the tool need at least five times, which must increase, and "
-            f"{arm.dimension} coordinates at each, but have the shape {points.shape} at {t.size} "
+            f"tool must have at least five increasing times and a point with {arm.dimension} "
+            f"coordinates at each time, but has points of the shape {points.shape} at {t.size} "
             "times."
         )
     encoded = arm.tool_position(lifted.planned + error)
-    offset, rate = clock or fit_to(t, points, lifted.t, encoded)
+    offset, rate = clock or fit_clock(t, points, lifted.t, encoded)
     plan_times = offset + rate * t
     check_completeness(
         "The file of tool positions",
@@ -265,18 +274,20 @@ def add_tool(
         lifted.plan.duration,
         2 * np.diff(plan_times).max(),
     )
-    offsets = lifted.at_times(plan_times, points, encoded) - encoded
+    offsets = lifted.resample(plan_times, points, encoded) - encoded
     largest = float(np.linalg.norm(offsets, axis=1).max())
-    if largest > FAR:
+    if largest > MAX_TOOL_DIFFERENCE:
         raise InvalidInput(
-            f"The measured tool is {1e3 * largest:.4g} mm from its position by the encoders, and "
-            f"more than {1e3 * FAR:g} mm is not compliance: give positions of the tool point in "
-            "the frame of the path, in metres.",
+            f"The measured tool positions may differ from the positions by the encoders by at most "
+            f"{1e3 * MAX_TOOL_DIFFERENCE:g} mm (compliance), but differ by {1e3 * largest:.4g} mm. "
+            "Specify positions of the tool point in the frame of the path, in metres.",
             needed=largest,
-            allowed=FAR,
+            allowed=MAX_TOOL_DIFFERENCE,
         )
-    noise = float(np.mean(white_noise(points - lifted.between(plan_times, encoded), order=4) ** 2))
-    # Prior variance of joint deflections, from the size of the tool's deviations.
+    noise = float(
+        np.mean(white_noise(points - lifted.interpolate_at(plan_times, encoded), order=4) ** 2)
+    )
+    # likely: prior variance of joint deflections, from the mean square of the tool's deviations.
     jacobian = arm.tool_jacobian(lifted.planned)
     transposed = np.swapaxes(jacobian, 1, 2)
     product = jacobian @ transposed

@@ -1,4 +1,4 @@
-"""Estimation from runs: noise, repeating error, and error of the model's response."""
+"""Estimates from several runs: noise, repeating error, and error of the model's response."""
 
 from __future__ import annotations
 
@@ -11,52 +11,54 @@ from armcontour.control.learning.learning_result import LearningRun
 from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core.checks import FloatArray
 
-# Relative error of the response of an exact model, from tests of `Response`.
-MODEL = 1e-3
-# Smallest assumed relative error of the response, because friction is not linear for small changes.
-UNTESTED = 0.3
-# Relative error of errors that are interpolated or extrapolated from runs, because friction is not
-# linear.
-LINEAR = 0.3
-# Factor of the penalty per setback: changes become ten times as slow.
-SLOWER = 100.0
+# Relative error of the linearized response of an exact model, from tests of `Response`.
+MODEL_ERROR = 1e-3
+# Smallest assumed relative error of the response to a change of the set-points, because friction is
+# not linear for small changes.
+RESPONSE_ERROR = 0.3
+# Relative accuracy of errors that are interpolated or extrapolated from runs, because friction is
+# not linear.
+COMBINATION_ERROR = 0.3
+# Factor of the penalty per setback, which makes changes ten times slower.
+SETBACK_FACTOR = 100.0
 # Another run is useful if it can reduce the error by more than this factor.
-WORTH = 1.05
+USEFUL_FACTOR = 1.05
 
 
-def model_error(noise: FloatArray, error: FloatArray) -> FloatArray:
-    """Variance of the part of an error that the model need not explain [rad²], (dof,)."""
-    # noise (dof,) [rad], error (n, dof) [rad].
-    return np.asarray(noise**2 + MODEL**2 * (error**2).mean(axis=0))
+def unexplained_variance(noise: FloatArray, error: FloatArray) -> FloatArray:
+    """Variance of the part of an error that the model does not explain [rad²], (dof,)."""
+    # noise: standard deviation [rad], (dof,). error [rad], (n, dof).
+    return np.asarray(noise**2 + MODEL_ERROR**2 * (error**2).mean(axis=0))
 
 
 def smooth_error(
     lifted: Lifted, error: FloatArray, noise: FloatArray, moved: FloatArray | float = 0.0
 ) -> FloatArray:
-    """The part of an error that a disturbance of the drives explains [rad], (n, dof)."""
-    # The disturbance is modelled as a random walk. Its remainder after learning is not, because it
-    # has peaks at reversals and corners.
-    # error (n, dof) [rad], noise (dof,) [rad], moved (n, dof) [rad].
+    """Part of an error that a disturbance of the drives explains [rad], (n, dof)."""
+    # moved: response to all changes of set-points since the first run [rad], (n, dof). The model, a
+    # random walk, applies to the error without this response: the remainder after learning has
+    # peaks at reversals and corners. error [rad], (n, dof). noise [rad], (dof,).
     remaining = error - moved
-    variance = float(np.mean(model_error(noise, remaining)))
+    variance = float(np.mean(unexplained_variance(noise, remaining)))
     return np.asarray(lifted.smooth(remaining, lifted.choose_penalty(remaining, variance)) + moved)
 
 
 class ErrorEstimate:
-    """Joint estimate from several runs, in order."""
+    """Estimate of repeating and non-repeating errors from all runs, in the order of the runs."""
 
     # spread: standard deviation of the errors that differ between runs [rad], (dof,).
     # best: index of the run whose set-points have the smallest repeating error.
     # q: set-points with the smallest repeating error, combined from all runs [rad], (count, dof).
-    # error: their repeating error [rad], (n, dof).
-    # removed: the part of `error` that a change of the set-points removes [rad], (n, dof).
-    # repeats, differs: RMS error of the best run that repeats, and that differs between runs [m].
-    # noise: RMS error that does not repeat, with noise of the measurement and of the loops [m].
-    # response_error: relative error of the model's response, by the last run that was predicted.
+    # error: repeating error of these set-points [rad], (n, dof).
+    # removed: part of `error` that a change of the set-points removes [rad], (n, dof).
+    # repeats: RMS of the repeating error of the best run [m].
+    # differs: RMS of the errors that differ between runs, without white noise [m].
+    # noise: RMS error that does not repeat, including noise of the measurement and the loops [m].
+    # response_error: relative error of the model's response, from the newest run other than `best`.
     # independent: number of independent values of the noise in a run.
-    # step: the share of a change that minimises the error for this error of the response.
-    # expected, resolution: RMS error of another run of the best set-points, and its standard
-    # deviation by noise [m].
+    # step: share of the computed change that minimises the error, given `response_error`.
+    # expected: predicted RMS error of another run of the best set-points [m].
+    # resolution: standard deviation of this RMS error due to noise [m].
 
     def __init__(self, lifted: Lifted, runs: tuple[LearningRun, ...]) -> None:
         self.lifted, self.runs = lifted, runs
@@ -74,7 +76,7 @@ class ErrorEstimate:
             alone.append(lifted.judge(smooth_error(lifted, mean, white, moved)).rms)
         self.best = int(np.argmin(alone))
         self.repeats = alone[self.best]
-        # Noise of a position measurement moves the joint like noise of the command.
+        # The effect of measurement noise in the loops on the joint is that of noise of the command.
         loops = np.random.default_rng(1).normal(size=lifted.planned.shape) * runs[-1].loop_noise
         self._in_loops = lifted.judge(lifted.respond_to(loops))
         self.response_error = self._compare()
@@ -90,10 +92,11 @@ class ErrorEstimate:
         self.resolution = float(self.noise / np.sqrt(self.independent))
 
     def _find_spread(self) -> FloatArray:
-        """The standard deviation of errors that differ between runs [rad], (dof,)."""
-        # The squared difference of two runs is twice the variance of the error that does not
-        # repeat, plus a share (at least UNTESTED**2) of the squared response to the difference of
-        # their set-points. Two runs of different set-points cannot separate these.
+        """Standard deviation of the errors that differ between runs [rad], (dof,)."""
+        # The squared difference of the errors of two runs is twice the variance of the error that
+        # does not repeat, plus a share (at least RESPONSE_ERROR**2) of the squared response to the
+        # difference of the set-points. Two runs with different set-points do not determine both
+        # parts, so the result is 0.
         pairs = list(combinations(range(len(self.runs)), 2))
         spread = np.zeros(self.lifted.dof)
         if len(pairs) == 1 and np.any(self._moves[1]):
@@ -102,17 +105,17 @@ class ErrorEstimate:
             a, b = np.transpose(pairs)
             rests = self._errors - self._moves
             rests, moves = (((x[a] - x[b]) ** 2).mean(axis=1) for x in (rests, self._moves))
-            floor = UNTESTED**2 * moves
+            floor = RESPONSE_ERROR**2 * moves
             observed = np.maximum(rests - self._white[a] - self._white[b] - floor, 0.0)
             scale = np.maximum(rests + floor, 1e-300)
             for j in range(len(spread)):
                 rows = np.column_stack([np.full(len(pairs), 2.0), moves[:, j]])
                 spread[j] = np.sqrt(nnls(rows / scale[:, [j]], observed[:, j] / scale[:, j])[0][0])
-        # A spread below the white noise of one value is not distinguishable from model errors.
+        # A spread below the white noise of one value cannot be distinguished from model errors.
         return np.where(spread > self.runs[-1].noise, spread, 0.0)
 
     def _judge_spread(self) -> float:
-        """RMS tool error that differs between runs [m]; also updates `independent`."""
+        """RMS tool error that differs between runs [m]; also reduces `independent`."""
         if not self.spread.any():
             return 0.0
         rests, squares = self._errors - self._moves, []
@@ -127,7 +130,8 @@ class ErrorEstimate:
         return float(np.sqrt(np.mean(squares)))
 
     def _unknown(self, deviation: float) -> FloatArray:
-        """A random sample of the error that noise leaves undetermined [rad], (n, dof)."""
+        """Random sample of the error of `Lifted.smooth` that noise causes [rad], (n, dof)."""
+        # deviation: standard deviation of the white noise [rad].
         random, shape = np.random.default_rng(0), self.runs[0].q.shape
         walk = random.normal(size=shape).cumsum(axis=0) * deviation / np.sqrt(self._penalty)
         error = self.lifted.respond(walk)
@@ -135,24 +139,25 @@ class ErrorEstimate:
         return self.lifted.smooth(error + white, self._penalty) - error
 
     def correct(self, setbacks: int) -> FloatArray:
-        """Set-points that remove the repeating error [rad]; each setback slows the change."""
+        """Set-points that remove the repeating error [rad], (count, dof); slower after setbacks."""
         if not setbacks:
             return np.asarray(self.runs[0].q + self._change)
-        slow = self.lifted.correct(self.removed, self._penalty * SLOWER**setbacks)[0]
+        slow = self.lifted.correct(self.removed, self._penalty * SETBACK_FACTOR**setbacks)[0]
         return np.asarray(self.q + slow)
 
     def _mean_at(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Repeating error for set-points with this response [rad], and weights of runs."""
-        # Weights (runs, dof) are inverse variances of noise and model error.
-        variance = UNTESTED**2 * ((moved - self._moves) ** 2).mean(axis=1)
+        """Repeating error of set-points with the response `moved` [rad], and weights of runs."""
+        # The weights, (runs, dof), are inverse variances of noise and model error.
+        variance = RESPONSE_ERROR**2 * ((moved - self._moves) ** 2).mean(axis=1)
         weights = 1 / np.maximum(self.spread**2 + self._white + variance, 1e-300)
         weights /= weights.sum(axis=0)
         mean = np.einsum("kj,knj->nj", weights, self._errors - self._moves + moved)
         return mean, weights
 
     def _compare(self) -> float:
-        """Relative error of the model's response, by the last run that is not the best one."""
-        # White noise, the error that does not repeat, and noise in the loops are excluded.
+        """Relative error of the model's response, from the newest run with another response."""
+        # White noise, the error that does not repeat, and noise in the loops are subtracted.
+        # RESPONSE_ERROR is returned if all runs have the same set-points.
         lifted, best = self.lifted, self.best
         for k in reversed(range(len(self.runs))):
             moved = self._moves[k] - self._moves[best]
@@ -160,34 +165,35 @@ class ErrorEstimate:
             if size == 0.0:
                 continue
             miss = self._errors[k] - self._errors[best] - moved
-            white = self._white[k] + self._white[best] + MODEL**2 * miss.var(axis=0)
+            white = self._white[k] + self._white[best] + MODEL_ERROR**2 * miss.var(axis=0)
             smooth = lifted.smooth(miss, lifted.choose_penalty(miss, float(np.mean(white))))
             share = 2 * float(np.mean(self.spread**2)) / max(float(np.mean(smooth**2)), 1e-300)
             square = lifted.judge(smooth).tool_rms ** 2 * max(1 - share, 0.0)
             return float(np.sqrt(max(square - 2 * self._in_loops.tool_rms**2, 0.0))) / size
-        return UNTESTED
+        return RESPONSE_ERROR
 
     def _combine(self) -> tuple[FloatArray, FloatArray, float]:
-        """Combination of the runs' set-points with the smallest error."""
-        # The error of a linear robot is an affine function of the set-points: a weighted mean of
-        # runs (weights may be negative) has the weighted mean of their errors. Every joint has its
-        # own weights; the model adds the coupling of joints. Noise and non-linearity keep the
-        # weights small. The error that does not repeat is averaged.
-        # Returns the set-points [rad], their error [rad], and the variance of its noise [rad²].
+        """Set-points that combine all runs [rad], their error [rad], and noise variance [rad²]."""
+        # The error of a linear robot is an affine function of the set-points, so a weighted mean of
+        # runs (weights may be negative) has the weighted mean of their errors. The weights of each
+        # joint minimise the error, its noise and its nonlinear part. The model adds the coupling of
+        # the joints. Then the result is averaged with the mean error of all runs.
         best, errors, spread = self.best, self._errors, self.spread**2
         moved = self._moves - self._moves[best]
-        # Errors that differ between runs are not an effect of set-points.
+        # gain: share of the differences between runs that is an effect of their set-points.
         power, unmoved = (moved**2).sum(axis=1), 2 * len(moved[0]) * spread
         gain = np.where(unmoved > 0, power / np.maximum(power + unmoved, 1e-300), 1.0)
         apart = gain[:, None] * (errors - errors[best])
         squares, count = (apart**2).sum(axis=1), len(errors[0])
-        noise = np.array([model_error(x.noise, x.error) for x in self.runs])
+        noise = np.array([unexplained_variance(x.noise, x.error) for x in self.runs])
         weights = np.zeros_like(noise)
         others = np.arange(len(noise)) != best
         for j in range(self.lifted.dof if others.any() else 0):
-            # The smallest error of the mean, and of its noise.
+            # Least squares of the mean error, regularized by its noise and nonlinear part.
             columns = apart[others, :, j]
-            variance = LINEAR**2 * squares[others, j] + count * (noise[others, j] + spread[j])
+            variance = COMBINATION_ERROR**2 * squares[others, j] + count * (
+                noise[others, j] + spread[j]
+            )
             square = columns @ columns.T + np.diag(variance)
             right = -columns @ errors[best, :, j]
             weights[others, j] = np.linalg.lstsq(square, right, rcond=None)[0]
@@ -195,8 +201,10 @@ class ErrorEstimate:
         q = np.einsum("kj,knj->nj", weights, [x.q for x in self.runs])
         change = self.lifted.respond(q - self.runs[best].q)
         error = errors[best] + np.einsum("kj,knj->nj", weights, apart - moved) + change
-        # The mean of all runs has less noise; it counts by its share of the variance.
-        variance = (weights**2 * (noise + spread + LINEAR**2 * squares / count)).sum(axis=0)
+        # The mean of all runs has less noise. Both are averaged with inverse variances as weights.
+        variance = (weights**2 * (noise + spread + COMBINATION_ERROR**2 * squares / count)).sum(
+            axis=0
+        )
         mean, each = self._mean_at(change + self._moves[best])
         share = variance / np.maximum(variance + (each**2 * (noise + spread)).sum(axis=0), 1e-300)
         error += share * (mean - error)
@@ -205,6 +213,6 @@ class ErrorEstimate:
 
     @property
     def is_noise(self) -> bool:
-        """True if another run cannot reduce the error by more than the factor WORTH."""
+        """True if another run cannot reduce the error by more than the factor USEFUL_FACTOR."""
         after = np.sqrt(1 + 1 / len(self.runs))
-        return bool(np.hypot(self.repeats, self.noise) <= WORTH * after * self.noise)
+        return bool(np.hypot(self.repeats, self.noise) <= USEFUL_FACTOR * after * self.noise)

@@ -1,4 +1,4 @@
-"""`learn`: set-points for the next run; `judge_run`: errors of a run only."""
+"""`learn` computes the set-points of the next run, `judge_run` only the errors of a run."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from armcontour.control.learning import alignment
 from armcontour.control.learning.error_estimate import (
-    UNTESTED,
+    RESPONSE_ERROR,
     ErrorEstimate,
-    model_error,
     smooth_error,
+    unexplained_variance,
 )
 from armcontour.control.learning.learning_result import (
     LearningResult,
@@ -46,28 +46,30 @@ from armcontour.robot.servo.model import LONGEST_DEAD_TIME
 Executed: TypeAlias = Execution | Log | Recording
 # Motion of one or several runs of the same set-points.
 Runs: TypeAlias = Executed | Sequence[Executed]
-# Times and measured positions of the tool.
+# Times and measured positions of the tool; None without a tracker.
 Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 
 # Assumed cycle time of a drive [s].
 DRIVE_CYCLE = 2.5e-4
 # Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
 TYPICAL_GAIN = 25.0
-# Learning ends after this many setbacks; each halves the step.
+# Learning ends after MAX_SETBACKS setbacks. Each setback multiplies the step by SETBACK_STEP.
 MAX_SETBACKS = 3
-HALF = 0.5
-# Largest acceleration of set-points relative to that before learning, if it exceeds the limit of
-# the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
-ROUGHER, RESTING = 2.0, 0.25
-# Learning ends at this setback if the relative error of the response exceeds MAX_OFF. The servo
-# model is the cause unless learning has reduced the first error to the share PROVEN.
-SETBACKS_OFF, MAX_OFF, PROVEN = 2, 1.0, 0.5
-# Learning ends if limits of the set-points allow less than this share of the change.
-NO_GAIN = 0.05
-# Median share of the error that remains after the first lesson with a fitted servo.
-FITTED = 0.1
-# A run is worse than another one if its error is larger by this many standard deviations.
-SURE = 3.0
+SETBACK_STEP = 0.5
+# Set-points may accelerate up to the limit of the joint or up to ACCELERATION_FACTOR times the
+# largest acceleration before learning, whichever is larger. The acceleration of a joint that hardly
+# moves counts as RESTING_SHARE times the acceleration of the fastest joint.
+ACCELERATION_FACTOR, RESTING_SHARE = 2.0, 0.25
+# Learning ends at setback RESPONSE_SETBACKS if the relative error of the response exceeds
+# MAX_RESPONSE_ERROR. The servo model is the cause unless learning has reduced the first error to
+# the share PROVEN_SHARE.
+RESPONSE_SETBACKS, MAX_RESPONSE_ERROR, PROVEN_SHARE = 2, 1.0, 0.5
+# Learning ends if the limits of the set-points allow less than this share of the computed change.
+LEAST_CHANGE = 0.05
+# Share of the error that remains after the first change with a fitted servo (median of tests).
+FITTED_REMAINDER = 0.1
+# A run is worse than another run if its error is larger by more than this many standard deviations.
+SETBACK_SIGMAS = 3.0
 
 
 @checked
@@ -82,36 +84,37 @@ def learn(
     controller: Arm | None = None,
     tool: Tool = None,
 ) -> LearningResult:
-    """Compute set-points for the next run from those of the last run and its log.
+    """Compute set-points for the next run from the set-points of the last run and their log.
 
-    For the run after that, pass the returned lesson and its log. Logs of several runs of the same
-    set-points show which errors repeat; three runs of learned set-points show this, too.
+    After each further run, pass the returned result and the log of its execution. Errors that
+    repeat are distinguished from other errors if there are logs of several runs of the same
+    set-points, or three runs of learned set-points.
 
     >>> improved = ac.learn(set_points, executed, arm=arm, servo=servo)
     >>> improved.q.shape[1], len(improved.runs)
     (2, 1)
 
     Args:
-        set_points: The set-points of the last run: a `LearningResult` with the runs before it, or
+        set_points: The set-points of the last run: a `LearningResult` with the earlier runs, or
             other set-points for the first run.
-        executed: Motion of the joints: an execution, a log with set-points, which determine the
-            clock, or a recording of joint positions only; or several of these.
-        arm: The nominal arm. If it has masses, and the servo is of second order, the model is one
-            of rigid bodies; otherwise of its servos alone.
+        executed: Motion of the joints, for one run or several runs: an execution, a log whose
+            set-points determine the clock, or a recording of only joint positions.
+        arm: The nominal arm. If it has masses and the servo is of second order, the response is
+            that of rigid bodies with drives, otherwise that of independent servos.
         servo: The nominal servo.
-        limits: Limits of the controller, as in `compensate`. By default those of the plan, unless
-            set-points of the last run already exceed them.
-        gravity_feedforward: Whether the controller adds the torque against gravity.
-        controller: The arm model of the controller, if `arm` has been updated since, for example
-            by an identified payload.
+        limits: Limits of the controller, as in `compensate`; by default the limits of the plan,
+            unless the set-points of the last run exceed them.
+        gravity_feedforward: True if the controller adds the torque against gravity.
+        controller: The arm model of the controller if it differs from `arm`, for example because
+            the payload of `arm` was identified later.
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
-            [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
-            otherwise the tracker has its own clock, and a constant delay of the tool is not
-            distinguishable from an offset of this clock. Give it for every run, with one log each,
-            or for none.
+            [m], (m, dimension), from a tracker. With an execution, the times are those of its plan.
+            Otherwise the tracker has its own clock, and a constant delay of the tool cannot be
+            distinguished from an offset of this clock. Specify `tool` for every run, with one log
+            each, or for no run.
 
     Raises:
-        InvalidInput: The log is not one of these set-points, or not suitable for learning.
+        InvalidInput: The log does not belong to these set-points or is not suitable for learning.
         CompensationError: The set-points of the last run exceed the limits.
     """
     result, lifted = _evaluate_runs(
@@ -119,7 +122,7 @@ def learn(
     )
     for run in result.runs:
         alignment.require_same_set_points(run)
-    return _next_lesson(
+    return _learn_next(
         result, lifted, set_points if isinstance(set_points, LearningResult) else None, limits
     )
 
@@ -137,10 +140,10 @@ def judge_run(
     """Determine the errors of runs from their logs as `learn` does, without learning.
 
     Returns:
-        A finished lesson of these runs only, with the set-points of `set_points`.
+        A finished learning result of only these runs, with the set-points of `set_points`.
 
     Raises:
-        InvalidInput: The log is not one of these set-points, or not suitable.
+        InvalidInput: The log does not belong to these set-points or is not suitable.
     """
     result, lifted = _evaluate_runs(
         set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
@@ -158,16 +161,16 @@ def judge_run(
 def _evaluate_runs(
     set_points: SetPoints, executed: Runs, nominal: Nominal, tool: Tool
 ) -> tuple[LearningResult, Lifted]:
-    """Errors of the runs and the model, with times of the robot, before any estimate."""
+    """Measure the errors of the runs: a result whose estimates are still zero, and the model."""
     if tool is not None:
         tool = checks.check_sequence("tool", tool, object, "times and positions of the tool", 2)
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
     if not logs or (tool is not None and len(logs) > 1):
         raise InvalidInput(
-            f"learn needs one log for positions of the tool, and at least one without: {len(logs)} "
-            "are given."
+            "The number of logs must be one if tool is specified, otherwise at least one, but is "
+            f"{len(logs)}."
         )
-    servo = _linear(nominal.servo.for_joints(nominal.arm.dof), nominal.arm)
+    servo = _linearize(nominal.servo.for_joints(nominal.arm.dof), nominal.arm)
     nominal = nominal._replace(servo=servo)
     if isinstance(set_points, LearningResult):
         nominal, misfits = nominal._replace(servo=set_points.servo), set_points.misfits
@@ -186,10 +189,10 @@ def _evaluate_runs(
     return result, lifted
 
 
-def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
-    """Linear servo model with values per joint."""
-    # Friction is removed, because it is learned. A pure delay becomes order "first" with velocity
-    # feed-forward 1. On rigid bodies, a drive cycle becomes a dead time of half a cycle.
+def _linearize(servo: ServoModel, arm: Arm) -> ServoModel:
+    """Linear servo model with values per joint, for the lifted response."""
+    # Friction is removed, because its effect is learned. A pure delay becomes order "first" with
+    # velocity feed-forward 1. With rigid bodies, a drive cycle becomes a dead time of half of it.
     servo = servo.replace(friction=0.0).for_joints(arm.dof)
     if servo.drive_cycle and arm.has_bodies and servo.replace(drive_cycle=0.0).is_plain("second"):
         dead_time = np.minimum(servo.dead_time + servo.drive_cycle / 2, LONGEST_DEAD_TIME)
@@ -207,9 +210,9 @@ def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
 def _fit_model(
     set_points: SetPoints, logs: Sequence[Executed], nominal: Nominal
 ) -> tuple[SetPoints, Lifted, tuple[float, float]]:
-    """Fit the servo to the mean of the first logs: set-points, model, and misfits."""
-    # If the robot has more dead time than its model, set-points are shifted by whole cycles: only
-    # their times in the plan change.
+    """Fit the servo to the mean of the first logs: set-points, lifted model, and misfits."""
+    # If the robot has more dead time than its model, the start time of the set-points is earlier by
+    # whole cycles.
     lifted = Lifted(set_points, nominal)
     errors, noises, interval = [], [], np.inf
     for log in logs:
@@ -220,9 +223,9 @@ def _fit_model(
         noises.append(aligned.noise)
         interval = min(interval, recording.interval)
         errors.append(aligned.measured - aligned.expected)
-    lead = lifted.reaching(set_points.q) - lifted.planned
+    lead = lifted.command_for(set_points.q) - lifted.planned
     noise = np.mean(noises, axis=0)
-    variance = float(np.mean(model_error(noise, lead)))
+    variance = float(np.mean(unexplained_variance(noise, lead)))
     servo, misfits = fit_servo(
         set_points, lifted, np.mean(errors, axis=0), variance, noise, interval
     )
@@ -235,7 +238,7 @@ def _fit_model(
 def _measure_errors(
     lifted: Lifted, set_points: SetPoints, recording: Recording, tool: Tool
 ) -> LearningRun:
-    """Errors of a run."""
+    """Align the recording of a run with the plan, and determine its errors."""
     expected = None
     if isinstance(set_points, LearningResult) and not recording.exact:
         before = set_points.runs[set_points.best]
@@ -247,13 +250,15 @@ def _measure_errors(
     aligned = alignment.align(recording, lifted, set_points, expected)
     offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
-    # Measurement noise in the loops. Exact positions show it in their equivalent command. With
-    # encoder noise it is not visible, but has the same variance per drive cycle.
+    # in_loop: measurement noise in the loops. With exact positions, it is the noise of their
+    # equivalent command. Otherwise encoder noise hides it, and its variance per drive cycle is the
+    # variance of the encoder noise.
     in_loop = noise * np.sqrt(min(DRIVE_CYCLE, recording.interval) / lifted.step)
     if recording.exact:
         command = lifted.equivalent_command(measured - expected)
         in_loop = white_noise(command, smoothed=True, order=4)
-    # If samples are further apart than the model's times, their noise affects several of these.
+    # If the sample interval is longer than the model's time step, the noise of a sample affects
+    # several times of the model.
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
     if tool is not None:
         clock = (offset, rate) if recording.in_plan_time else None
@@ -274,10 +279,10 @@ def _measure_errors(
     )  # fmt: skip
 
 
-def _next_lesson(
+def _learn_next(
     result: LearningResult, lifted: Lifted, last: LearningResult | None, limits: Limits | None
 ) -> LearningResult:
-    """The lesson after the new runs and those of the last lesson."""
+    """Learn from the new runs and from the runs of the last result."""
     none: tuple[tuple[LearningRun, ...], int, bool] = ((), 0, False)
     earlier, setbacks, done = (last.runs, last.setbacks, last.finished) if last else none
     runs = (*earlier, *result.runs)
@@ -285,23 +290,24 @@ def _next_lesson(
     best = runs[estimate.best]
     before = min((x.rms for x in earlier), default=np.inf)
     now = rms(np.array([x.rms for x in result.runs]))
-    is_setback = now > before + SURE * estimate.resolution and not done
+    is_setback = now > before + SETBACK_SIGMAS * estimate.resolution and not done
     setbacks += is_setback
-    step = HALF**setbacks * (estimate.step if earlier else 1.0)
+    step = SETBACK_STEP**setbacks * (estimate.step if earlier else 1.0)
     applied = result.trajectory.limits_for(result.command_limits if limits is None else limits)
     if limits is None and describe_excess(result):
-        # The limits of the plan count only if its set-points satisfy them.
+        # The joint limits of the plan do not apply if the set-points already exceed them.
         applied = applied.of_tool
     check_set_points(replace(result, q=best.q), applied)
     first = _accelerations(runs[0].q, result.cycle)
-    fastest = ROUGHER * np.maximum(first, RESTING * first.max())
+    fastest = ACCELERATION_FACTOR * np.maximum(first, RESTING_SHARE * first.max())
     if applied.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(applied.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
     requested = best.q + step * (estimate.correct(setbacks) - best.q)
     q, reason = _keep_limits(result, requested, best.q, applied, fastest)
-    # Learning slows down from run to run, because the share of noise and friction increases.
-    fraction = FITTED if any(result.misfits) else UNTESTED
+    # fraction: share of the removable error that is predicted to remain. It is at least the square
+    # root of the last reduction of the error, because the share of noise and friction increases.
+    fraction = FITTED_REMAINDER if any(result.misfits) else RESPONSE_ERROR
     fraction = (
         max(estimate.response_error, float(np.sqrt(min(now / before, 1.0))))
         if earlier
@@ -315,7 +321,7 @@ def _next_lesson(
     )
     end = _reason_to_finish(estimate, setbacks, is_setback)
     early = last is None and result.delay >= result.cycle
-    if reason and not (end or early) and rms(q - best.q) < NO_GAIN * rms(requested - best.q):
+    if reason and not (end or early) and rms(q - best.q) < LEAST_CHANGE * rms(requested - best.q):
         end = f"nothing was learned, because {reason}"
     finished, averaged = bool(end), estimate.is_noise and estimate.differs > 0
     return replace(
@@ -328,23 +334,28 @@ def _next_lesson(
 
 
 def _reason_to_finish(estimate: ErrorEstimate, setbacks: int, is_setback: bool) -> str:
-    """The reason why further lessons are not expected to reduce the error, else empty."""
+    """Reason why another run is not expected to reduce the error; empty if none."""
     if estimate.is_noise:
-        return "what remains is noise"
-    if is_setback and setbacks >= SETBACKS_OFF and estimate.response_error > MAX_OFF:
-        if estimate.runs[estimate.best].rms < PROVEN * estimate.runs[0].rms:
-            return "what remains does not repeat"
+        return "the remaining error is noise"
+    if (
+        is_setback
+        and setbacks >= RESPONSE_SETBACKS
+        and estimate.response_error > MAX_RESPONSE_ERROR
+    ):
+        if estimate.runs[estimate.best].rms < PROVEN_SHARE * estimate.runs[0].rms:
+            return "the remaining error does not repeat"
         return (
-            "the last change made the error larger, and its effect differs by "
-            f"{estimate.response_error:.0%} from that of the servo model, so identify the servo"
+            "the last change increased the error, and its effect differs by "
+            f"{estimate.response_error:.0%} from the prediction of the servo model, so identify "
+            "the servo"
         )
     if setbacks >= MAX_SETBACKS:
-        return f"{setbacks} changes made the error larger"
+        return f"{setbacks} changes increased the error"
     return ""
 
 
 def _accelerations(q: FloatArray, cycle: float) -> FloatArray:
-    """Largest acceleration of set-points of each joint [rad/s²], (dof,)."""
+    """Largest acceleration of each joint's set-points [rad/s²], (dof,)."""
     return np.asarray(np.abs(differences(q, 2)).max(axis=0) / cycle**2)
 
 
@@ -355,8 +366,9 @@ def _keep_limits(
     limits: Limits,
     fastest: FloatArray,
 ) -> tuple[FloatArray, str]:
-    """Nearest set-points within the limits, (n, dof), and the most restrictive limit."""
-    # A joint without a solution keeps its set-points of the best run.
+    """Nearest set-points within the limits, (n, dof), and a clause on the active limit, or ""."""
+    # A joint without a solution keeps the set-points of the best run. fastest: limits of joint
+    # acceleration [rad/s²], (dof,).
     selected = Limits.only(
         joint_velocity=limits.joint_velocity,
         joint_acceleration=fastest,

@@ -1,4 +1,4 @@
-"""`Recording`, `LearningRun` and `LearningResult`: earlier runs, and the next set-points."""
+"""`Recording`, `LearningRun` and `LearningResult`: measured runs, and the next set-points."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from armcontour.core.text import clock, count_noun, format_table, joint_rows, sh
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.robot.servo import ServoModel
 
-# Largest number of runs whose errors are printed.
+# Largest number of runs that are listed in a summary.
 MAX_LISTED = 10
-# Set-points of an execution differ from the exported ones by less than this [rad].
-SAME = 1e-9
+# Largest difference of an execution's set-points from the set-points of the run [rad].
+SET_POINT_TOLERANCE = 1e-9
 # Largest share of a recording that may be gaps.
-MAX_MISSED = 0.1
+MAX_GAPS = 0.1
 
 
 @checks.explain_calls
@@ -36,15 +36,15 @@ class Recording(Checked):
     Args:
         t: Times [s], increasing, (n,).
         q: Measured joint positions [rad], (n, dof).
-        command: Set-points at the same times [rad], (n, dof), by which the clock is found; None if
-            they were not recorded.
+        command: Set-points at the same times [rad], (n, dof), which determine the offset of the
+            clock; None if they were not recorded.
         in_plan_time: True if `t` is exactly the time of the plan.
-        exact: True if `q` are the true positions of a simulation, without measurement noise.
+        exact: True if `q` are true positions of a simulation, without measurement noise.
         source: Source of the data, for messages.
         notes: As in `Log`.
 
     Raises:
-        InvalidInput: The arrays are not finite numbers, or do not fit each other.
+        InvalidInput: The arrays are not finite numbers, or their shapes do not match.
     """
 
     t: Annotated[FloatArray, Quantity("s"), Axes("times")] = field(kw_only=False)
@@ -57,10 +57,10 @@ class Recording(Checked):
 
     def _check_together(self) -> None:
         if len(self.t) < 2 or (np.diff(self.t) <= 0).any():
-            raise InvalidInput(f"{self.source} needs at least two times, which must increase.")
+            raise InvalidInput(f"{self.source} must have at least two times, which must increase.")
 
     def __str__(self) -> str:
-        """Source, times, and ranges of the joints."""
+        """Text with source, times and joint ranges."""
         times = f"t = {self.t[0]:.4f} to {self.t[-1]:.4f} s"
         return format_table(
             f"Recording: {count_noun(len(self.t), 'sample')}, {times}",
@@ -76,25 +76,26 @@ class Recording(Checked):
 
     @property
     def interval(self) -> float:
-        """The usual time between two samples [s]."""
+        """Median time between two samples [s]."""
         return float(np.median(np.diff(self.t)))
 
 
 def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Recording:
-    """Convert an execution or a log to a recording, with checks."""
+    """Convert an execution or a log to a recording; raises an error if it does not fit the run."""
     if isinstance(executed, Execution):
         executed_points = executed.set_points
         same = (
             executed_points.q.shape == set_points.q.shape
             and executed_points.cycle == set_points.cycle
         )
-        if not same or np.abs(executed_points.q - set_points.q).max() > SAME:
+        if not same or np.abs(executed_points.q - set_points.q).max() > SET_POINT_TOLERANCE:
             raise InvalidInput(
-                "The execution is one of other set-points: give the set-points that were executed."
+                "The execution must have the same set-points and cycle as set_points, but they "
+                "differ. Specify the set-points that were executed."
             )
         recording = Recording(
             t=executed.t + set_points.start_time - executed_points.start_time,
-            # Encoders of drives measure the motors.
+            # Encoders of the drives measure the motor positions.
             q=executed.q if executed.motor_q is None else executed.motor_q,
             in_plan_time=True,
             exact=True,
@@ -108,31 +109,31 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
         recording = executed
     else:
         raise InvalidInput(
-            f"learn needs an Execution, a Log or a Recording, not {type(executed).__name__}."
+            f"executed must be an Execution, a Log or a Recording, but is "
+            f"{type(executed).__name__}."
         )
     _check_gaps(recording)
     if recording.q.shape[1] != set_points.q.shape[1]:
         raise InvalidInput(
             f"{recording.source} has {recording.q.shape[1]} joints, but the set-points have "
-            f"{set_points.q.shape[1]}: give the log of this job."
+            f"{set_points.q.shape[1]}. Specify a log of this job."
         )
     return recording
 
 
 def _check_gaps(recording: Recording) -> None:
-    """Check that gaps are a small share of the recording, and that times do not come in bursts."""
+    """Check that gaps are a small share of the recording, and that samples are not in bursts."""
     t, source = recording.t, recording.source
     steps = np.diff(t)
     if bursts := describe_bursts(t, source):
         raise InvalidInput(bursts)
     missed = float(steps[steps > GAP * recording.interval].sum())
-    allowed = MAX_MISSED * float(np.ptp(t))
+    allowed = MAX_GAPS * float(np.ptp(t))
     if missed > allowed:
         i = int(np.argmax(steps))
         raise InvalidInput(
-            f"{source} has gaps of {missed:.3g} s in all, the longest of {steps[i]:.3g} s at "
-            f"t = {clock(t[i])} s, but learning bridges at most {allowed:.3g} s of this log: "
-            "record the run again.",
+            f"The gaps of {source} must total at most {allowed:.3g} s, but total {missed:.3g} s. "
+            f"The longest gap is {steps[i]:.3g} s at t = {clock(t[i])} s. Record the run again.",
             index=i,
             t=float(t[i]),
             needed=missed,
@@ -144,29 +145,30 @@ def _check_gaps(recording: Recording) -> None:
 class LearningRun(Result, Checked):
     """One run and its measured errors.
 
-    Errors are those that a disturbance of the drives explains, without white noise.
+    Except for `error`, errors do not include white noise: they are the part that a disturbance of
+    the drives explains.
 
     Args:
         q: Set-points that were executed [rad], (n, dof).
         error: Measured deviations of the joints from the plan, with noise, at the times
             `LearningResult.lifted.t` [rad], (m, dof).
         noise: Standard deviation of the white noise in `error` [rad], (dof,).
-        loop_noise: Standard deviation of the noise of positions in the joints' loops, one value at
-            each of these times [rad], (dof,).
+        loop_noise: Standard deviation of the position noise in the joints' loops, for one value per
+            time of `error` [rad], (dof,).
         joint_rms: RMS error of each joint [rad], (dof,).
         joint_max: Largest error of each joint [rad], (dof,).
         tool_rms: RMS distance of the tool from its planned position at the same time [m].
-        tool_max: Largest such distance [m].
+        tool_max: Largest distance of the tool from its planned position at the same time [m].
         contour_rms: RMS distance of the tool from its path [m]; None if the plan has no path.
-        contour_max: Largest such distance [m].
-        offset: Time of the plan when the clock of the log was at 0 [s].
-        rate: Seconds of the plan in a second of the log.
+        contour_max: Largest distance of the tool from its path [m]; None if the plan has no path.
+        offset: Time of the plan at which the clock of the log is 0 [s].
+        rate: Time of the plan per time of the log.
         predicted: Predicted value of `rms` [m]; None for the first run.
         set_points_off: RMS difference of the set-points in the log from those of the run [rad]; 0
-            if the log has none.
+            if the log has no set-points.
         source: Source of the log, for messages.
-        encoder_shift: Offset of each encoder since the best earlier run, which is not in `error`
-            [rad], (dof,); None if it was not estimated.
+        encoder_shift: Change of each encoder's offset since the best earlier run, which `error`
+            does not include [rad], (dof,); None if it was not estimated.
         outliers: Number of samples of the log that were ignored.
     """
 
@@ -189,7 +191,7 @@ class LearningRun(Result, Checked):
     outliers: int = 0
 
     def to_data(self) -> Data:
-        """Errors of the run, and the predicted error."""
+        """Data of the errors of the run, and of the predicted error."""
         level = FIRST if self.contour_rms is None else TABLE
         rms, largest = (
             ("contour error, RMS", "contour error, largest") if level == TABLE else ("", "")
@@ -200,8 +202,8 @@ class LearningRun(Result, Checked):
                 Row("source", self.source, "", "from", level=FIRST),
                 Row("contour_rms", self.contour_rms, "m", rms, "", FIRST),
                 Row("contour_max", self.contour_max, "m", largest, "", FIRST),
-                Row("tool_rms", self.tool_rms, "m", "off the plan, RMS", level=level),
-                Row("tool_max", self.tool_max, "m", "off the plan, largest", level=level),
+                Row("tool_rms", self.tool_rms, "m", "tracking error, RMS", level=level),
+                Row("tool_max", self.tool_max, "m", "tracking error, largest", level=level),
                 Row("predicted", self.predicted, "m", "expected, RMS", level=FIRST),
                 Row("offset", self.offset, "s"),
                 Row("begin", -self.offset / self.rate, "s", "begins in the log at", "", FIRST),
@@ -220,34 +222,34 @@ class LearningRun(Result, Checked):
 
     @property
     def rms(self) -> float:
-        """Error for the comparison of runs [m]: `contour_rms`, or else `tool_rms`."""
+        """Error by which runs are compared [m]: `contour_rms`, or `tool_rms` if it is None."""
         return self.tool_rms if self.contour_rms is None else self.contour_rms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LearningResult(Result, SetPoints):
-    """Set-points for the next run, and the findings from the runs before it.
+    """Set-points for the next run, and the results of the runs so far.
 
     Args:
         runs: The runs so far, in order.
-        servo: The servo whose response learning assumes: the nominal one, or, if the log of the
-            first run does not support it, the one fitted to that log.
-        misfits: RMS deviation of the joints in that log from the motion with the nominal servo,
-            and with `servo` [rad]; both 0 if no servo was fitted.
-        delay: Dead time of the robot beyond that of the servo model [s].
-        predicted: Expected RMS error of the next run [m], comparable to `LearningRun.rms`.
+        servo: The servo whose response is used for learning: the nominal servo, or the servo that
+            was fitted to the log of the first run if the nominal servo does not fit this log.
+        misfits: RMS deviations of the joints in the first log from the motion with the nominal
+            servo and with `servo` [rad]; both 0 if no servo was fitted.
+        delay: Additional dead time of the robot, which the nominal servo does not have [s].
+        predicted: Predicted RMS error of the next run [m], comparable to `LearningRun.rms`.
         noise: Estimated RMS error that does not repeat from run to run [m].
         best: Index of the run whose set-points have the smallest repeating error.
-        repeats: RMS error of these set-points that repeats [m], by all runs.
-        setbacks: Number of times that a run was worse than the best before it.
+        repeats: RMS of the repeating error of the best run, estimated from all runs [m].
+        setbacks: Number of runs that were worse than the best earlier run.
         finished: True if no further improvement is expected. The set-points are then those of the
-            best run or, if errors differ between runs, learned from all of them.
-        reason: Reason why learning is finished, or limit of the step; may be empty.
-        lifted: The model, reused from run to run because it takes most of the time; None builds it
-            again.
+            best run or, if errors differ between runs, set-points learned from all runs.
+        reason: Reason why learning is finished, or limit that restricts the step; may be empty.
+        lifted: The linear model, reused from run to run because computing it takes most of the
+            time; None computes it again.
 
     Raises:
-        InvalidInput: There are no runs, or as `SetPoints` raises it.
+        InvalidInput: There are no runs, or the set-points are invalid (see `SetPoints`).
     """
 
     runs: tuple[LearningRun, ...]
@@ -266,14 +268,14 @@ class LearningResult(Result, SetPoints):
     def _check_together(self) -> None:
         SetPoints._check_together(self)
         if not self.runs:
-            raise InvalidInput("A lesson needs at least one run from which it was learned.")
+            raise InvalidInput("A learning result must have at least one run, but runs is empty.")
 
     def to_data(self) -> Data:
-        """Errors of the runs, the expected error of the next one, and the verdict."""
+        """Data of the verdict, the errors of the runs, and the predicted error of the next run."""
         best = f"run {self.best + 1}"
         share = f"{number(self.noise_share, '1')} of the square"
         return Data(
-            self._title(f"Lesson of {count_noun(len(self.runs), 'run')}"),
+            self._title(f"Learning from {count_noun(len(self.runs), 'run')}"),
             (
                 Row("finished", self.finished, "", "finished", self.reason, VERDICT),
                 Row("first", self.runs[0].rms, "m", "before learning, RMS", level=FIRST),

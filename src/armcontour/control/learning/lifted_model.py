@@ -1,6 +1,7 @@
-"""`Lifted`: response of the whole motion to a change of all set-points, and the best change."""
+"""`Lifted`: linear response of a whole run to a change of the set-points, and the best change."""
 
-# "Lifted" means that a run is one vector: `x = P du`, with one entry for every joint and time.
+# "Lifted" means that a run is one vector, with one entry for every joint and time: x = P du, where
+# x is the change of the joint positions and du is the change of the set-points.
 
 from __future__ import annotations
 
@@ -23,22 +24,23 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter, without_integral
 from armcontour.robot.servo.simulation import command_weights
 
-# Longest step of the model [s]. The relative error of the response is about (w h)² / 12 at the
-# rate w: 0.2 % at the 150 1/s of the paper's velocity loop.
+# Longest time step of the model [s]. The relative error of the response is about (w h)² / 12 at the
+# angular frequency w and the step h, 0.2 % at the 150 1/s of the paper's velocity loop.
 LONGEST_STEP = 1e-3
-# Modelled time after the last set-point, in time constants of the slowest joint: 5 % remains.
-AFTER = 3.0
-# Range of the exponents of penalties (powers of ten, so few factorizations serve all runs), and the
-# initial penalty.
-PENALTIES, FIRST = (-8, 6), 1e-3
-# Iterations of the interpolation in gaps of a log, and the relative error of the model there.
-BRIDGES, BRIDGED = 10, 1e-3
-# Size of the cache of factorizations: as many as a search ends with.
+# Modelled time after the last set-point [time constants of the slowest joint], in which a response
+# decays to 5 %.
+SETTLING = 3.0
+# Penalties are powers of ten, so that all runs need only few factorizations. PENALTIES: range of
+# the exponents. FIRST_PENALTY: initial penalty.
+PENALTIES, FIRST_PENALTY = (-8, 6), 1e-3
+# Number of iterations of the estimate in gaps of a log, and assumed relative error of the model.
+BRIDGE_ITERATIONS, BRIDGE_ERROR = 10, 1e-3
+# Number of cached factorizations; the final step of a search for the penalty compares three.
 MAX_FACTORS = 3
 
 
 class ToolError(NamedTuple):
-    """Errors of the tool over a run, as in `LearningRun`."""
+    """Errors of the tool over a run [m], see `LearningRun`."""
 
     tool_rms: float
     tool_max: float
@@ -47,14 +49,15 @@ class ToolError(NamedTuple):
 
     @property
     def rms(self) -> float:
-        """Error for the comparison of runs [m]."""
+        """RMS error by which runs are compared [m]: contour error, or tool error without a path."""
         return self.tool_rms if self.contour_rms is None else self.contour_rms
 
 
 class Nominal(NamedTuple):
     """The nominal robot of a lifted model, with the fields of `Drives`."""
 
-    # With masses, and servos all of order "second", rigid bodies respond, else the servos alone.
+    # The model is rigid bodies with drives if the arm has masses and all servos are of order
+    # "second", otherwise independent servos.
 
     arm: Arm
     servo: ServoModel
@@ -63,15 +66,15 @@ class Nominal(NamedTuple):
 
     @property
     def drives(self) -> Drives | None:
-        """The drives that move rigid bodies; None if the servos alone respond."""
+        """The drives that move the rigid bodies; None for a model of independent servos."""
         moved = self.arm.has_bodies and self.servo.is_plain("second")
         return Drives(**self._asdict()) if moved else None
 
 
 class _Term(NamedTuple):
-    """Interpolated set-points at shifted times [s], times a factor (one, or one per joint)."""
+    """Term of the command: factor (one, or one per joint) times set-points at times + shift [s]."""
 
-    # `integrated` is False for acceleration feed-forward, which the integrators do not receive.
+    # integrated: False for acceleration feed-forward, which is not an input of the integrators.
 
     factor: FloatArray | float
     interpolation: str
@@ -80,13 +83,13 @@ class _Term(NamedTuple):
 
 
 class Lifted:
-    """The lifted response of the nominal closed loop along a plan."""
+    """Lifted response of the nominal closed loop, linearized along a plan."""
 
-    # The joints rest in equilibrium at the first set-point. Times and plan of the set-points count,
-    # not their values. t: regular times of the plan [s], (n,), by default at most 1 ms apart;
-    # planned: planned joint positions then [rad], (n, dof). near: a model of the same set-points
-    # and robot with another servo, with these times or times in between, which shares its motion
-    # and its linearisation.
+    # The joints rest in equilibrium at the first set-point. Only times and plan of the set-points
+    # are used, not their values. t: uniform times of the plan [s], (n,), by default at most 1 ms
+    # apart. planned: planned joint positions at these times [rad], (n, dof). near: model of the
+    # same set-points and robot with another servo, whose times include `t`; its motion and
+    # linearization are reused.
 
     _motion: tuple[FloatArray, FloatArray, FloatArray]
 
@@ -103,17 +106,19 @@ class Lifted:
         self.count, self.dof = set_points.q.shape
         if t is None:
             parts = int(np.ceil(self.cycle / LONGEST_STEP * (1 - 1e-9)))
-            settling = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
+            settling = float(nominal.servo.dead_time.max()) + SETTLING / float(
+                nominal.servo.kp.min()
+            )
             intervals = self.count - 1 + int(np.ceil(settling / self.cycle))
             step, drive_cycle = self.cycle / parts, nominal.servo.drive_cycle
-            # Use the cycle of the drives as the step, unless it is short.
+            # The time step is the drive cycle unless the drive cycle is short.
             step = drive_cycle if drive_cycle > LONGEST_STEP / 2 else step
             t = set_points.times(int(np.ceil(intervals * self.cycle / step - 1e-9)) + 1, step)
         self.t, self.step = t, float(t[1] - t[0])
         checks.check_count(
             f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
             len(t) * self.dof**2,
-            "learn contour by contour or at a higher speed",
+            "learn each contour separately or at a higher speed",
         )
         self.nominal, self.drives = nominal, nominal.drives
         every = 1 if near is None else round(self.step / near.step)
@@ -133,7 +138,7 @@ class Lifted:
         else:
             ddq = without_integral(dq, ddq, self._prompt, self.step)
             self._needed = self._prompt.command(self.planned, dq, ddq)
-        # The equations of x by the command.
+        # Equations of the joint positions x with the command as the input.
         if near is None or self.drives is None or near.drives is None:
             self._response = respond_along(self.plan.with_rests, t, **nominal._asdict())
         else:
@@ -141,12 +146,12 @@ class Lifted:
         self._left, self._means, self._unseen = self._response.equations()
         self._solve = splu(self._left, permc_spec="NATURAL")
         self._factors: dict[float, tuple[Any, IntArray, float]] = {}
-        self._penalty = FIRST
+        self._penalty = FIRST_PENALTY
         self._weights: dict[tuple[str, float], tuple[IntArray, FloatArray]] = {}
 
     @cached_property
     def _terms(self) -> list[_Term]:
-        """Terms of the command that reaches the drives, with feed-forward."""
+        """Terms of the command at the drives, including feed-forward."""
         servo, terms = self.nominal.servo, [_Term(1.0, self.nominal.servo.interpolation, 0.0)]
         a, b = servo.lead
         if a.any():
@@ -161,9 +166,9 @@ class Lifted:
         return terms
 
     def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
-        """Terms of a multiple of the command's velocity, mean over one step [1/s]."""
-        # For interpolation "step" it is the velocity of the line one interval before. Drives with a
-        # cycle take the difference to the command of the cycle before.
+        """Terms of the mean velocity of the command over one step, times a factor."""
+        # For interpolation "step", the velocity is that of linear interpolation one interval
+        # earlier. Drives with a cycle use the difference from the command of the previous cycle.
         kind, drive_cycle = self.nominal.servo.interpolation, self.nominal.servo.drive_cycle
         if kind == "step" and not drive_cycle:
             kind, shift = "linear", shift - self.cycle
@@ -173,7 +178,7 @@ class Lifted:
         ]
 
     def _interpolated(self, term: _Term) -> tuple[IntArray, FloatArray]:
-        """Indices of set-points, in the order of `q.ravel()`, and weights, (n dof, 2 or 4) each."""
+        """Indices into `q.ravel()` and weights of interpolated set-points, (n dof, 2 or 4) each."""
         key = term.interpolation, term.shift
         if key not in self._weights:
             times = (
@@ -188,7 +193,7 @@ class Lifted:
         return index, weight * np.tile(np.broadcast_to(term.factor, self.dof), len(self.t))[:, None]
 
     def _command(self, q: FloatArray, terms: Sequence[_Term]) -> FloatArray:
-        """The sum of terms for set-points, (n, dof)."""
+        """Sum of terms of the command for set-points q, (n, dof)."""
         sums, values = np.zeros((2, self.planned.size)), q.ravel()
         for term in terms:
             index, weight = self._interpolated(term)
@@ -197,11 +202,11 @@ class Lifted:
         return np.asarray(integrated + self.equivalent_input(unseen))
 
     def equivalent_input(self, command: FloatArray) -> FloatArray:
-        """The command with the same response as one that the integrators do not receive [rad]."""
+        """Convert a command that bypasses the integrators to an equivalent command [rad]."""
         return without_integral(np.zeros_like(command), command, self._prompt, self.step)
 
-    def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof)."""
+    def command_velocities(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Velocities of the command without and with feed-forward [rad/s], (n, dof) each."""
         plain = self._command(q, self._rate_terms(1.0, 0.0))
         after, before = (
             self._command(q, [y._replace(shift=y.shift + x * self.step / 2) for y in self._terms])
@@ -210,28 +215,28 @@ class Lifted:
         return plain, (after - before) / self.step
 
     def respond(self, change: FloatArray) -> FloatArray:
-        """Change of the joints by a change of the set-points, (count, dof) [rad], (n, dof)."""
-        return self.respond_to(self.reaching(change))
+        """Change of joint positions by a change of set-points, (count, dof), [rad], (n, dof)."""
+        return self.respond_to(self.command_for(change))
 
-    def reaching(self, change: FloatArray) -> FloatArray:
-        """Change of the command at the drives by a change of the set-points [rad], (n, dof)."""
+    def command_for(self, change: FloatArray) -> FloatArray:
+        """Command at the drives for set-points or a change of set-points [rad], (n, dof)."""
         return self._command(change, self._terms)
 
     def respond_to(self, command: FloatArray) -> FloatArray:
-        """Change of the joints by one of the command at the drives [rad], (n, dof[, cases])."""
+        """Change of joint positions by a command at the drives [rad], (n, dof[, cases])."""
         cases = command.reshape(len(self.t) * self.dof, -1)
         return np.asarray(self._solve.solve(self._means @ cases)).reshape(command.shape)
 
     def expected(self, q: FloatArray) -> FloatArray:
-        """Joint positions of the nominal robot at the times for set-points [rad], (n, dof)."""
-        return self.planned + self.respond_to(self.reaching(q) - self._needed)
+        """Joint positions of the nominal robot with set-points q [rad], (n, dof)."""
+        return self.planned + self.respond_to(self.command_for(q) - self._needed)
 
     def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
         """Change of the set-points that removes an error, and the response of the joints [rad]."""
-        # It minimises `|error + P du|² + penalty |L du|²`, where L are differences of consecutive
-        # set-points. error (n, dof) or (n, dof, cases); the change has (count, dof) or
-        # (count, dof, cases). `penalty` is the squared ratio of the noise to the differences of
-        # set-points.
+        # The change du minimises `|error + P du|² + penalty |L du|²`, where L takes differences of
+        # consecutive set-points. error (n, dof) or (n, dof, cases); change (count, dof) or
+        # (count, dof, cases). penalty: variance of the noise divided by the variance of the
+        # differences of set-points.
         factors, order, _ = self._factored(penalty)
         rows, cases = len(self.t) * self.dof, error.shape[2:]
         flat = error.reshape(rows, *cases)
@@ -243,14 +248,14 @@ class Lifted:
         return change, (-flat - self._left.T @ solution[:rows]).reshape(error.shape)
 
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
-        """The part of an error that a disturbance of the drives explains [rad], (n, dof)."""
+        """Part of an error that a disturbance of the drives explains [rad], (n, dof)."""
         return -self.correct(error, penalty)[1]
 
     def _factored(self, penalty: float) -> tuple[Any, IntArray, float]:
-        """Factors of the optimality conditions, the order of time, and the log determinant."""
-        # The conditions are those of a minimum over x and du with the multipliers y of
-        # `A x = B du`, with `x = -error - A' y` eliminated: [[AA', B], [B', -penalty L'L]]. They
-        # are quasi-definite, so no pivoting is needed.
+        """Factorization of the optimality conditions, ordering of unknowns, and log determinant."""
+        # The conditions of the minimum over x and du subject to A x = B du, with multipliers y and
+        # with `x = -error - A' y` eliminated, are [[AA', B], [B', -penalty L'L]]. The matrix is
+        # quasi-definite, so no pivoting is required. The unknowns are in the order of their times.
         if penalty not in self._factors:
             while len(self._factors) >= MAX_FACTORS:
                 del self._factors[next(iter(self._factors))]
@@ -267,7 +272,7 @@ class Lifted:
 
     @cached_property
     def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
-        """The conditions of `_factored` without penalties, L'L, and the order of time."""
+        """Matrix of `_factored` with penalty 0, its block L'L, and the ordering of the unknowns."""
         n, size = len(self.t) * self.dof, self.count * self.dof
         rows = size - self.dof
         jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
@@ -283,10 +288,10 @@ class Lifted:
         blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
         set_points = self.start + np.arange(self.count)[:, None] * self.cycle
         reached = set_points + self.nominal.servo.dead_time
-        # The last set-point acts until the end, so it is eliminated last to avoid fill-in.
+        # The last set-point has an effect until the end, so it is eliminated last to avoid fill-in.
         reached[-1] = np.inf
         order = np.argsort(np.append(np.repeat(self.t, self.dof), reached.ravel()), kind="stable")
-        # Empty block for the multipliers.
+        # The penalty does not affect the multipliers.
         none = csc_array((n, n))
         jumps = block_diag([none, jump.T @ jump], format="csc")
         parts = csc_array(block_array(blocks)), jumps
@@ -294,10 +299,12 @@ class Lifted:
         return conditions, jumps, order
 
     def choose_penalty(self, error: FloatArray, variance: float, first: float = 0.0) -> float:
-        """The penalty (a power of ten) with the largest likelihood of an error [rad], (n, dof)."""
-        # variance: that of the noise [rad²]. The search starts at `first`, by default the last
-        # penalty.
-        surprise = cache(lambda k: self.surprise(error, 10.0**k, max(variance, 1e-300)))
+        """Penalty (a power of ten) with the largest marginal likelihood of an error, (n, dof)."""
+        # error [rad]. variance: variance of the white noise [rad²]. first: penalty at which the
+        # search starts, by default the penalty that was chosen last.
+        surprise = cache(
+            lambda k: self.negative_log_likelihood(error, 10.0**k, max(variance, 1e-300))
+        )
         power, last = round(np.log10(first or self._penalty)), None
         while power != last:
             last = power
@@ -306,10 +313,10 @@ class Lifted:
         self._penalty = float(10.0**power)
         return self._penalty
 
-    def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
+    def negative_log_likelihood(self, error: FloatArray, penalty: float, variance: float) -> float:
         """-2 log of the probability density of an error [rad], (n, dof), up to a constant."""
-        # The error is that of set-points whose differences are normal with the variance
-        # `variance / penalty`, and white noise of the variance `variance` [rad²].
+        # Model of the error: white noise with the variance `variance` [rad²] plus the response to
+        # set-points whose differences are normal with the variance `variance / penalty`.
         change, response = self.correct(error, penalty)
         squares = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
         # `size` is the log determinant of `P'P + penalty L'L` (see `correct`), up to a constant.
@@ -318,8 +325,8 @@ class Lifted:
         return float(squares / variance + size - rank * np.log(penalty))
 
     def equivalent_command(self, error: FloatArray) -> FloatArray:
-        """Change of the command at the drives that explains an error [rad], (n, dof)."""
-        # It is a mean over neighbouring times, with the weights 1/4, 1/2 and 1/4.
+        """Change of the command at the drives whose response is an error [rad], (n, dof)."""
+        # The result is smoothed over neighbouring times with the weights 1/4, 1/2 and 1/4.
         from scipy.signal import lfilter
 
         command = (self._left @ error.ravel()).reshape(error.shape)
@@ -330,21 +337,21 @@ class Lifted:
             command[:, j] = lfilter([1.0], filter_weights, command[:, j])
         return np.asarray(command)
 
-    def between(self, t: FloatArray, values: FloatArray) -> FloatArray:
-        """Values at the model's times, interpolated at times t, (m, dof); constant outside."""
+    def interpolate_at(self, t: FloatArray, values: FloatArray) -> FloatArray:
+        """Interpolate values at the model's times at the times t, (m, dof); constant outside."""
         return np.asarray(CubicSpline(self.t, values)(np.clip(t, self.t[0], self.t[-1])))
 
-    def at_times(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
-        """Joint positions q at times t, interpolated at the model's times [rad], (n, dof)."""
-        # Their difference from the expected motion is interpolated, which is smoother than the
-        # motion. It is constant before and after the samples.
-        difference = q - self.between(t, expected)
+    def resample(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
+        """Interpolate positions q at times t at the model's times, (n, dof)."""
+        # The difference from the expected motion is interpolated, because it is smoother than the
+        # motion. The difference is constant before and after the samples.
+        difference = q - self.interpolate_at(t, expected)
         return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
 
-    def bridge(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
-        """Deviations at times t [s] of a log, (m, dof), at the model's times [rad], (n, dof)."""
-        # In gaps of the log, they are estimated by expectation maximization with the model. noise:
-        # standard deviation of their white noise [rad], (dof,).
+    def fill_gaps(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
+        """Interpolate deviations at times t of a log at the model's times [rad], (n, dof)."""
+        # In gaps of the log, deviations are estimated by expectation maximization with the model.
+        # noise: standard deviation of the white noise of the deviations [rad], (dof,).
         bridged = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
         after = np.clip(np.searchsorted(t, self.t), 1, len(t) - 1)
         wide = np.diff(t)[after - 1] > GAP * np.median(np.diff(t))
@@ -352,16 +359,17 @@ class Lifted:
         if not missing.any():
             return bridged
         bridged[missing] = interpolate(self.t[missing], t, deviation)
-        variance = max(float(np.mean(noise**2)), BRIDGED**2 * float(np.mean(bridged**2)))
+        variance = max(float(np.mean(noise**2)), BRIDGE_ERROR**2 * float(np.mean(bridged**2)))
         penalty = self.choose_penalty(bridged, variance)
-        for _ in range(BRIDGES):
+        for _ in range(BRIDGE_ITERATIONS):
             bridged[missing] = self.smooth(bridged, penalty)[missing]
         return bridged
 
     def judge(self, error: FloatArray) -> ToolError:
         """Errors of the tool due to errors of the joints [rad], (n, dof)."""
-        # A path is evaluated from its first set-point to the end of the times, contours of a
-        # program while the process is on. Distances are to the nearest point of the path.
+        # A path is evaluated from its first set-point to the last time of the model. Contours of a
+        # program are evaluated while the process is on. Contour errors are distances to the nearest
+        # point of the path.
         planned, tool = (self.nominal.arm.tool_position(self.planned + x) for x in (0.0, error))
         deviations = np.linalg.norm(tool - planned, axis=1)
         distances = [

@@ -1,4 +1,4 @@
-"""Fit of the servo model to the log of a run: gains, velocity feed-forward, dead time."""
+"""Fit of the servo model to the log of a run: gains, velocity feed-forward and dead time."""
 
 from __future__ import annotations
 
@@ -11,30 +11,33 @@ from armcontour.motion import SetPoints
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import GAINS, LONGEST_DEAD_TIME
 
-# Usual time between two times of the response in the first fits [s].
-STEP = 4e-3
-# Largest factor between a fitted gain and that of the model.
+# Time step of the response in the first, coarse fits [s].
+COARSE_STEP = 4e-3
+# Fitted gains are within this factor of the nominal gains, in both directions.
 MAX_FACTOR = 5.0
-# Smallest feed-forward of a joint with acceleration feed-forward, and largest of any.
-LEAST_F, MAX_F = 1e-3, 1.5
-# Fits start from the feed-forward of the model and from these values.
+# Velocity feed-forward: smallest value of a joint with acceleration feed-forward, and largest value
+# of any joint.
+MIN_FEEDFORWARD, MAX_FEEDFORWARD = 1e-3, 1.5
+# Values of velocity feed-forward from which fits start, in addition to the nominal value.
 STARTS = (0.0, 0.9)
-# Longest dead time [s]; no controller for contouring has more.
-LONGEST_DELAY = 0.05
-# Prior standard deviations: of logarithms of gains and of the feed-forward, and of the dead time
-# [s].
+# Longest increase of the dead time in the fit [s]; controllers for contouring have less.
+MAX_DELAY_INCREASE = 0.05
+# Prior standard deviations of the parameters: relative changes of gains and changes of
+# feed-forward, and change of the dead time [s].
 PRIOR, DELAY_PRIOR = 0.5, 0.01
-# Prior for joints at rest, which move less than MOVES times their noise, or than STILL [rad].
-KNOWN, MOVES, STILL = 1e-6, 10.0, 1e-6
-# Penalty of the first fits, with which no deviation is explained by a disturbance.
+# A joint is at rest if its range is below REST_NOISE times its noise or below REST_RANGE [rad].
+# REST_PRIOR: prior standard deviation of the parameters of such a joint.
+REST_PRIOR, REST_NOISE, REST_RANGE = 1e-6, 10.0, 1e-6
+# Penalty of the coarse fits, which excludes a disturbance as an explanation of the deviations.
 NO_DISTURBANCE = 1e4
-# Evaluations of the fit from each start; number and evaluations of the fits from the best one.
-FIRST, ROUNDS, NEXT = 8, 2, 20
-# Damping of the Levenberg-Marquardt method, relative to the diagonal: at first, and at most.
+# FIRST_STEPS: steps of the coarse fit from each start. ROUNDS: number of fits from the best start,
+# each with a new penalty. NEXT_STEPS: steps of each of these fits.
+FIRST_STEPS, ROUNDS, NEXT_STEPS = 8, 2, 20
+# Damping of the Levenberg-Marquardt method, relative to the diagonal: initial and largest value.
 DAMPING, MAX_DAMPING = 1e-3, 1e6
-# A search ends if a step gains less than this in twice the log likelihood.
-SETTLED = 1e-1
-# Gain of twice the log likelihood per joint that is required to accept a fitted servo.
+# A search ends if a step increases twice the log likelihood by less than this.
+LEAST_STEP_GAIN = 1e-1
+# A fitted servo is accepted if it increases twice the log likelihood by more than this per joint.
 LEAST_GAIN = 20.0
 
 
@@ -46,19 +49,21 @@ def fit_servo(
     noise: FloatArray,
     interval: float,
 ) -> tuple[ServoModel, tuple[float, float]]:
-    """Servo model that the log of a run supports; that of `lifted` if no other is more probable."""
+    """Servo model that the log supports, and misfits; the nominal servo if none fits better."""
     # The deviation from the expected motion is white noise, friction of each joint, and the
-    # response to an unknown disturbance, a random walk of the command (`Lifted.surprise`). The
-    # penalty, which describes the size of the disturbance, is estimated together with the servo.
-    # error (n, dof) [rad] with white noise of the variance `variance` [rad²]; noise (dof,):
-    # standard deviation of the measurement [rad]. Joints that move less than MOVES times this, or
-    # than STILL, keep the nominal servo. interval: time between samples of the log [s].
-    # Returns the servo, and the RMS deviation of the joints from the motion with the nominal servo
-    # and with this one, without friction and offsets [rad]; both 0 if it is the nominal servo.
-    # More than two times per interval of the log give no further information.
-    spans = STEP, min(interval / 2, STEP)
+    # response to an unknown disturbance, which is a random walk of the command
+    # (`Lifted.negative_log_likelihood`). The penalty, which determines the size of the disturbance,
+    # is estimated together with the servo.
+    # error: deviation from the expected motion [rad], (n, dof), with white noise of the variance
+    # `variance` [rad²]. noise: standard deviation of the measurement [rad], (dof,). interval: time
+    # between samples of the log [s].
+    # The misfits are the RMS deviations of the joints from the motion with the nominal servo and
+    # with the fitted servo, without friction and offsets [rad]; both 0 for the nominal servo.
+    # The time step of the fine fit is at least half of the interval of the log, because a shorter
+    # step adds no information.
+    spans = COARSE_STEP, min(interval / 2, COARSE_STEP)
     steps = [max(int(x / lifted.step * (1 + 1e-9)), 1) for x in spans]
-    still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
+    still = np.ptp(lifted.planned, axis=0) < np.maximum(REST_NOISE * noise, REST_RANGE)
     fits = {
         k: _ServoProblem(
             set_points,
@@ -71,11 +76,11 @@ def fit_servo(
     }
     coarse, fit = (fits[k] for k in steps)
     few, lifted = coarse.lifted, fit.lifted
-    # Starts: no changes, and each feed-forward.
+    # Starts: the nominal servo, and the nominal servo with each feed-forward of STARTS.
     dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
     starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
-    best = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
-    # The penalty of the coarse times is a good start for all times.
+    best = min((coarse.solve(x, FIRST_STEPS) for x in np.unique(starts, axis=0)), key=coarse.cost)
+    # The penalty of the coarse fit is the initial penalty of the fine fit.
     before, fit.penalty = (
         0.0,
         few.choose_penalty(coarse.unexplained(best), variance, NO_DISTURBANCE),
@@ -84,7 +89,7 @@ def fit_servo(
         fit.penalty = lifted.choose_penalty(fit.unexplained(best), variance, fit.penalty)
         if fit.penalty == before:
             break
-        before, best = fit.penalty, fit.solve(best, NEXT)
+        before, best = fit.penalty, fit.solve(best, NEXT_STEPS)
     # The nominal servo with the most probable friction.
     alone, friction = starts[0], slice(2 * dof, 3 * dof)
     columns = fit.derivatives(alone)[:, friction]
@@ -96,12 +101,13 @@ def fit_servo(
 
 
 class _ServoProblem:
-    """Residuals of a log, whitened by the nominal response, and their derivatives."""
+    """Least-squares problem of the servo: whitened residuals of a log, and their derivatives."""
 
-    # A joint obeys `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v), a = f / K_p and
-    # T, its torque divided by its inertia. Parameters are, per joint, the changes of `K_p b` and
-    # `K_p a` with the nominal K_p, friction, and, for order "second", the change of `K_p K_v c`;
-    # and one change of all dead times. Offsets are part of the disturbance.
+    # Model of a joint: `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v),
+    # a = f / K_p and T = torque / inertia. The parameters of each joint are the changes of `K_p b`
+    # and `K_p a` (with the nominal K_p), friction and, for order "second", that of `K_p K_v c`.
+    # The last parameter is the common change of all dead times. Offsets are part of the
+    # disturbance.
 
     def __init__(
         self,
@@ -116,19 +122,19 @@ class _ServoProblem:
         self.deviation, self.penalty = float(np.sqrt(variance)), NO_DISTURBANCE
         self.nominal, self.dof = lifted.nominal.servo, lifted.dof
         spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
-        each = np.where(still, KNOWN, np.array(spread)[:, None])
+        each = np.where(still, REST_PRIOR, np.array(spread)[:, None])
         if self.nominal.kv is not None:
-            each[3, np.isinf(self.nominal.kv)] = KNOWN
+            each[3, np.isinf(self.nominal.kv)] = REST_PRIOR
         self.spread = np.append(each.ravel(), DELAY_PRIOR)
         self._last: tuple[FloatArray, Lifted, FloatArray, FloatArray] | None = None
 
     def servo(self, parameters: FloatArray) -> ServoModel:
-        """The servo with these parameters."""
+        """The servo with these parameters, within the ranges of the gains."""
         b, a, _, *c = parameters[:-1].reshape(-1, self.dof)
         nominal = self.nominal
-        # A servo with acceleration feed-forward has velocity feed-forward, too.
-        smallest = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
-        # Loops with a cycle are unstable with larger gains.
+        # Acceleration feed-forward requires velocity feed-forward.
+        smallest = np.where(nominal.acceleration_feedforward > 0, MIN_FEEDFORWARD, 0.0)
+        # Loops with a drive cycle are unstable with gains above 1 / drive cycle.
         low, high = GAINS[0], 1 / nominal.drive_cycle if nominal.drive_cycle else GAINS[1]
         kv = nominal.kv
         if kv is not None:
@@ -138,13 +144,13 @@ class _ServoProblem:
             kp=np.clip(nominal.kp / (1 + b), low, np.maximum(nominal.kp, high)),
             kv=kv,
             velocity_feedforward=np.clip(
-                (nominal.velocity_feedforward + a) / (1 + b), smallest, MAX_F
+                (nominal.velocity_feedforward + a) / (1 + b), smallest, MAX_FEEDFORWARD
             ),
             dead_time=np.clip(nominal.dead_time + parameters[-1], 0.0, LONGEST_DEAD_TIME),
         )
 
     def response(self, parameters: FloatArray) -> tuple[Lifted, FloatArray, FloatArray]:
-        """The response of the servo with these parameters, its motion, and that due to friction."""
+        """Lifted response with these parameters, expected motion, and response to friction."""
         if self._last is None or not np.array_equal(parameters, self._last[0]):
             response = self.lifted
             if parameters.any():
@@ -155,36 +161,37 @@ class _ServoProblem:
         return self._last[1:]
 
     def unexplained(self, parameters: FloatArray) -> FloatArray:
-        """Deviations not explained by the parameters [rad], (n, dof)."""
+        """Deviations from the motion with these parameters, including friction [rad], (n, dof)."""
         _, expected, friction = self.response(parameters)
         return np.asarray(
             self.measured - expected - friction * parameters[:-1].reshape(-1, self.dof)[2]
         )
 
     def _friction(self, expected: FloatArray) -> FloatArray:
+        """Response to a command of 1 rad in the direction of motion, as by friction, (n, dof)."""
         speed = np.gradient(expected, self.lifted.step, axis=0)
         fastest = np.abs(speed).max(axis=0)
         direction = np.tanh(speed / np.where(fastest > 0, 1e-2 * fastest, 1.0))
         return self.lifted.respond_to(self.lifted.equivalent_input(direction))
 
     def whiten(self, error: FloatArray) -> FloatArray:
-        """Deviations whose values are independent, with the standard deviation 1, (m, cases)."""
+        """Transform deviations to independent values with the standard deviation 1, (m, cases)."""
         change, response = self.lifted.correct(error, self.penalty)
         jumps = np.sqrt(self.penalty) * np.diff(change, axis=0)
         whitened = np.concatenate([error + response, jumps]).reshape(-1, error.shape[2])
         return np.asarray(whitened / self.deviation)
 
     def residuals(self, parameters: FloatArray) -> FloatArray:
-        """Whitened deviations, and parameters relative to their standard deviations."""
+        """Whitened deviations, then parameters divided by their prior standard deviations, (k,)."""
         return np.append(
             self.whiten(self.unexplained(parameters)[:, :, None]), parameters / self.spread
         )
 
     def derivatives(self, parameters: FloatArray) -> FloatArray:
-        """Derivatives of `residuals` by the parameters."""
+        """Derivatives of `residuals` by the parameters, (k, parameters)."""
         nominal, dof = self.nominal, self.dof
         lifted, expected, friction = self.response(parameters)
-        rate, with_feedforward = lifted.rates(self.set_points.q)
+        rate, with_feedforward = lifted.command_velocities(self.set_points.q)
         dq = np.gradient(expected, lifted.step, axis=0)
         causes = [-dq / nominal.kp, rate / nominal.kp]
         if nominal.kv is not None:
@@ -203,13 +210,13 @@ class _ServoProblem:
         return np.vstack([-self.whiten(parts), np.diag(1 / self.spread)])
 
     def solve(self, parameters: FloatArray, steps: int) -> FloatArray:
-        """The most probable parameters, searched from x by the Levenberg-Marquardt method."""
+        """Most probable parameters, by at most `steps` steps of the Levenberg-Marquardt method."""
         smallest, largest, free = 1 / MAX_FACTOR - 1, MAX_FACTOR - 1, np.inf
         lower = np.repeat([smallest, 0.0, -free, smallest], self.dof)[: len(parameters) - 1]
         lower[self.dof : 2 * self.dof] = -self.nominal.velocity_feedforward
         upper = np.repeat([largest, MAX_FACTOR, free, largest], self.dof)[: len(parameters) - 1]
         lower = np.append(lower, -self.nominal.dead_time.min()) - 1e-9
-        upper = np.append(upper, LONGEST_DELAY) + 1e-9
+        upper = np.append(upper, MAX_DELAY_INCREASE) + 1e-9
         residuals = self.residuals(parameters)
         cost, damping = float(residuals @ residuals), DAMPING
         for _ in range(steps):
@@ -219,7 +226,7 @@ class _ServoProblem:
                 factor = np.linalg.cholesky(square + damping * np.diag(np.diag(square))).T
                 target = -np.linalg.solve(factor.T, down)
                 step = lsq_linear(factor, target, (lower - parameters, upper - parameters)).x
-                if -step @ (2 * down + square @ step) < SETTLED:
+                if -step @ (2 * down + square @ step) < LEAST_STEP_GAIN:
                     return parameters
                 there = parameters + step
                 residuals = self.residuals(there)
@@ -230,10 +237,10 @@ class _ServoProblem:
             else:
                 return parameters
             gained, parameters, cost, damping = cost - trial_cost, there, trial_cost, damping / 10
-            if gained < SETTLED:
+            if gained < LEAST_STEP_GAIN:
                 return parameters
         return parameters
 
     def cost(self, parameters: FloatArray) -> float:
-        """-2 log likelihood, up to a constant."""
+        """-2 log of the posterior probability of the parameters, up to a constant."""
         return float(np.sum(self.residuals(parameters) ** 2))

@@ -98,7 +98,7 @@ def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str]
         )
     for group in (POINT[:2], QUATERNION, ANGLES, AXIS):
         if group[0] in POINT or not table.columns.keys().isdisjoint(group):
-            table.need(*group)
+            table.require_columns(*group)
     return table, [
         f"The column {show(x)} of {source} is unknown and is skipped." for x in table.unknown
     ]
@@ -184,7 +184,7 @@ def _texts(table: CsvTable[str], key: str) -> list[str]:
     """Texts of a column, one per row; empty texts if the column is missing."""
     if key not in table.columns:
         return [""] * len(table.lines)
-    return [x for _, (texts,) in table.texts([key]) for x in texts]
+    return [x for _, (texts,) in table.cell_blocks([key]) for x in texts]
 
 
 def _fill_down(texts: Iterable[str]) -> Iterator[str]:

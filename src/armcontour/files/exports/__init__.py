@@ -1,4 +1,4 @@
-"""Writers of joint set-points and events in the formats of robot controllers and of tables."""
+"""Export of joint set-points and events to tables and to the formats of robot controllers."""
 
 from armcontour.files.exports.formats import (
     CsvFormat,

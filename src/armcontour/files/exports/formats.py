@@ -1,4 +1,4 @@
-"""Formats of exports: a class for each, with its options, and `export`, which writes one."""
+"""Export formats: a class with the options of each format, and the function `export`."""
 
 from __future__ import annotations
 
@@ -33,34 +33,36 @@ from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.robot import Arm
 
-# Extensions of the files in the folder of a bag; a folder with other files is not replaced.
-BAG = (".mcap", ".db3", ".yaml")
+# Extensions of the files in a bag folder. A folder with other files is not overwritten.
+BAG_EXTENSIONS = (".mcap", ".db3", ".yaml")
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
 Derivatives = Annotated[int, AtLeast(0, 2)]
-# With fewer decimals of positions, accelerations would have none.
+# Accelerations have two decimals less than positions, torques three, and need at least one.
 Decimals = Annotated[int, AtLeast(4, DECIMALS)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportFormat(Checked):
-    """A format of exports.
+    """Format of an export.
 
     Args:
-        name: Name of the program inside the file; by default the name of the file, which the
-            template kuka always takes.
+        name: Name of the program inside the file; by default the name of the file. The template
+            kuka always uses the name of the file.
         points_per_file: Largest number of points of a file, or a controller: "motoros2" (200),
-            "ur" (1000). Longer motions are divided into files part_01, part_02, ..., each from the
-            last point of the one before. Files end where the motion rests, and are longer if it
-            does not; files of csv and npz also end in motion.
+            "ur" (1000). Longer motions are divided into files part_01, part_02, ...; each starts
+            with the last point of the previous file. A file ends at a point where the motion rests,
+            and is longer if there is no such point. Files of csv and npz may also end in motion.
     """
 
-    # Name of the format; its extension, empty if any is possible; required number of joints.
+    # Name of the format
     kind: ClassVar[str] = ""
+    # File extension; empty if every extension is allowed
     ending: ClassVar[str] = ""
+    # Required number of joints; None if every number is allowed
     joints: ClassVar[int | None] = None
-    # Whether a file may end in motion, as its player goes on with the next one.
+    # Whether a file may end in motion, because the player continues with the next file
     in_motion: ClassVar[bool] = False
-    # Whether all points are a cycle apart.
+    # Whether the interval between all points must be one cycle
     regular: ClassVar[bool] = False
     name: str | None = None
     points_per_file: int | str | None = None
@@ -70,17 +72,17 @@ class ExportFormat(Checked):
 
     @property
     def label(self) -> str:
-        """Name of the format, or of its template."""
+        """Name of the format or of its template, for messages."""
         return self.kind
 
     @property
     def at_stops(self) -> bool:
-        """True if tables need points at the stops of a trajectory, at which files end."""
+        """True if tables need points at the stops of a trajectory, because files end there."""
         return self.points_per_file is not None and not self.regular and not self.in_motion
 
     @checked
     def digit_of(self, table: SetPointTable) -> float | None:
-        """Last digit of joint positions [rad]; None for binary files and templates of users.
+        """Value of the last digit of joint positions [rad]; None for npz, mcap and user templates.
 
         Args:
             table: The table.
@@ -90,7 +92,7 @@ class ExportFormat(Checked):
         return LAST_DIGIT.get(self.label)
 
     def parts(self, table: SetPointTable) -> tuple[SetPointTable, ...]:
-        """The tables of the files.
+        """Divide a table into the tables of the files.
 
         Args:
             table: The table of the whole motion.
@@ -102,11 +104,11 @@ class ExportFormat(Checked):
     def describe(
         self, parts: Sequence[SetPointTable], name_output: Callable[[str, int | str], str]
     ) -> list[str]:
-        """Sentences on files: outputs not set, digits, and size.
+        """Warnings about files: outputs that are not set, rounding, and too many points.
 
         Args:
             parts: The tables of the files.
-            name_output: Gives the text that sets the output of an event, for messages.
+            name_output: Returns the option that sets the output of an event, for messages.
         """
         most, outputs = read_points_per_file(self.points_per_file), outputs_of(self)
         sentences = [
@@ -117,18 +119,18 @@ class ExportFormat(Checked):
 
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
-        """Write a table directly to a path, without a temporary file.
+        """Write a table to a path directly, without a temporary file.
 
         Args:
             table: The table.
-            file: The path; for a bag a folder that does not exist yet.
+            file: The path; for a bag, a folder that does not exist.
         """
         raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrajectoryFormat(ExportFormat):
-    """A format with derivatives of the joint positions.
+    """Format with derivatives of the joint positions.
 
     Args:
         derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller then
@@ -143,7 +145,7 @@ class TrajectoryFormat(ExportFormat):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableFormat(TrajectoryFormat):
-    """A format with derivatives, the motion of the tool, and analog outputs.
+    """Format with derivatives, the motion of the tool, and analog outputs.
 
     Args:
         tool_motion: Whether the file gets the tool's point, orientation (quaternion) and speed. For
@@ -159,14 +161,14 @@ class TableFormat(TrajectoryFormat):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CsvFormat(TableFormat):
-    """A table as text (.csv).
+    """Table as CSV text (.csv).
 
     Args:
-        decimals: Decimals of joint positions [rad]; by default 7, or 9 with cycles up to 4 ms,
-            or 12 for set-points within limits of commands. Velocities have one less, accelerations
-            two, torques three.
+        decimals: Decimals of joint positions [rad]; by default 7, or 9 for cycles up to 4 ms,
+            or 12 for set-points with command limits. Velocities have one decimal less,
+            accelerations two, torques three.
         comments: Whether the file begins with its name and the contours, in lines that begin with
-            #. pandas needs `comment="#"` for these.
+            #. To read these files with pandas, specify `comment="#"`.
     """
 
     kind: ClassVar[str] = "csv"
@@ -196,12 +198,12 @@ class NpzFormat(TableFormat):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosYamlFormat(TrajectoryFormat):
-    """A trajectory_msgs/msg/JointTrajectory of ROS 2 as text (.yaml).
+    """A trajectory_msgs/msg/JointTrajectory of ROS 2 as YAML text (.yaml).
 
     Args:
-        decimals: Decimals, as of CsvFormat.
-        tolerances: Tolerances, with which the file is a goal of the action
-            control_msgs/action/FollowJointTrajectory; see `predict_tolerances`.
+        decimals: Decimals of joint positions, as in CsvFormat.
+        tolerances: Tolerances; with them, the file is a goal of the action
+            control_msgs/action/FollowJointTrajectory. See `predict_tolerances`.
     """
 
     kind: ClassVar[str] = "ros-yaml"
@@ -218,7 +220,7 @@ class RosYamlFormat(TrajectoryFormat):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class McapFormat(TrajectoryFormat):
-    """The same message and the events in a bag of ROS 2 (.mcap), a folder."""
+    """A bag of ROS 2 (.mcap), which is a folder, with a JointTrajectory message and the events."""
 
     kind: ClassVar[str] = "mcap"
     ending: ClassVar[str] = ".mcap"
@@ -229,14 +231,14 @@ class McapFormat(TrajectoryFormat):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class URScriptFormat(ExportFormat):
-    """A program for Universal Robots (.script).
+    """Program for robots of Universal Robots (.script).
 
     Args:
         outputs: Number of the digital output of each event, 0 to 7, by the event's name; of an
             analog output 0, 1, "AO0" or "AO1".
-        analog: Analog outputs, as of CsvFormat; the program sets those that `outputs` names.
-        call: Whether the program is followed by its call, for a script file that a program of the
-            pendant includes. Programs that are sent to the controller end without.
+        analog: Analog outputs, as in CsvFormat; the program sets the outputs that `outputs` names.
+        call: Whether a call of the program follows it, for a script file that a program of the
+            pendant includes. A program that is sent to the controller needs no call.
     """
 
     kind: ClassVar[str] = "urscript"
@@ -256,7 +258,7 @@ class URScriptFormat(ExportFormat):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TemplateFormat(TableFormat):
-    """A program that a jinja2 template makes.
+    """Robot program that a jinja2 template generates.
 
     Args:
         template: "kuka", "abb", or the path of a jinja2 file.
@@ -279,31 +281,31 @@ class TemplateFormat(TableFormat):
         write_template(table, file, self.template, self.outputs)
 
 
-# The formats by their names.
+# Classes of the formats by name.
 FORMATS: dict[str, type[ExportFormat]] = {
     x.kind: x
     for x in (CsvFormat, NpzFormat, RosYamlFormat, McapFormat, URScriptFormat, TemplateFormat)
 }
-LISTED = ", ".join(f"{x} ({of.ending})" if of.ending else x for x, of in FORMATS.items())
+FORMAT_LIST = ", ".join(f"{x} ({of.ending})" if of.ending else x for x, of in FORMATS.items())
 WITH_ANALOG = (TableFormat, URScriptFormat)
 WITH_OUTPUTS = (URScriptFormat, TemplateFormat)
 
 
 def format_named(name: str) -> type[ExportFormat]:
-    """The format of a name."""
+    """Class of the format with a name."""
     if name not in FORMATS:
-        raise InvalidInput(f"There is no format {name!r}: the formats are {LISTED}.")
+        raise InvalidInput(f"There is no format {name!r}. The formats are {FORMAT_LIST}.")
     return FORMATS[name]
 
 
 def format_of(file: FilePath) -> type[ExportFormat]:
-    """The format of a file, by its extension."""
+    """Class of the format with the extension of a file."""
     by_ending = {x.ending: x for x in FORMATS.values() if x.ending}
     if file.suffix.lower() in by_ending:
         return by_ending[file.suffix.lower()]
     raise InvalidInput(
-        f"The ending of {file.name or file} is not that of a format: give one of the formats "
-        f"{LISTED}, or a template, such as kuka."
+        f"The extension of {file.name or file} does not belong to a format. Specify one of the "
+        f"formats {FORMAT_LIST}, or a template, such as kuka."
     )
 
 
@@ -324,8 +326,8 @@ def export(
 ) -> None:
     """Write set-points or a trajectory to a file.
 
-    Times, also those of events, count from the first set-point of each file. An earlier file is
-    replaced; if writing fails, it stays.
+    Times of points and events count from the first set-point of each file. An existing file is
+    replaced. If writing fails, the existing file is unchanged.
 
     >>> ac.export(set_points, "set_points.csv")
     >>> ac.export(planned, "plan.csv", arm=arm, cycle=0.01)
@@ -340,16 +342,16 @@ def export(
         cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
 
     Warns:
-        UserWarning: A program of URScript or of the template kuka or abb does not switch an event,
-            or a program does not set an analog output, as no output is named; or a file has more
-            points than `points_per_file`, or a program more than 10,000.
+        UserWarning: A URScript program, or a program of the template kuka or abb, does not switch
+            an event or set an analog output, because no output is named; a file has more points
+            than `points_per_file`; or a program has more than 10,000 points.
 
     Raises:
-        InvalidInput: No format has the extension, an output is of an unknown event, a library is
-            missing, the template has an error, the format cannot hold the data, or the file cannot
-            be written.
+        InvalidInput: No format has the extension, an output belongs to an unknown event, a library
+            is missing, the template has an error, the format does not support the data, or the file
+            cannot be written.
     """
-    destination = checks.read_place("export", file)
+    destination = checks.read_file_path("export", file)
     chosen = format_of(destination)() if format is None else format
     table = make_table(
         data,
@@ -357,7 +359,7 @@ def export(
         arm=arm,
         joint_names=joint_names,
         cycle=cycle,
-        # Some formats do not have these options.
+        # Some formats have no such options.
         derivatives=getattr(chosen, "derivatives", 0),
         tool_motion=getattr(chosen, "tool_motion", False),
         effort=getattr(chosen, "effort", False),
@@ -368,7 +370,7 @@ def export(
     names = (*(x.name for x in table.events), *table.analog)
     check_outputs(outputs, names, option="outputs", owner=repr(table.name))
     parts = chosen.parts(table)
-    # If warnings are errors, nothing is written.
+    # Warnings come before writing, so that nothing is written if warnings are errors.
     for sentence in chosen.describe(
         parts, lambda event, output: f"outputs={{{event!r}: {output!r}}}"
     ):
@@ -381,19 +383,18 @@ def export(
 def check_outputs(
     outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
-    """Check that outputs belong to existing events."""
+    """Check that outputs belong to existing events or analog outputs."""
     names = sorted(set(events))
     for name in outputs:
         if name not in names:
-            has = f"it has {', '.join(names)}" if names else "it switches nothing"
-            raise InvalidInput(f"{option} names {name!r}, which {owner} does not switch: {has}.")
+            has = f"switches only {', '.join(names)}" if names else "switches no output"
+            raise InvalidInput(f"{option} names {name!r}, but {owner} {has}.")
 
 
 def write_destination(
     file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False
 ) -> None:
-    """Write a file or folder to a temporary path, then move it to the destination."""
-    # If writing fails, an earlier file at the destination stays.
+    """Write a file or folder atomically; if writing fails, an existing file is unchanged."""
     try:
         _check_destination(file, folder)
         staging.write_atomically(file, write)
@@ -402,17 +403,18 @@ def write_destination(
 
 
 def _check_destination(file: FilePath, folder: bool) -> None:
-    """Check that writing to a destination would not destroy other files."""
+    """Check that a destination is a valid path, and that writing does not destroy other files."""
     if not file.name or "\0" in str(file):
-        raise InvalidInput(f"Cannot write {str(file)!r}: it is not the name of a file.")
+        raise InvalidInput(f"Cannot write {str(file)!r}, because it is not a valid file name.")
     if not folder and file.is_dir():
-        raise InvalidInput(f"Cannot write {file}: a folder of that name is in the way.")
+        raise InvalidInput(f"Cannot write {file}, because a folder has this name.")
     if not folder or not file.exists():
         return
     if not file.is_dir():
-        raise InvalidInput(f"Cannot write the folder {file}: a file of that name is in the way.")
-    other = sorted(x.name for x in file.iterdir() if x.suffix not in BAG or x.is_dir())
+        raise InvalidInput(f"Cannot write the folder {file}, because a file has this name.")
+    other = sorted(x.name for x in file.iterdir() if x.suffix not in BAG_EXTENSIONS or x.is_dir())
     if other:
         raise InvalidInput(
-            f"Cannot write {file}: that folder holds other things than a bag, such as {other[0]}."
+            f"Cannot write {file}, because this folder has files that do not belong to a bag, such "
+            f"as {other[0]}."
         )

@@ -1,4 +1,4 @@
-"""Set-points as a controller sends them to its drives, for plants."""
+"""Commands that a controller interpolates from exported set-points, for simulation by plants."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ def interpolate_set_points(
 ) -> SetPoints:
     """Commands that a controller sends to its drives for exported set-points.
 
-    A plant executes the commands as set-points with the controller's cycle. A drive that reaches a
-    command at the next one, by a line, has the interpolation "linear" and a dead time of one cycle;
-    a drive that holds it has "step".
+    A plant executes the commands as set-points with the controller's cycle. The interpolation of
+    the plant is "linear", with a dead time of one cycle, for a drive that moves linearly to each
+    command within one cycle. It is "step" for a drive that holds each command (zero-order hold).
 
     Args:
-        set_points: The set-points; their times are those of the points.
+        set_points: The exported set-points.
         controller: Name of the controller, as in
             `armcontour.motion.controller_laws.interpolate_points`.
         rate: Rate of the controller [1/s].
         derivatives: Derivatives of the points, as in `export`: 2, 1 or 0.
 
     Raises:
-        InvalidInput: The controller does not take these points.
+        InvalidInput: The controller does not support these points.
     """
     table = make_table(set_points, name="set-points", derivatives=derivatives)
     t, q = interpolate_points(table, controller).commands(rate)

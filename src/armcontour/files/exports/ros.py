@@ -1,4 +1,4 @@
-"""ROS 2 formats: a JointTrajectory as YAML, or in a bag (MCAP) together with the events."""
+"""ROS 2 formats: a JointTrajectory as YAML, or a bag (MCAP) with a JointTrajectory and events."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Axes, Duration, Quantity
 from armcontour.files.exports.table import (
-    COARSER,
+    FEWER_DECIMALS,
     SetPointTable,
     event_data,
     fixed_form,
@@ -30,13 +30,13 @@ from armcontour.motion import Execution
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 EVENTS_TOPIC = "/armcontour/events"
 SECOND = 1_000_000_000
-# A duration in ROS has a 32-bit number of seconds.
-LONGEST = 2**31 - 1
-# Arrays of a point in messages, and those of a table.
+# Largest duration in ROS [s]; its seconds are a 32-bit integer.
+MAX_DURATION = 2**31 - 1
+# Fields of `SetPointTable` by the names of the fields of a JointTrajectoryPoint.
 FIELDS = {"positions": "q", "velocities": "dq", "accelerations": "ddq", "effort": "torque"}
-# Smallest tolerance [rad]: encoders, and a controller that is one cycle late, deviate by less.
-LEAST_TOLERANCE = 1e-3
-# Shortest time for the joints to settle at the last point [s].
+# Smallest tolerance [rad]; encoder errors and a delay of one controller cycle are smaller.
+MIN_TOLERANCE = 1e-3
+# Minimum time after the last point within which the joints must reach the goal [s].
 SETTLING = 0.5
 TOLERANCE = "- name: %s\n  position: %.6f\n  velocity: 0.0\n  acceleration: 0.0\n"
 
@@ -44,12 +44,12 @@ TOLERANCE = "- name: %s\n  position: %.6f\n  velocity: 0.0\n  acceleration: 0.0\
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GoalTolerances(Checked):
-    """Tolerances of a goal of FollowJointTrajectory.
+    """Tolerances of a goal of the action FollowJointTrajectory.
 
     Args:
-        path: Largest distance of each joint from the trajectory in motion [rad], (dof,).
-        goal: Largest distance of each joint from the last point [rad], (dof,).
-        time: Time after the last point until the joints must be there [s].
+        path: Largest deviation of each joint from the trajectory during the motion [rad], (dof,).
+        goal: Largest deviation of each joint from the last point at the end [rad], (dof,).
+        time: Time after the last point within which the joints must reach the goal [s].
     """
 
     path: Annotated[FloatArray, Quantity("", sign="positive"), Axes("joints")]
@@ -58,12 +58,12 @@ class GoalTolerances(Checked):
 
 
 def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalTolerances:
-    """Tolerances from the predicted errors of the joints, for a goal with its set-points.
+    """Tolerances of a goal, computed from the predicted joint errors of its set-points.
 
     Args:
         execution: The predicted motion.
-        factor: Ratio of the tolerances to the largest predicted errors, which a real arm exceeds.
-            No tolerance is below 1 mrad.
+        factor: Ratio of the tolerances to the largest predicted errors. A real arm can exceed the
+            predicted errors. No tolerance is below 1 mrad.
 
     Raises:
         InvalidInput: `factor` is less than 1.
@@ -77,8 +77,8 @@ def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalToleran
     errors = np.abs(command - measured)
     late = float(t[-1] - commands.t[-1])
     return GoalTolerances(
-        path=np.maximum(factor * errors.max(axis=0), LEAST_TOLERANCE),
-        goal=np.maximum(factor * errors[-1], LEAST_TOLERANCE),
+        path=np.maximum(factor * errors.max(axis=0), MIN_TOLERANCE),
+        goal=np.maximum(factor * errors[-1], MIN_TOLERANCE),
         time=max(2 * late, SETTLING),
     )
 
@@ -90,12 +90,12 @@ def write_ros_yaml(
     decimals: int | None = None,
     tolerances: GoalTolerances | None = None,
 ) -> None:
-    """Write the YAML of a trajectory_msgs/msg/JointTrajectory, or with tolerances of a goal."""
-    # The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
-    # no field for events and contours, so each is a comment at the top in JSON, `# event: {...}`.
+    """Write a JointTrajectory message as YAML; with tolerances, a FollowJointTrajectory goal."""
+    # `ros2 topic pub` accepts the text, which has the form of `ros2 topic echo`. The message has no
+    # field for events and contours; each is a comment in JSON at the top, `# event: {...}`.
     most = table.decimals_of(decimals)
     fields = {
-        name: (getattr(table, x), fixed_form(most - COARSER.get(x, 0), table.dof))
+        name: (getattr(table, x), fixed_form(most - FEWER_DECIMALS.get(x, 0), table.dof))
         for name, x in FIELDS.items()
     }
     present = {name: x for name, (x, _) in fields.items() if x is not None}
@@ -120,8 +120,8 @@ def write_ros_yaml(
         head, point = indent(head, "  "), indent(point, "  ")
         if len(tolerances.path) != table.dof:
             raise InvalidInput(
-                f"Tolerances are for {len(tolerances.path)} joints, but {table.name!r} has "
-                f"{table.dof}."
+                f"The tolerances have values for {len(tolerances.path)} joints, but {table.name!r} "
+                f"has {table.dof} joints."
             )
         for key, values_of in (("path", tolerances.path), ("goal", tolerances.goal)):
             rows = zip(names, values_of, strict=True)
@@ -134,28 +134,29 @@ def write_ros_yaml(
 
 
 def write_mcap(table: SetPointTable, file: FilePath) -> None:
-    """Write a bag with storage MCAP: a folder with the trajectory message and the events."""
-    # The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String of JSON on
-    # the topic /armcontour/events at its own time, so playing the bag publishes the events in step
-    # with the motion.
+    """Write a bag with MCAP storage: a folder with the trajectory message and the events."""
+    # The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String with JSON
+    # on the topic /armcontour/events at the time of the event, so that playing the bag publishes
+    # the events in sync with the motion.
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise InvalidInput(
-            "MCAP needs the library rosbags: pip install 'armcontour[ros]'."
+            "The format MCAP requires the library rosbags. Install it with pip install "
+            "'armcontour[ros]'."
         ) from None
     store = get_typestore(Stores.ROS2_HUMBLE)
     with TemporaryDirectory(prefix=".armcontour-", dir=file.parent) as temporary:
-        # rosbags names the file inside after the folder and adds an extension.
+        # rosbags names the file in the folder after the folder, with an additional extension.
         bag = FilePath(temporary) / (file.stem if file.suffix == ".mcap" else file.name)
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            _fill(writer, table, store)
+            _write_messages(writer, table, store)
         bag.rename(file)
 
 
-def _fill(writer: Any, table: SetPointTable, store: Any) -> None:
-    """Write the messages into an open bag."""
+def _write_messages(writer: Any, table: SetPointTable, store: Any) -> None:
+    """Write the messages of a table into an open bag."""
     kind = "trajectory_msgs/msg/JointTrajectory"
     topic = writer.add_connection(TOPIC, kind, typestore=store)
     writer.write(topic, 0, store.serialize_cdr(_message(table, store.types), kind))
@@ -170,7 +171,7 @@ def _fill(writer: Any, table: SetPointTable, store: Any) -> None:
 
 
 def _message(table: SetPointTable, types: Any) -> Any:
-    """The table as a JointTrajectory message of rosbags."""
+    """JointTrajectory message of a table, as a type of rosbags."""
     make = {
         name.rpartition("/")[2]: types[name]
         for name in (
@@ -183,7 +184,7 @@ def _message(table: SetPointTable, types: Any) -> Any:
     }
     none = np.zeros(0)
     empty = [none] * len(table.t)
-    # Rows of arrays that lie column by column, as those read from a file do, are not written.
+    # rosbags cannot serialize rows of Fortran-ordered arrays, such as arrays read from a file.
     q, dq, ddq, torque = (
         empty if x is None else np.ascontiguousarray(x)
         for x in (getattr(table, key) for key in FIELDS.values())
@@ -210,14 +211,16 @@ def _message(table: SetPointTable, types: Any) -> Any:
 
 def _nanoseconds(table: SetPointTable) -> IntArray:
     """Times of the points in whole nanoseconds, (n,)."""
-    if table.duration > LONGEST:
+    if table.duration > MAX_DURATION:
         raise InvalidInput(
-            f"{table.name} takes {table.duration:g} s, but a duration in ROS is at most "
-            f"{LONGEST} s.",
+            f"The motion of {table.name!r} takes {table.duration:g} s, but a duration in ROS is at "
+            f"most {MAX_DURATION} s.",
             needed=table.duration,
-            allowed=float(LONGEST),
+            allowed=float(MAX_DURATION),
         )
     rounded = np.rint(table.t * 1e9).astype(np.intp)
     if not (np.diff(rounded) > 0).all():
-        raise InvalidInput(f"Points of {table.name!r} are less than a nanosecond apart.")
+        raise InvalidInput(
+            f"The points of {table.name!r} must be at least 1 ns apart, but are nearer."
+        )
     return rounded

@@ -1,4 +1,4 @@
-"""The table of times, joint positions and events of all export formats; as CSV and as npz."""
+"""Table of times, joint positions and events for all export formats, and its CSV and npz files."""
 
 from __future__ import annotations
 
@@ -32,31 +32,33 @@ from armcontour.motion import (
 )
 from armcontour.robot import Arm, Limits, SerialArm
 
-# An event that is earlier than a point by less than this fraction of an interval belongs to the
-# point: the times are sums and multiples with rounding errors.
-ON_THE_POINT = 1e-9
-# Set-points this near to their plan are equal to it [rad]: results have 12 decimals.
-SAME_PLACE = 2e-12
-# Largest number of samples of a trajectory: more do not fit in memory together with the export.
+# An event that is earlier than a point by less than this fraction of the cycle is assigned to the
+# point, because both times have rounding errors.
+EVENT_TOLERANCE = 1e-9
+# Set-points equal the plan if they differ by at most this value [rad]; results have 12 decimals.
+# Also the joint speed below which a trajectory stops [rad/s].
+SAME_POSITION = 2e-12
+# Maximum number of samples of a trajectory; more do not fit into memory together with the export.
 MAX_SAMPLES = 20_000_000
-# Decimals of results; the rounding error is at most half of the last digit.
+# Decimals of results, and the largest number of decimals of joint positions.
 DECIMALS = 12
-# Decimals of joint positions [rad] in exported texts: 1e-7 rad move a tool at 1 m by 0.1 um. With
-# cycles up to 4 ms, their second differences would change accelerations by 0.03 rad/s^2 or more.
+# Decimals of joint positions [rad] in exported texts. An error of 1e-7 rad moves a tool at 1 m by
+# 0.1 um. For cycles up to FINE_CYCLE [s], 7 decimals would change accelerations, which are second
+# differences of the positions, by 0.03 rad/s^2 or more, so that FINE_DECIMALS are used.
 POSITION_DECIMALS, FINE_DECIMALS, FINE_CYCLE = 7, 9, 0.004
-# Decimals fewer than those of joint positions, by quantity.
-COARSER = {"dq": 1, "ddq": 2, "torque": 3}
-# Decimals of times [s]: whole microseconds, otherwise nanoseconds.
+# Number of decimals by which each quantity has fewer decimals than the joint positions.
+FEWER_DECIMALS = {"dq": 1, "ddq": 2, "torque": 3}
+# Decimals of times [s]: MICRO if all times are whole microseconds, otherwise NANO.
 MICRO, NANO = 6, 9
-# Number of values per formatting step: more take more memory and are not faster.
-CHUNK = 1 << 16
+# Number of values per formatting step; larger blocks need more memory and are not faster.
+FORMAT_BLOCK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
-# A point of a trajectory that is nearer to a stop [cycles] is replaced by one at the stop.
+# A sample that is nearer to a stop than this distance [cycles] is replaced by a sample at the stop.
 NEAR_A_STOP = 0.25
-# Attributes of events in JSON, and `point`.
+# Attributes of events in JSON; `event_data` adds `point`.
 EVENT_KEYS = ("name", "value", "t", "due", "s")
-# Rows per block of the tool motion.
-AT_ONCE = 1 << 14
+# Number of rows per block in the computation of the tool motion.
+TOOL_BLOCK = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,24 +112,24 @@ class SetPointTable(Checked):
 
     def _check_together(self) -> None:
         analog = {
-            key: checks.lock_numbers(f"analog output {key} of {self.name!r}", x)
+            key: checks.freeze_numbers(f"analog output {key} of {self.name!r}", x)
             for key, x in self.analog.items()
         }
         object.__setattr__(self, "analog", MappingProxyType(analog))
         self._check_shapes()
         self._check_names()
-        events = tuple(sorted((_clean(x) for x in self.events), key=lambda x: x.t))
+        events = tuple(sorted((_with_builtin_types(x) for x in self.events), key=lambda x: x.t))
         object.__setattr__(self, "events", events)
-        if events and events[0].t < -ON_THE_POINT * self.cycle:
+        if events and events[0].t < -EVENT_TOLERANCE * self.cycle:
             raise InvalidInput(
-                f"The event {events[0].name} comes {-events[0].t:g} s before the first "
-                "set-point: shorten its time advance, or let the program start with a dwell.",
+                f"The event {events[0].name} is {-events[0].t:g} s before the first set-point. "
+                "Shorten its time advance, or start the program with a dwell.",
                 t=events[0].t,
                 allowed=0.0,
             )
 
     def _check_shapes(self) -> None:
-        """Check the shapes of arrays, and that times start at zero and increase."""
+        """Check that the shapes of arrays match, and that times start at zero and increase."""
         n = len(self.t)
         for key, values in self.analog.items():
             if values.shape != (n,):
@@ -154,7 +156,7 @@ class SetPointTable(Checked):
                 checks.check_name(kind, text)
         repeated = {x for x in self.joint_names if self.joint_names.count(x) > 1}
         if repeated:
-            raise InvalidInput(f"Joint names must differ, but {min(repeated)!r} is there twice.")
+            raise InvalidInput(f"Joint names must be unique, but {min(repeated)!r} is repeated.")
 
     @property
     def title(self) -> str:
@@ -174,12 +176,12 @@ class SetPointTable(Checked):
 
     @property
     def point_of_events(self) -> list[int]:
-        """Index of the last point at or before each event."""
+        """Index of the last point at or before each event, as a list."""
         return self.points_at([x.t for x in self.events])
 
     def points_at(self, times: Sequence[float]) -> list[int]:
-        """Index of the last point at or before each time; 0 before the first one."""
-        late = np.array(times) + ON_THE_POINT * self.cycle
+        """Index of the last point at or before each time; 0 for times before the first point."""
+        late = np.array(times) + EVENT_TOLERANCE * self.cycle
         indices = np.searchsorted(self.t, late, side="right") - 1
         return [max(0, int(i)) for i in indices]
 
@@ -189,11 +191,11 @@ class SetPointTable(Checked):
         return [(t, name) for t, name in self.contours if name]
 
     def decimals_of(self, decimals: int | None = None) -> int:
-        """Decimals of joint positions [rad] in texts."""
+        """Number of decimals of joint positions [rad] in texts; `decimals` if specified."""
         if decimals is not None:
             return decimals
         if self.command_limits is not None:
-            # Set-points satisfy limits of commands with these decimals.
+            # With fewer decimals, rounded set-points can exceed the command limits.
             return DECIMALS
         return POSITION_DECIMALS if self.cycle > FINE_CYCLE * (1 + 1e-9) else FINE_DECIMALS
 
@@ -211,13 +213,13 @@ def make_table(
     at_stops: bool = False,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
 ) -> SetPointTable:
-    """The table of set-points or of a sampled trajectory; time counts from the first point.
+    """Create the table of set-points or of a sampled trajectory; the first point has time 0.
 
-    Velocities and accelerations of a trajectory are its own; where they jump, the values after the
-    jump. So are those of set-points that are places of their plan, where accelerations are written.
-    Those of other set-points are the derivatives of the clamped cubic spline through them. The
-    spline is at rest at both ends, and a controller follows the same curve whether it interpolates
-    by cubics (positions, velocities) or by quintics (accelerations too).
+    Velocities and accelerations of a trajectory are its derivatives; at a jump, the value after the
+    jump. Set-points that equal their plan have the derivatives of the plan if accelerations are
+    written. Other set-points have the derivatives of the clamped cubic spline through them. The
+    spline is at rest at both ends. A controller follows this spline both with cubic interpolation
+    (positions and velocities) and with quintic interpolation (also accelerations).
 
     Args:
         data: The set-points or the trajectory.
@@ -234,17 +236,17 @@ def make_table(
     """
     if not isinstance(data, SetPoints | Trajectory):
         raise InvalidInput(
-            f"Only set-points and trajectories can be exported, not {type(data).__name__}."
+            f"data must be SetPoints or a Trajectory, but is of type {type(data).__name__}."
         )
     derivatives = checks.check_int("derivatives", derivatives, 0, 2)
     if isinstance(data, SetPoints):
-        samples, step = _set_points(data, cycle, derivatives), data.cycle
+        samples, step = _sample_set_points(data, cycle, derivatives), data.cycle
         stops = np.zeros(0)
         start, plan = data.start_time, data.trajectory
     else:
         step = _sampling_cycle(data, name, cycle)
         samples, start, plan = data.sample(step), 0.0, data
-        stops = _stops(data)
+        stops = _find_stops(data)
         if at_stops:
             samples = _sample_stops(data, samples, stops, step)
     moved = (
@@ -285,7 +287,7 @@ def tabulate(
     effort: Samples | None = None,
     **about: Any,
 ) -> SetPointTable:
-    """The table of samples, with torques of the motion `effort`.
+    """Create the table of samples, with the torques of the motion `effort`.
 
     `about` are further fields of `SetPointTable`.
     """
@@ -296,10 +298,10 @@ def tabulate(
         checks.check_type("export", arm, Arm)
         if arm.dof != dof:
             raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
-        tool = _tool(arm, samples, tool_motion)
+        tool = _tool_fields(arm, samples, tool_motion)
     elif tool_motion or effort is not None:
         what = "motion of the tool" if tool_motion else "torques"
-        raise InvalidInput(f"The {what} of {name!r} need the arm: give arm.")
+        raise InvalidInput(f"The {what} of {name!r} can only be computed for an arm. Specify arm.")
     if arm is not None and effort is not None:
         tool["torque"] = arm.torque(effort.q, effort.dq, effort.ddq)
     if joint_names is None:
@@ -315,12 +317,12 @@ def tabulate(
     )
 
 
-def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
-    """Tool points, and with `motion` the orientations and speeds of the tool."""
-    # The rows are computed in blocks: the matrices of millions of rows take gigabytes.
+def _tool_fields(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
+    """Fields of the table: tool points and, with `motion`, tool orientations and speeds."""
+    # Rows are computed in blocks, because the matrices of millions of rows need gigabytes.
     blocks: dict[str, list[FloatArray]] = {}
-    for i in range(0, len(samples.q), AT_ONCE):
-        rows = slice(i, i + AT_ONCE)
+    for i in range(0, len(samples.q), TOOL_BLOCK):
+        rows = slice(i, i + TOOL_BLOCK)
         block = {"tool": arm.tool_position(samples.q[rows])}
         if motion:
             velocity = arm.tool_velocity(samples.q[rows], samples.dq[rows])
@@ -337,15 +339,15 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
     return whole
 
 
-def _stops(plan: Trajectory) -> FloatArray:
-    """Times between moves of the program at which the joints stop [s]."""
+def _find_stops(plan: Trajectory) -> FloatArray:
+    """Times between moves of the program at which the joints stop [s], (stops,)."""
     ends = np.array([x.t[1] for x in plan.spans[:-1]])
-    still = np.all(np.abs(plan(ends, 1)) <= SAME_PLACE, axis=1)
+    still = np.all(np.abs(plan(ends, 1)) <= SAME_POSITION, axis=1)
     return np.unique(ends[still])
 
 
 def _sample_stops(plan: Trajectory, samples: Samples, stops: FloatArray, cycle: float) -> Samples:
-    """Samples with points at the stops of the plan, instead of points that are near to them."""
+    """Samples with a sample at each stop of the plan; replaces samples that are near a stop."""
     t = samples.t
     if not len(stops):
         return samples
@@ -359,38 +361,37 @@ def _sample_stops(plan: Trajectory, samples: Samples, stops: FloatArray, cycle: 
 
 
 def check_export_cycle(cycle: float, duration: float, name: str) -> None:
-    """Check that a cycle is not longer than the motion."""
-    # A cycle may be longer than a tiny motion.
+    """Check that a cycle is not longer than the motion, unless the motion is tiny."""
     if cycle > max(duration, LONGEST_CLOCK):
         raise InvalidInput(
-            f"The cycle of {cycle:g} s is longer than the motion of {duration:.6g} s: nothing of "
-            f"{name!r} would be left but its ends; give a shorter cycle.",
+            f"The cycle of {cycle:g} s is longer than the motion of {name!r}, which takes "
+            f"{duration:.6g} s. Specify a shorter cycle.",
             needed=cycle,
             allowed=duration,
         )
 
 
 def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> float:
-    """The cycle at which a trajectory is sampled [s]."""
+    """Sampling cycle of a trajectory [s], checked against its duration."""
     step = DEFAULT_CYCLE if cycle is None else checks.positive("cycle", cycle, "s")
     check_export_cycle(step, trajectory.duration, name)
     if trajectory.duration > MAX_SAMPLES * step:
         raise InvalidInput(
-            f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
-            f"{MAX_SAMPLES} samples that are written: give a longer cycle.",
+            f"{name!r} takes {trajectory.duration:.6g} s. With a cycle of {step:g} s, it would "
+            f"have more than {MAX_SAMPLES} samples. Specify a longer cycle.",
             needed=trajectory.duration / step,
             allowed=float(MAX_SAMPLES),
         )
     return step
 
 
-def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
+def _sample_set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
     """Set-points with their derivatives, as documented in `make_table`."""
     requested = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
     if not math.isclose(requested, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
-            f"Set-points have their own cycle of {set_points.cycle:g} s and cannot be exported "
-            f"every {requested:g} s: remove the cycle, or compensate for that cycle.",
+            f"The set-points have a cycle of {set_points.cycle:g} s and cannot be exported with a "
+            f"cycle of {requested:g} s. Remove the cycle, or compute set-points with this cycle.",
             needed=requested,
             allowed=set_points.cycle,
         )
@@ -404,17 +405,17 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
 
 
 def equals_plan(q: FloatArray, plan: FloatArray) -> bool:
-    """True if set-points equal their plan at the same times, (n, dof) each."""
-    return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_PLACE).all())
+    """True if set-points equal the plan at the same times, (n, dof) each, up to rounding."""
+    return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_POSITION).all())
 
 
 def regular_times(count: int, cycle: float) -> FloatArray:
-    """Times every `cycle` from 0 on [s], (count,)."""
+    """Times at multiples of `cycle`, starting at 0 [s], (count,)."""
     return np.asarray(np.arange(count) * cycle, dtype=np.float64)
 
 
 def differentiate(q: FloatArray, cycle: float) -> Samples:
-    """Set-points with the derivatives of the clamped cubic spline through them."""
+    """Samples of set-points with the derivatives of the clamped cubic spline through them."""
     t = regular_times(len(q), cycle)
     if len(q) == 1:
         return Samples(t=t, q=q, dq=np.zeros_like(q), ddq=np.zeros_like(q))
@@ -431,13 +432,13 @@ def differentiate(q: FloatArray, cycle: float) -> Samples:
         ddq[:-1, j] = (6 * slope - 4 * velocities[:-1] - 2 * velocities[1:]) / cycle
         ddq[-1, j] = (2 * velocities[-2] + 4 * velocities[-1] - 6 * slope[-1]) / cycle
     for values in (dq, ddq):
-        # No copies: a long motion has gigabytes of set-points.
+        # Samples copies writable arrays; a long motion has gigabytes of set-points.
         values.setflags(write=False)
     return Samples(t=t, q=q, dq=dq, ddq=ddq)
 
 
-def _clean(event: TimedEvent) -> TimedEvent:
-    """The event with Python's own types, which all formats can write."""
+def _with_builtin_types(event: TimedEvent) -> TimedEvent:
+    """Copy of an event with built-in Python types, which all formats can write."""
     value = event.value.item() if isinstance(event.value, np.generic) else event.value
     if isinstance(value, float) and not math.isfinite(value):
         raise InvalidInput(
@@ -456,10 +457,9 @@ def _clean(event: TimedEvent) -> TimedEvent:
 def joint_columns(
     t: FloatArray, joint_names: Sequence[str], **quantities: FloatArray | None
 ) -> tuple[list[str], list[FloatArray]]:
-    """Titles and columns of joints over time: `t [s]`, then `q 1 [rad]`, `q 2 [rad]`, ..."""
-    # A joint has its name in the titles, or its number where its name is "joint" and a number. All
-    # files of joints have these titles, and are read by them again. A quantity that is None is
-    # omitted.
+    """Titles and columns: `t [s]`, then `q 1 [rad]`, `q 2 [rad]`, ... Omits quantities of None."""
+    # Titles contain the names of the joints, without "joint " if all names stay unique. The readers
+    # of joint files recognize these titles.
     called = [x.removeprefix("joint ") for x in joint_names]
     if len(set(called)) < len(called):
         called = list(joint_names)
@@ -477,7 +477,7 @@ def csv_pieces(
     cells: Mapping[int, str] | None = None,
     decimals: Sequence[int] | None = None,
 ) -> Iterator[str]:
-    """Yield numbers as CSV in blocks of rows; `cells` are a last column.
+    """Yield columns as CSV text in blocks of rows; `cells` is an additional last column.
 
     Args:
         header: Titles of the columns.
@@ -496,17 +496,17 @@ def csv_pieces(
 
 
 def fixed_form(decimals: int, count: int = 1, separator: str = ", ") -> str:
-    """The format of numbers with fixed decimals."""
+    """Format string (%) of `count` numbers with a fixed number of decimals."""
     return separator.join([f"%.{decimals}f"] * count)
 
 
 def time_decimals(t: FloatArray) -> int:
-    """Decimals of times [s]: 6 if all are whole microseconds, otherwise 9."""
+    """Number of decimals of times [s]: 6 if all are whole microseconds, otherwise 9."""
     return MICRO if bool((np.abs(t - np.round(t, MICRO)) < 1e-10).all()) else NANO
 
 
 def _csv_line(cells: Sequence[str]) -> str:
-    """One line of CSV; texts with commas or quotes are in quotes."""
+    """One line of CSV with its line end; cells with commas or quotes are quoted."""
     line = io.StringIO()
     csv.writer(line, lineterminator="\n").writerow(cells)
     return line.getvalue()
@@ -515,8 +515,8 @@ def _csv_line(cells: Sequence[str]) -> str:
 def format_rows(
     row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None
 ) -> Iterator[str]:
-    """Yield all rows as text, in blocks; `lines` has other formats of some rows."""
-    at_once = max(1, CHUNK // max(1, row.count("%")))
+    """Yield rows as text in blocks; `row` is the format (%), `lines` has those of single rows."""
+    at_once = max(1, FORMAT_BLOCK // max(1, row.count("%")))
     for i in range(0, len(columns[0]), at_once):
         values = np.column_stack([x[i : i + at_once] for x in columns])
         rows = range(i, i + len(values))
@@ -525,13 +525,13 @@ def format_rows(
 
 
 def write_pieces(file: FilePath, pieces: Iterable[str]) -> None:
-    """Write pieces of text to a file, one after the other."""
+    """Write pieces of text to a file in their order."""
     with file.open("w", encoding="utf-8", newline="\n") as stream:
         stream.writelines(pieces)
 
 
 def format_event(event: TimedEvent) -> str:
-    """An event without its time, such as `tool=on`; a value that is text is in quotes."""
+    """Text of an event without its time, such as `tool=on`; a text value is quoted."""
     plain = all(x.isalnum() or x in "_-. " for x in event.name)
     name = event.name if plain else json.dumps(event.name)
     if isinstance(event.value, bool):
@@ -540,22 +540,22 @@ def format_event(event: TimedEvent) -> str:
 
 
 def event_data(event: TimedEvent) -> dict[str, Any]:
-    """An event as a dictionary for JSON, in SI units."""
+    """Data of an event as a dictionary for JSON, in SI units."""
     return {x: getattr(event, x) for x in EVENT_KEYS} | {"point": list(event.point)}
 
 
 def write_csv(
     table: SetPointTable, file: FilePath, *, decimals: int | None = None, comments: bool = False
 ) -> None:
-    """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV."""
-    # If the table has the speed of the tool, its point, orientation and speed are columns too; so
-    # are analog outputs, `analog power`. An event is in the row of the last point at or before it
-    # and has its own time: `tool=on@0.104000; gas=2.5@0.104500`.
-    header, columns = _columns(table)
+    """Write a table as CSV: t, quantities of the joints, tool, analog outputs, and events."""
+    # The point and orientation of the tool are columns only if the table has the speed of the tool.
+    # The titles of analog outputs are such as `analog power`. An event is in the row of the last
+    # point at or before the event, with its exact time: `tool=on@0.104000; gas=2.5@0.104500`.
+    header, columns = _table_columns(table)
     cells = _event_cells(table) if table.events else None
     kinds = [x for x in UNITS if getattr(table, x) is not None]
     most = table.decimals_of(decimals)
-    places = [time_decimals(table.t), *(most - COARSER.get(x, 0) for x in kinds)]
+    places = [time_decimals(table.t), *(most - FEWER_DECIMALS.get(x, 0) for x in kinds)]
     places += [most] * (len(columns) - len(places))
     if cells is not None:
         header.append("events")
@@ -592,13 +592,13 @@ def write_npz(table: SetPointTable, file: FilePath) -> None:
     if table.analog:
         arrays["analog_name"] = np.array(list(table.analog), dtype=np.str_)
         arrays["analog"] = np.column_stack(list(table.analog.values()))
-    # An open file keeps numpy from adding .npz to the name.
+    # NumPy adds .npz to a file name, but not to an open file.
     with file.open("wb") as stream:
         np.savez(stream, **arrays)
 
 
-def _columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
-    """Titles and columns of joints, of analog outputs, and of the tool if its speed is given."""
+def _table_columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
+    """Titles and columns of joints, of the tool if its speed is known, and of analog outputs."""
     header, columns = joint_columns(
         table.t, table.joint_names, **{x: getattr(table, x) for x in UNITS}
     )
@@ -619,7 +619,7 @@ def _columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
 
 
 def _event_cells(table: SetPointTable) -> dict[int, str]:
-    """The events of each point as text, by the index of the point."""
+    """Texts of the events in the `events` column, by the index of the row."""
     cells: dict[int, str] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
         text = f"{format_event(event)}@{event.t:.{time_decimals(np.array(event.t))}f}"
@@ -628,12 +628,12 @@ def _event_cells(table: SetPointTable) -> dict[int, str]:
 
 
 def write_set_points(file: FilePath, set_points: SetPoints, joint_names: Sequence[str]) -> None:
-    """Write set-points as CSV: t, then q of every joint."""
+    """Write set-points as CSV: t, then q of each joint."""
     write_pieces(file, set_point_pieces(set_points, joint_names))
 
 
 def set_point_pieces(set_points: SetPoints, joint_names: Sequence[str]) -> Iterator[str]:
-    """The pieces of text that `write_set_points` writes."""
+    """Yield the CSV text of set-points in blocks of rows."""
     return csv_pieces(*joint_columns(set_points.t, joint_names, q=set_points.q))
 
 

@@ -1,4 +1,4 @@
-"""Robot programs from jinja2 templates of the package or of the user, run in a sandbox."""
+"""Robot programs from jinja2 templates of the package or of the user, rendered in a sandbox."""
 
 from __future__ import annotations
 
@@ -20,28 +20,30 @@ from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
 
 ENDING = ".j2"
-SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
-# Outputs as these controllers name them, for messages.
-EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
-# Replacement for an event without an output in the programs.
-INSTEAD = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
+BUILT_IN = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
+# Examples of digital outputs in messages, by template or format.
+OUTPUT_EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
+# What a program contains instead of an event without an output, by template or format.
+SUBSTITUTES = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
+# Examples of analog outputs in messages, by template or format.
 ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
-# Points of a program of about 1 MB; longer programs are not confirmed on any controller. Advice for
-# long programs, by format.
+# Number of points above which a program causes a warning. Such a program has about 1 MB; no
+# controller is known to accept longer programs.
 MAX_POINTS = 10_000
-FEWER = {
-    **dict.fromkeys(SHIPPED, "use a longer cycle (--cycle)"),
+# Advice for longer programs, by template or format.
+LENGTH_ADVICE = {
+    **dict.fromkeys(BUILT_IN, "use a longer cycle (--cycle)"),
     "urscript": "stream the set-points over RTDE (--export csv)",
 }
-# Last digit of joint positions in programs [rad].
-LAST_DIGIT = {"urscript": 10.0**-POSITION_DECIMALS, **dict.fromkeys(SHIPPED, math.radians(1e-6))}
-# Number of events that one sentence lists.
+# Value of the last digit of joint positions in programs [rad], by template or format.
+LAST_DIGIT = {"urscript": 10.0**-POSITION_DECIMALS, **dict.fromkeys(BUILT_IN, math.radians(1e-6))}
+# Largest number of events that a message lists.
 MAX_NAMES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputSwitch:
-    """An event in templates: the data of `TimedEvent`, and `text`, such as "tool=on"."""
+    """Event in templates: the fields of `TimedEvent`, and `text`, such as "tool=on"."""
 
     name: str
     value: bool | float | str
@@ -54,41 +56,39 @@ class OutputSwitch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
-    """A row of the table in templates."""
+    """Point of the table in templates."""
 
     number: int  # Number of the point, from 1
     t: float  # Time from the first point [s]
-    q: tuple[float, ...]  # Joint positions [rad], [deg]
-    q_deg: tuple[float, ...]
-    # Joint velocities [rad/s] and accelerations [rad/s²]; None if the table has none.
-    dq: tuple[float, ...] | None
-    ddq: tuple[float, ...] | None
-    torque: (
-        tuple[float, ...] | None
-    )  # Torques of the drives in the plan [N m]; None unless exported
+    q: tuple[float, ...]  # Joint positions [rad]
+    q_deg: tuple[float, ...]  # Joint positions [deg]
+    dq: tuple[float, ...] | None  # Joint velocities [rad/s]; None unless exported
+    ddq: tuple[float, ...] | None  # Joint accelerations [rad/s²]; None unless exported
+    # Torques of the drives in the plan [N m]; None unless exported
+    torque: tuple[float, ...] | None
     tool: tuple[float, ...] | None  # Tool point [m]; None without an arm
-    # Tool orientation as a quaternion x, y, z, w; None unless exported.
+    # Tool orientation as a quaternion x, y, z, w; None unless exported
     tool_rotation: tuple[float, ...] | None
     tool_speed: float | None  # Speed of the tool point [m/s]; None unless exported
     analog: Mapping[str, float]  # Values of analog outputs by their names
-    events: tuple[OutputSwitch, ...]  # Events from this point to the next one
-    # Start times [s] and names of contours that begin from this point to the next one.
+    events: tuple[OutputSwitch, ...]  # Events from this point until before the next point
+    # Start times [s] and names of contours that start from this point until before the next point
     contours: tuple[tuple[float, str], ...]
 
 
 class _Refused(Exception):
-    """The refusal of a table by a template, with the template's reason."""
+    """Error with the reason for which a template rejects a table."""
 
 
 def ending_of(template: str) -> str:
-    """The ending of the file that a template makes, such as ".src" for "kuka.src.j2"."""
-    file = FilePath(SHIPPED.get(template, template)).name
+    """Extension of the file that a template generates, such as ".src" for "kuka.src.j2"."""
+    file = FilePath(BUILT_IN.get(template, template)).name
     return FilePath(file.removesuffix(ENDING)).suffix or ".txt"
 
 
 def templates() -> tuple[str, ...]:
-    """Names of the templates that come with the package."""
-    return tuple(SHIPPED)
+    """Names of the templates of the package."""
+    return tuple(BUILT_IN)
 
 
 def template_of(
@@ -98,16 +98,16 @@ def template_of(
     *,
     file: str,
 ) -> str:
-    """The program that a template makes of a table."""
-    source, text, folder = _read(template)
+    """Text of the program that a template generates from a table."""
+    source, text, folder = _read_template(template)
     environment = _environment(folder)
     variables = _variables(table, outputs or {}, file)
     try:
         return str(environment.from_string(text).render(variables))
     except _Refused as error:
-        raise InvalidInput(f"{source}: {_sentence(error)}.") from None
+        raise InvalidInput(f"{source}: {_error_text(error)}.") from None
     except Exception as error:  # a user's template can raise any exception
-        raise InvalidInput(f"{_error_line(error, source)}: {_sentence(error)}.") from None
+        raise InvalidInput(f"{_error_line(error, source)}: {_error_text(error)}.") from None
 
 
 def describe_program(
@@ -117,43 +117,44 @@ def describe_program(
     name_output: Callable[[str, int | str], str],
     digit: float | None = None,
 ) -> list[str]:
-    """Sentences on a program of urscript or a template: outputs not set, digits, and size."""
+    """Warnings about a program: outputs that are not set, rounding, and too many points."""
     sentences, named_outputs = _describe_rounding(table, digit), outputs or {}
-    if name in FEWER and len(table.t) > MAX_POINTS:
+    if name in LENGTH_ADVICE and len(table.t) > MAX_POINTS:
         sentences.append(
-            f"the program has {len(table.t)} points, and a controller may not hold more than "
-            f"{MAX_POINTS}: {FEWER[str(name)]}, or divide the program (--points-per-file)."
+            f"the program has {len(table.t)} points, but a controller may reject more than "
+            f"{MAX_POINTS}. To reduce them, {LENGTH_ADVICE[str(name)]}, or divide the program "
+            "(--points-per-file)."
         )
     unset = [x for x in table.analog if x not in named_outputs]
     if unset and name in ANALOG_EXAMPLES:
         example = name_output(unset[0], ANALOG_EXAMPLES[str(name)])
         sentences.append(
-            f"the program does not set {list_some(unset, MAX_NAMES)}, as no analog output is "
+            f"the program does not set {list_some(unset, MAX_NAMES)}, because no analog output is "
             f"named. Name an output, such as {example}."
         )
-    if name not in EXAMPLES:
+    if name not in OUTPUT_EXAMPLES:
         return sentences
     unswitched, name = [x for x in table.events if x.name not in named_outputs], str(name)
     valued = {x.name: None for x in unswitched if not isinstance(x.value, bool)}
     switches = {x.name: None for x in unswitched if x.name not in valued}
     if switches:
-        example = name_output(next(iter(switches)), EXAMPLES[name])
+        example = name_output(next(iter(switches)), OUTPUT_EXAMPLES[name])
         sentences.append(
-            f"nothing is switched for {list_some(list(switches), MAX_NAMES)}, as no output is "
-            f"named: the program has {INSTEAD[name]} in these places. Name an output, such as "
+            f"the program does not switch {list_some(list(switches), MAX_NAMES)}, because no "
+            f"output is named. It has {SUBSTITUTES[name]} instead. Name an output, such as "
             f"{example}."
         )
     if valued:
         sentences.append(
-            f"nothing is switched for {list_some(list(valued), MAX_NAMES)}, whose values are not "
-            f"on or off: the program has {INSTEAD[name]} in these places. Such values need a "
-            "template of your own."
+            f"the program does not switch {list_some(list(valued), MAX_NAMES)}, because the "
+            f"values are not on or off. It has {SUBSTITUTES[name]} instead. For such values, write "
+            "your own template."
         )
     return sentences
 
 
 def _describe_rounding(table: SetPointTable, digit: float | None) -> list[str]:
-    """A sentence on set-points that exceed limits of commands with the digits that are written."""
+    """Warning if set-points exceed the command limits after rounding to `digit` [rad]."""
     if table.command_limits is None or digit is None:
         return []
     rounded = np.round(table.q / digit) * digit
@@ -164,8 +165,8 @@ def _describe_rounding(table: SetPointTable, digit: float | None) -> list[str]:
     if largest_use <= 1 + COMMAND_SLACK:
         return []
     return [
-        f"joint positions are rounded to {digit:.2g} rad, with which set-points need "
-        f"{largest_use:.4f} times command_limits.{worst}: reduce this limit by "
+        f"joint positions are rounded to {digit:.2g} rad, so that the set-points reach "
+        f"{largest_use:.4f} times command_limits.{worst}. Reduce this limit by "
         f"{math.ceil((largest_use - 1) * 100)} %, or write csv with --decimals 12."
     ]
 
@@ -176,44 +177,44 @@ def write_template(
     template: str | FilePath,
     outputs: Mapping[str, int | str] | None = None,
 ) -> None:
-    """Write the text of `template_of` to a file."""
+    """Write the program that a template generates from a table to a file."""
     text = template_of(table, template, outputs, file=file.stem)
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
-    """Name, text and folder of a template."""
-    if isinstance(template, str) and template in SHIPPED:
-        file = FilePath(__file__).parent / "templates" / SHIPPED[template]
+def _read_template(template: str | FilePath) -> tuple[str, str, FilePath]:
+    """File name, text and folder of a template, from its name or path."""
+    if isinstance(template, str) and template in BUILT_IN:
+        file = FilePath(__file__).parent / "templates" / BUILT_IN[template]
     else:
         file = FilePath(template)
         if isinstance(template, str) and file.suffix == "" and not os.path.exists(file):
             raise InvalidInput(
-                f"There is no template {template!r}: give one of {', '.join(SHIPPED)}, or a file "
-                f"such as house{ENDING}."
+                f"There is no template {template!r}. Specify one of {', '.join(BUILT_IN)}, or a "
+                f"file such as house{ENDING}."
             )
     return file.name, read_text(file, "template"), file.parent
 
 
 def _read_included(folder: FilePath, name: str) -> str:
-    """The text of a template that another template includes."""
+    """Text of a template that another template includes; it must be inside the folder."""
     from jinja2 import TemplateNotFound
     from jinja2.loaders import split_template_path
 
-    # `split_template_path` refuses absolute names and names with "..".
+    # `split_template_path` raises TemplateNotFound for absolute names and names with "..".
     file = folder.joinpath(*split_template_path(name))
     if not os.path.lexists(file):
         raise TemplateNotFound(name)
     file = FilePath(os.path.realpath(file))
     if not file.is_relative_to(os.path.realpath(folder)):
         raise InvalidInput(
-            f"the template {show(name)} is a link that leads out of the folder of templates"
+            f"the template {show(name)} must not be a symbolic link to a file outside its folder"
         )
     return read_text(file, "template")
 
 
 def _environment(folder: FilePath) -> Any:
-    """The sandbox of templates, which can read the table and other templates of their folder."""
+    """Sandbox of jinja2, in which templates can read the table and other files of their folder."""
     from jinja2 import FunctionLoader, StrictUndefined
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
@@ -226,17 +227,17 @@ def _environment(folder: FilePath) -> Any:
         newline_sequence="\n",
         autoescape=False,  # noqa: S701 - programs, not pages
     )
-    environment.filters["fixed"] = _fixed
-    environment.filters["degrees"] = lambda x: _each(math.degrees, x)
-    environment.filters["times"] = lambda x, factor: _each(lambda y: y * factor, x)
+    environment.filters["fixed"] = _format_fixed
+    environment.filters["degrees"] = lambda x: _map_numbers(math.degrees, x)
+    environment.filters["times"] = lambda x, factor: _map_numbers(lambda y: y * factor, x)
     environment.filters["identifier"] = _identifier
     environment.globals["refuse"] = _refuse
     return environment
 
 
 def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
-    """The variables of a template by name."""
-    points = _points(table)
+    """Variables of a template by name."""
+    points = _template_points(table)
     return {
         "name": table.name,
         "title": table.title,
@@ -254,8 +255,8 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
     }
 
 
-def _points(table: SetPointTable) -> tuple[Point, ...]:
-    """The rows of a table, each with its events."""
+def _template_points(table: SetPointTable) -> tuple[Point, ...]:
+    """Points of a table, each with its events and contours."""
     switches: dict[int, list[OutputSwitch]] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
         switches.setdefault(i, []).append(
@@ -306,45 +307,45 @@ def _points(table: SetPointTable) -> tuple[Point, ...]:
     )
 
 
-def _each(function: Any, value: Any) -> Any:
-    """The function of a number, or the list of the function of each number."""
+def _map_numbers(function: Any, value: Any) -> Any:
+    """Apply a function to a number, or to each number of a sequence."""
     return function(value) if isinstance(value, int | float) else [function(y) for y in value]
 
 
-def _fixed(value: float | Sequence[float], decimals: int = POSITION_DECIMALS) -> str:
-    """A number, or several with commas between them, with a fixed number of decimals."""
-    text = _each(lambda y: f"{y:.{decimals}f}", value)
+def _format_fixed(value: float | Sequence[float], decimals: int = POSITION_DECIMALS) -> str:
+    """Text of a number, or of several separated by commas, with a fixed number of decimals."""
+    text = _map_numbers(lambda y: f"{y:.{decimals}f}", value)
     return text if isinstance(text, str) else ", ".join(text)
 
 
 def _identifier(text: str) -> str:
-    """A text as an identifier: ASCII letters, digits and underscores, no digit first."""
+    """Convert a text to an identifier of ASCII letters, digits and underscores; no digit first."""
     plain = "".join(x if x.isascii() and x.isalnum() else "_" for x in text)
     return f"_{plain}" if plain[:1].isdigit() else plain
 
 
 def _refuse(reason: str) -> NoReturn:
-    """Refuse the table; templates call this function as `refuse`."""
+    """Reject the table with a reason; templates call this function as `refuse`."""
     raise _Refused(reason)
 
 
-def _sentence(error: Exception) -> str:
-    """The message of an error on one line and without its full stop."""
+def _error_text(error: Exception) -> str:
+    """Message of an error on one line, without the full stop at the end."""
     from jinja2 import TemplateNotFound
 
     if isinstance(error, TemplateNotFound):
-        return f"there is no template {error.name!r} next to it"
+        return f"there is no template {error.name!r} in its folder"
     message = " ".join(str(error).split()).rstrip(".")
     return message or type(error).__name__
 
 
 def _error_line(error: Exception, source: str) -> str:
-    """The template and its line in which an error occurred."""
+    """Name of the template and number of the line in which an error occurred."""
     from jinja2 import TemplateSyntaxError
 
     if isinstance(error, TemplateSyntaxError):
         return f"{error.name or source}, line {error.lineno}"
-    # jinja2 writes the lines of templates into tracebacks.
+    # jinja2 maps frames of the traceback to lines of the template.
     line, step = None, error.__traceback__
     while step is not None:
         if step.tb_frame.f_code.co_filename == "<template>":

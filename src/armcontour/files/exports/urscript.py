@@ -23,30 +23,32 @@ from armcontour.files.exports.table import (
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
-# Cycle time of the controllers [s]; older controllers use every fourth cycle.
+# Cycle of the controllers [s]; older controllers have a cycle of four times this value.
 CONTROLLER_CYCLE = 0.002
-# Number of standard digital outputs of the control boxes.
+# Number of standard digital outputs of a control box.
 OUTPUTS = 8
-# Longest name of a program that all versions of the controller accept, as of UR's client library.
+# Maximum length of a program name that all versions of the controller accept [characters], as in
+# UR's client library.
 LONGEST_NAME = 31
-# Duration for which the last set-point is repeated, until the servo has reached it [s].
+# Duration for which the last set-point is commanded, so that the servo reaches it [s].
 HOLD = 0.5
 
-# Number of standard analog outputs of the control boxes, and text of their level in commands.
+# Number of standard analog outputs of a control box.
 ANALOG_OUTPUTS = 2
+# Format of the level of an analog output, and its rounding error.
 LEVEL, SAME_LEVEL = "%.4f", 5e-5
-# Joint positions [rad].
+# Format of a joint position [rad].
 ANGLE = f"%.{POSITION_DECIMALS}f"
 
-# The first line and the last one are those that the controller needs over its socket.
-HEAD = """\
+# Begin of a program. Over a socket, the controller requires `def` in the first line.
+PROGRAM_HEAD = """\
 def {program}():
   # {title}: {count} set-points, every {cycle} s, for {duration} s
   # Joint positions in rad: {joints}
-  # These shape the servo: take the values for which its model was identified.
+  # Parameters of the servo: use the values with which its model was identified.
   lookahead = 0.1
   gain = 300
-  # Slowly to the first set-point; see that the way to it is free.
+  # Slow move to the first set-point; make sure that there are no obstacles.
   movej([{first}], a=0.3, v=0.2)
 """
 
@@ -60,16 +62,16 @@ def write_urscript(
 ) -> None:
     """Write a URScript program: a slow move to the start, then one `servoj` per set-point.
 
-    The program is one function, which begins in the first line and ends in the last one, as the
-    controller requires of programs over a socket (script manual, "Connecting to URControl").
+    The program is one function from the first to the last line, because the controller requires
+    this of a program over a socket (script manual, "Connecting to URControl").
 
-    An event is executed at the nearest set-point, at most half a cycle before or after; a comment
-    gives its exact time. The last sample of a trajectory comes a whole interval after the one
-    before it, even if its own time is earlier. An event with a digital output switches the output
-    on or off; any other event writes a message by `textmsg`. An analog output with a number is set
-    at every set-point at which its level changes. Comments name the contours.
+    An event is executed at the nearest set-point, at most half a cycle before or after its time; a
+    comment states the exact time. The interval before the last sample of a trajectory is always a
+    whole cycle, even if the time of the sample is earlier. An event with a digital output switches
+    the output on or off; any other event writes a message by `textmsg`. An analog output with a
+    number is set at each set-point at which its level changes. Comments name the contours.
     """
-    _check(table)
+    _check_table(table)
     named_outputs = outputs or {}
     analog = {x: n for x, n in named_outputs.items() if x in table.analog}
     digital = _digital_outputs(table, {x: n for x, n in named_outputs.items() if x not in analog})
@@ -79,7 +81,7 @@ def write_urscript(
     part = f"_{table.part[0]}" if table.part[1] > 1 else ""
     program = "armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name)
     program = program[: LONGEST_NAME - len(part)] + part
-    head = HEAD.format(
+    head = PROGRAM_HEAD.format(
         program=program,
         title=table.title,
         count=len(table.q),
@@ -88,7 +90,7 @@ def write_urscript(
         joints=", ".join(table.joint_names),
         first=numbers[0],
     )
-    # Computed before the file is opened, because an event may be refused.
+    # Computed before the file is opened, because an invalid event raises an error.
     lines = [
         (t / table.cycle, f"  # contour {name} from {t:.6f} s\n")
         for t, name in table.named_contours
@@ -105,10 +107,10 @@ def write_urscript(
 def _commands(
     table: SetPointTable, lines: Sequence[tuple[float, str]], point: str, last: str
 ) -> Iterator[str]:
-    """Yield the commands of set-points and other lines in the order of their times."""
+    """Yield the program text: servoj commands and `lines`, (time [cycles], text), by time."""
     done, count = 0, len(table.q)
     for position, command in lines:
-        # A servoj lasts for one interval, so the line after it is executed at the time of the next
+        # A servoj takes one cycle, so that the next line is executed at the time of the next
         # set-point.
         before = round(position)
         yield from format_rows(point, table.q[done : min(before, count)])
@@ -121,12 +123,12 @@ def _commands(
 
 
 def _repeat_last(last: str, duration: float) -> str:
-    """The command that repeats the last set-point for a duration [s]."""
+    """Command that holds the last set-point for a duration [s]."""
     return f"  servoj([{last}], 0, 0, {duration:.12g}, lookahead, gain)\n"
 
 
 def _analog_number(name: str, number: int | str) -> int:
-    """The number of a standard analog output, given as a number or as "AO0"."""
+    """Number of a standard analog output, from a number or a name such as "AO0"."""
     names = {f"AO{k}": k for k in range(ANALOG_OUTPUTS)}
     value = names.get(number) if isinstance(number, str) else number
     if value is None or isinstance(value, bool) or value not in names.values():
@@ -135,12 +137,12 @@ def _analog_number(name: str, number: int | str) -> int:
 
 
 def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float, str]]:
-    """The commands that set an analog output, with the indices of their set-points."""
+    """Commands that set an analog output, each with the index of its set-point."""
     low, high = float(values.min()), float(values.max())
     if not -SAME_LEVEL <= low <= high <= 1.0 + SAME_LEVEL:
         raise InvalidInput(
-            f"The analog output {name} has values from {low:.6g} to {high:.6g}, but URScript sets "
-            "levels from 0 to 1 of the range of the output: scale rest, full and off.",
+            f"The analog output {name} has values from {low:.6g} to {high:.6g}, but URScript "
+            "allows levels from 0 to 1 (the range of the output). Scale rest, full and off.",
             needed=high,
             allowed=1.0,
         )
@@ -150,7 +152,7 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
 
 
 def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
-    """The command of an event: it switches its output, or writes a message if it has none."""
+    """Command that switches the output of an event, or writes a message if it has none."""
     words, comment = format_event(event), f"  # {format_event(event)} at {event.t:.6f} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
@@ -159,43 +161,43 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
         {True: "on", False: "off"}[event.value] if isinstance(event.value, bool) else event.value
     )
     message = f"{event.name}={value}"
-    # URScript has no escapes in texts.
+    # String literals of URScript have no escape sequences.
     if not message.isprintable() or any(x in message for x in '"\\'):
         raise InvalidInput(
-            f"URScript cannot write the event {words}: give it a name and a value of one line "
-            "without quotes and backslashes."
+            f"URScript does not support the text of the event {words}. Its name and value must be "
+            "one line without quotes and backslashes."
         )
     return f'  textmsg("{message}"){comment}'
 
 
-def _check(table: SetPointTable) -> None:
+def _check_table(table: SetPointTable) -> None:
     """Check that URScript can represent a table."""
     if table.dof != JOINTS:
         raise InvalidInput(
-            f"URScript is for arms with {JOINTS} joints, but {table.name!r} has {table.dof}: "
-            "choose another format.",
+            f"URScript requires an arm with {JOINTS} joints, but {table.name!r} has {table.dof}. "
+            "Choose another format.",
             needed=float(table.dof),
             allowed=float(JOINTS),
         )
     cycles = table.cycle / CONTROLLER_CYCLE
     if round(cycles) < 1 or not math.isclose(cycles, round(cycles), rel_tol=1e-9):
         raise InvalidInput(
-            f"URScript runs a servoj for whole cycles of {CONTROLLER_CYCLE * 1e3:g} ms, but the "
-            f"set-points of {table.name!r} come every {table.cycle * 1e3:g} ms: choose another "
-            "cycle.",
+            f"URScript requires a cycle that is a multiple of {CONTROLLER_CYCLE * 1e3:g} ms, but "
+            f"the cycle of {table.name!r} is {table.cycle * 1e3:g} ms. Choose another cycle.",
             needed=table.cycle,
             allowed=CONTROLLER_CYCLE,
         )
 
 
 def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> dict[str, int]:
-    """The digital outputs of events by the events' names."""
+    """Check the digital outputs of events; returns the numbers of the outputs by event name."""
     numbers: dict[str, int] = {}
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
             raise InvalidInput(
-                f"The output of {name} must be a number, but is {number!r}: where exports differ, "
-                f"give each its own, such as urscript:{name}=0 and abb:{name}=doTool."
+                f"The output of {name} must be a number, but is {number!r}. If several exports "
+                f"need different outputs, specify for example urscript:{name}=0 and "
+                f"abb:{name}=doTool."
             )
         if not 0 <= number < OUTPUTS:
             raise InvalidInput(
@@ -203,10 +205,10 @@ def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> 
             )
         numbers[name] = int(number)
     for event in table.events:
-        # A text such as "reverse" or "mist" means on; a number would be lost.
+        # A text such as "reverse" or "mist" means on; a digital output cannot represent a number.
         if event.name in numbers and not isinstance(event.value, bool | str):
             raise InvalidInput(
-                f"The event {event.name} switches to {json.dumps(event.value)}, but a digital "
-                "output is only on or off: remove its output."
+                f"The event {event.name} has the value {json.dumps(event.value)}, but a digital "
+                "output has only the values on and off. Remove the output of this event."
             )
     return numbers

@@ -1,1 +1,1 @@
-"""Read arms: built-in arms, arm files, robot descriptions, joint limits of MoveIt."""
+"""Readers of arms: built-in arms, arm files, robot descriptions, and joint limits of MoveIt."""

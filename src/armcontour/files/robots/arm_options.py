@@ -1,4 +1,4 @@
-"""`ArmOptions`: options for loading an arm from a file or a model."""
+"""`ArmOptions`, the options for loading an arm from a file or a model, and their checks."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Quantity
 
-# Value of an argument of a .xacro file.
+# Types of the value of an argument of a .xacro file.
 Value = str | int | float | bool
-# Endings of robot descriptions and of MJCF files.
+# File extensions of robot descriptions and of MJCF files.
 DESCRIPTIONS, MJCF = (".urdf", ".xacro"), (".xml", ".mjcf")
-# Longest name; some packages add prefixes to the names of joints and links.
+# Maximum length of the name of a robot, joint or link [characters]. It is large, because some
+# packages add prefixes to names.
 MAX_CHARACTERS = 1000
-# Options that each kind of arm has.
-ANY = ("joint_limits", "srdf")
-MODEL = (*ANY, "tip", "locked")
-DESCRIPTION = (*MODEL, "base", "packages", "arguments")
+# Options of any arm, of a model or MJCF file, and of a robot description.
+ANY_OPTIONS = ("joint_limits", "srdf")
+MODEL_OPTIONS = (*ANY_OPTIONS, "tip", "locked")
+DESCRIPTION_OPTIONS = (*MODEL_OPTIONS, "base", "packages", "arguments")
 
 
 @checks.explain_calls
@@ -41,16 +42,16 @@ class ArmOptions(Checked):
         joint_limits: A joint_limits.yaml of MoveIt, which replaces limits of the arm's own file.
             Its default scaling factors are not applied.
         locked: Positions of locked joints by name, for a description or a model [rad or m], or
-            texts such as "90 deg"; by default joints outside of the arm are at 0, or at the end of
-            their range that is nearest to 0.
+            texts such as "90 deg". By default, joints that do not belong to the arm are at 0, or at
+            the end of their range that is nearest to 0.
         packages: Folders of ROS packages by name, for a robot description. Other packages are
-            searched by their `package.xml` near the file; those of a .xacro file first in a
-            sourced ROS.
+            searched by their `package.xml` near the file; for a .xacro file, first in a sourced
+            ROS.
         arguments: Values of the arguments of a .xacro file, by name.
         srdf: A file of MoveIt (.srdf) with the pairs of links that may touch each other.
 
     Raises:
-        InvalidInput: A value of another class.
+        InvalidInput: A value has the wrong type.
     """
 
     tip: str | None = None
@@ -63,12 +64,12 @@ class ArmOptions(Checked):
 
     @property
     def limits_file(self) -> FilePath | None:
-        """The path of `joint_limits`."""
+        """Path of `joint_limits`; None if it is not specified."""
         return None if self.joint_limits is None else FilePath(self.joint_limits)
 
 
 def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
-    """The position of a locked joint [rad], or [m] of one that slides."""
+    """Position of a locked joint [rad], or [m] for a prismatic joint (`slides`)."""
     value, unit = (options.locked or {})[name], "m" if slides else "rad"
     if not isinstance(value, str):
         return checks.check_number(f"arm.locked.{name}", value, unit)
@@ -77,22 +78,28 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
     try:
         return read_quantity(value, Quantity(unit, "90 deg"))
     except ValueError as error:
-        raise InvalidInput(f"arm.locked.{name} {error}.") from None
+        raise InvalidInput(f"arm.locked.{name}: {error}.") from None
 
 
 def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None:
-    """Refuse options that an arm does not have."""
+    """Check that only options in `names` are specified; `arm` is for messages."""
     for option in fields(ArmOptions):
         if option.name not in names and getattr(options, option.name):
-            files = ".urdf, .xacro and MJCF files" if option.name in MODEL else ".urdf and .xacro"
-            raise InvalidInput(f"{arm} has no option {option.name}, which is for {files}.")
+            files = (
+                ".urdf, .xacro and MJCF files"
+                if option.name in MODEL_OPTIONS
+                else ".urdf and .xacro"
+            )
+            raise InvalidInput(
+                f"{arm} has no option {option.name}, which is valid only for {files}."
+            )
 
 
 def is_model(value: Any) -> bool:
-    """True if a value is a `pinocchio.Model`, without loading pinocchio."""
+    """True if a value is a `pinocchio.Model`; does not import pinocchio."""
     return type(value).__name__ == "Model" and type(value).__module__.startswith("pinocchio")
 
 
 def is_description(file: str | FilePath) -> bool:
-    """True if the extension of a file is that of a robot description."""
+    """True if a file has the extension of a robot description."""
     return FilePath(file).suffix.lower() in DESCRIPTIONS

@@ -1,4 +1,4 @@
-"""Collision elements of robot descriptions (URDF), and pairs of links without checks (SRDF)."""
+"""Collision elements of robot descriptions (URDF), and excluded pairs of links (SRDF)."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from armcontour.core.frames import Frame, from_rpy
 from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
 from armcontour.files.robots.tree import MAX_NAMED, Tree, parse_xml
-from armcontour.files.robots.urdf_chain import attribute, origin_of, three
+from armcontour.files.robots.urdf_chain import origin_of, read_attribute, read_three
 from armcontour.files.robots.xacro_file import find_near
 from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, Shape, Sphere
 
 
-def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut, ...]:
-    """Pairs of links without distance checks in an SRDF file, with its reasons."""
-    # Typical reasons are that a pair never touched in random configurations ("Never") or always
-    # touched ("Default").
+def read_excluded_pairs(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut, ...]:
+    """Read the pairs of links that an SRDF file excludes from distance checks, with reasons."""
+    # Typical reasons are "Never" (the pair never touched in random configurations) and "Default"
+    # (the pair always touched).
     location = FilePath(file)
     robot = parse_xml(str(location), file_access.read_bytes(location, "SRDF file"))
     if robot.tag != "robot":
         raise InvalidInput(
-            f"{location} is not a file of pairs that may touch (SRDF): it holds "
-            f"<{robot.tag}>, not <robot>."
+            f"{location} is not an SRDF file, because its root element is <{robot.tag}>, not "
+            "<robot>."
         )
     disabled = [_pair(x, location) for x in robot.findall("disable_collisions")]
     alone = {x.get("link", "") for x in robot.findall("disable_default_collisions")}
     every = {name for x in disabled for name in (x.first, x.second)} | alone
     if every and not every & set(links):
         raise InvalidInput(
-            f"{location} names no link of the arm that has a shape: it is for "
-            f"{list_some(sorted(every), MAX_NAMED)}, and the arm has "
+            f"{location} names no link of the arm that has a shape. It names "
+            f"{list_some(sorted(every), MAX_NAMED)}, but the links with shapes are "
             f"{list_some(sorted(set(links)), MAX_NAMED)}."
         )
     enabled = {frozenset(_names(x, location)) for x in robot.findall("enable_collisions")}
-    by_default = _with_others(alone, links, f"{location.name}: disable_default_collisions")
+    by_default = _pairs_with(alone, links, f"{location.name}: disable_default_collisions")
     pairs = {frozenset((x.first, x.second)): x for x in (*by_default, *disabled)}
     return tuple(x for pair, x in pairs.items() if pair <= set(links) and pair not in enabled)
 
 
 def _pair(element: ET.Element, location: FilePath) -> LeftOut:
-    """A pair of links, with the reason that the file gives."""
+    """Excluded pair of links of an element, with the reason in the file."""
     first, second = _names(element, location)
     reason = shorten(make_printable(element.get("reason", "").strip()), LONGEST_NAME)
     reason = reason or "no reason given"
@@ -56,18 +56,18 @@ def _pair(element: ET.Element, location: FilePath) -> LeftOut:
 
 
 def _names(element: ET.Element, location: FilePath) -> tuple[str, str]:
-    """The two links of an element."""
+    """Names of the two links of an element."""
     first, second = (element.get(key, "").strip() for key in ("link1", "link2"))
     if not first or not second or first == second:
         raise InvalidInput(
-            f"{location}: {element.tag} needs two links, link1 and link2, not {show(first)} and "
-            f"{show(second)}."
+            f"{location}: {element.tag} must have two different links, link1 and link2, but has "
+            f"{show(first)} and {show(second)}."
         )
     return first, second
 
 
-def _with_others(alone: Collection[str], links: Iterable[str], reason: str) -> tuple[LeftOut, ...]:
-    """All pairs with some links."""
+def _pairs_with(alone: Collection[str], links: Iterable[str], reason: str) -> tuple[LeftOut, ...]:
+    """All pairs of `links` that contain a link in `alone`, with the same reason."""
     return tuple(
         LeftOut(first=first, second=second, reason=reason)
         for first, second in combinations(dict.fromkeys(links), 2)
@@ -75,7 +75,7 @@ def _with_others(alone: Collection[str], links: Iterable[str], reason: str) -> t
     )
 
 
-# Largest number of files in a note.
+# Maximum number of files that a note lists.
 MAX_FILES = 4
 
 # Folders of ROS packages, by name.
@@ -86,9 +86,9 @@ Packages = Mapping[str, str | FilePath]
 class CollisionElement:
     """A collision element of a link."""
 
-    where: str  # Name of the element, for messages
-    geometry: ET.Element  # The element in its `geometry`
-    place: Frame  # Its frame in the frame of the link
+    where: str  # Description of the element, for messages
+    geometry: ET.Element  # Child of the `geometry` element, such as <box>
+    place: Frame  # Frame of the geometry in the frame of the link
 
 
 def link_shapes(
@@ -97,11 +97,14 @@ def link_shapes(
     packages: Packages | None = None,
     last: str = "",
 ) -> tuple[LinkShape, ...]:
-    """Shapes of links, with the names of the links."""
+    """Shapes of the links of a description; links after the link `last` are tools.
+
+    `carried` has the index of the chain's link and the frame in it of each link, by name.
+    """
     shapes = []
     for name, (link, frame) in carried.items():
         tool = last in carried and link == carried[last][0] and name != last
-        for element in collisions(tree, name):
+        for element in collision_elements(tree, name):
             shape = shape_of(tree, element, packages)
             body = LinkShape(
                 name=name, link=link, shape=shape, place=frame @ element.place, tool=tool
@@ -110,13 +113,16 @@ def link_shapes(
     return tuple(shapes)
 
 
-def collisions(tree: Tree, link: str) -> Iterator[CollisionElement]:
-    """The collision elements of a link."""
+def collision_elements(tree: Tree, link: str) -> Iterator[CollisionElement]:
+    """Yield the collision elements of a link."""
     for element in tree.links[link].findall("collision"):
         location = f"A collision of the link {link} of {tree.file}"
         geometry = element.find("geometry")
         if geometry is None or len(geometry) != 1:
-            raise InvalidInput(f"{location} needs one geometry: a box, cylinder, sphere or mesh.")
+            raise InvalidInput(
+                f"{location} must have exactly one geometry: a box, cylinder, capsule, sphere or "
+                "mesh."
+            )
         xyz, rpy = origin_of(element, location)
         yield CollisionElement(
             where=location, geometry=geometry[0], place=Frame(position=xyz, rotation=from_rpy(rpy))
@@ -129,37 +135,37 @@ def shape_of(
     packages: Packages | None = None,
     unit: str | None = None,
 ) -> Shape:
-    """The shape of a collision element."""
+    """Shape of a collision element; `unit` is the unit of a mesh without a scale."""
     kind, element, location = collision.geometry.tag, collision.geometry, collision.where
     if kind == "box":
-        return Box(size=three(location, "size", element.get("size", "")))
+        return Box(size=read_three(location, "size", element.get("size", "")))
     if kind == "sphere":
-        return Sphere(radius=attribute(location, element, kind, "radius"))
+        return Sphere(radius=read_attribute(location, element, kind, "radius"))
     if kind in ("cylinder", "capsule"):
-        radius, length = (attribute(location, element, kind, x) for x in ("radius", "length"))
+        radius, length = (read_attribute(location, element, kind, x) for x in ("radius", "length"))
         return (Cylinder if kind == "cylinder" else Capsule)(radius=radius, length=length)
     if kind != "mesh":
         raise InvalidInput(
-            f"{location} is a {show(str(kind))}: only boxes, cylinders, capsules, spheres and "
-            "meshes are known."
+            f"{location} must be a box, cylinder, capsule, sphere or mesh, but is "
+            f"{show(str(kind))}."
         )
     scale: FloatArray | None = None
     if "scale" in element.attrib:
-        scale = three(location, "scale", element.get("scale", ""))
-        # Many programs write factors of 1, which do not identify the unit.
+        scale = read_three(location, "scale", element.get("scale", ""))
+        # Many programs always write scale factors of 1, so that these do not confirm the unit m.
         scale = None if (scale == 1).all() else scale
     name = element.get("filename", "")
     file = find_mesh(tree, name, packages)
     if file is None or not file.is_file():
         raise InvalidInput(
             f"{location} names the mesh {show(name)}, which does not exist"
-            f"{'' if file is None else f' ({file})'}: {_mend(name)}."
+            f"{'' if file is None else f' ({file})'}. To fix this, {_advise_mesh(name)}."
         )
     return read_mesh(file, unit=unit if scale is None else None, scale=scale)
 
 
 def find_mesh(tree: Tree, name: str, packages: Packages | None) -> FilePath | None:
-    """The file that a description names, by package://, file:// or a path; None without one."""
+    """File that a description names by package://, file:// or a path; None if it is not found."""
     folder = FilePath(tree.file).absolute().parent
     scheme, _, path = name.rpartition("://")
     if not path or scheme not in ("", "package", "file"):
@@ -173,14 +179,14 @@ def find_mesh(tree: Tree, name: str, packages: Packages | None) -> FilePath | No
 
 
 def missing_meshes(tree: Tree, packages: Packages | None) -> str:
-    """A note on missing meshes of collision elements; empty if all exist."""
+    """Note on missing and unsupported meshes of collision elements; empty if there are none."""
     names = [
         mesh.get("filename", "")
         for link in tree.links.values()
         for mesh in link.iterfind("collision/geometry/mesh")
     ]
     lacking = []
-    # Each folder is searched once, by its first mesh.
+    # Each folder is searched only once, for its first mesh.
     roots: dict[str, FilePath | None] = {}
     for name in dict.fromkeys(names):
         folder = os.path.dirname(name)
@@ -194,19 +200,20 @@ def missing_meshes(tree: Tree, packages: Packages | None) -> str:
     if not lacking:
         return ""
     return (
-        f"meshes are missing or have an unknown format, so clearance is unknown: "
-        f"{list_some([show(x) for x in lacking], MAX_FILES)}; {_mend(lacking[0])}"
+        f"the clearance is unknown, because meshes are missing or have an unsupported format: "
+        f"{list_some([show(x) for x in lacking], MAX_FILES)}; to fix this, "
+        f"{_advise_mesh(lacking[0])}"
     )
 
 
-def _mend(name: str) -> str:
-    """Advice for a mesh that is missing or not readable."""
+def _advise_mesh(name: str) -> str:
+    """Advice, as an imperative clause, for a mesh that is missing or unsupported."""
     if not name.lower().endswith(MESHES):
-        return f"give it as {' or '.join(MESHES)}"
+        return f"convert it to {' or '.join(MESHES)}"
     if name.startswith("package://"):
         package = name.split("/")[2]
         return (
-            f"give the folder of its package, packages={{{package!r}: FOLDER}} (in a job, "
+            f"specify the folder of its package with packages={{{package!r}: FOLDER}} (in a job, "
             "arm.packages)"
         )
-    return "put it there, relative to the description"
+    return "copy it to this path, relative to the description"

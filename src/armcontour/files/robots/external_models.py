@@ -1,4 +1,4 @@
-"""Arms from models of other libraries: `pinocchio.Model`, and MJCF files through MuJoCo."""
+"""Arms from models of other libraries: `pinocchio.Model`, and MJCF files read by MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.text import list_some
 from armcontour.files.robots.arm_options import ArmOptions, locked_position
-from armcontour.files.robots.moveit_limits import Table, limits_of, override
+from armcontour.files.robots.moveit_limits import Table, limits_of, override_limits
 from armcontour.files.robots.tree import MAX_NAMED
 from armcontour.files.robots.urdf import HINT, assume_accelerations
 from armcontour.robot.chain import Chain, join_bodies
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE
 from armcontour.robot.serial import SerialArm
 
-# Larger numbers stand for limits that are not given.
-LARGEST = 1e9
+# Larger limits are treated as missing [SI].
+MAX_LIMIT = 1e9
 
 # Mass [kg], centre of mass [m] and inertia about it [kg m²].
 Body: TypeAlias = tuple[float, FloatArray, FloatArray]
 
 
 def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from a `pinocchio.Model`: the joints between its universe and a frame."""
+    """Make a serial arm from the joints of a `pinocchio.Model` between its universe and a frame."""
     from armcontour.robot.dynamics import pinocchio
 
     pin, source, names = pinocchio(), "the model", list(model.names)
     frame = model.frames[_find_tip([x.name for x in model.frames], names, source, options)]
-    held = _locked(names[1:], source, options)
+    held = _locked_indices(names[1:], source, options)
     step = np.zeros(model.nv)
     for k in held:
         joint = model.joints[k + 1]
@@ -48,11 +48,12 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
     for i, v in zip(ids, columns, strict=True):
         twist = pin.computeJointJacobian(model, data, posture, i)[:, v]
         if model.nvs[i] != 1 or np.abs(twist[:3]).max() > 0:
-            raise _turns_not(names[i], source)
+            raise _not_revolute(names[i], source)
         axes.append(twist[3:])
     pin.forwardKinematics(model, data, posture)
     links: list[list[Body]] = [[] for _ in (0, *ids)]
-    # Each joint, with all that it carries, belongs to the moving joint before it, or to the base.
+    # The body of a locked joint moves with the nearest moving joint before it, or with the base
+    # (0).
     carrier = [0] * model.njoints
     for i in range(model.njoints):
         carrier[i] = ids.index(i) + 1 if i in ids else carrier[model.parents[i]]
@@ -62,11 +63,11 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
         "joint_velocity": [model.velocityLimit[v] for v in columns],
         "joint_torque": [model.effortLimit[v] for v in columns],
     }
-    # A joint without a range may have two numbers for its angle.
+    # A continuous joint has two numbers for its angle (cosine and sine), so that it has no range.
     for name, ends in zip(JOINT_RANGE, ("lower", "upper"), strict=True):
         limit = getattr(model, f"{ends}PositionLimit")
         table[name] = [limit[model.idx_qs[i]] if model.nqs[i] == 1 else np.inf for i in ids]
-    return _arm(
+    return _make_arm(
         model.name or "model",
         source,
         options,
@@ -84,12 +85,12 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
 
 
 def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from an MJCF file: the joints between its world and a body or a site."""
+    """Make a serial arm from the joints of an MJCF file between its world and a body or site."""
     mujoco, model = _read_mjcf(file)
     data, source = mujoco.MjData(model), str(file)
     names = [model.joint(j).name or f"joint {j + 1}" for j in range(model.njnt)]
     kinds, hinge = [mujoco.mjtJoint(x) for x in model.jnt_type], mujoco.mjtJoint.mjJNT_HINGE
-    slide, held = mujoco.mjtJoint.mjJNT_SLIDE, _locked(names, source, options)
+    slide, held = mujoco.mjtJoint.mjJNT_SLIDE, _locked_indices(names, source, options)
     bodies = [model.body(b).name or f"body {b}" for b in range(model.nbody)]
     sites = [model.site(k).name or f"site {k}" for k in range(model.nsite)]
     tip = _find_tip([*bodies, *sites], bodies[:1], source, options)
@@ -109,7 +110,7 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
             step[model.jnt_dofadr[j]] = locked_position(options, names[j], slides=kind == slide)
     for j in ids:
         if kinds[j] != hinge:
-            raise _turns_not(names[j], source)
+            raise _not_revolute(names[j], source)
     mujoco.mj_integratePos(model, data.qpos, step, 1.0)
     mujoco.mj_kinematics(model, data)
     links: list[list[Body]] = [[] for _ in (0, *ids)]
@@ -131,7 +132,7 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
         "joint_torque": [_largest_torque(model, j) for j in ids],
         **dict(zip(JOINT_RANGE, ranges.T.tolist(), strict=True)),
     }
-    return _arm(
+    return _make_arm(
         file.stem,
         source,
         options,
@@ -149,24 +150,24 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
 
 
 def _read_mjcf(file: FilePath) -> tuple[Any, Any]:
-    """The module MuJoCo, and its model of an MJCF file."""
+    """Read an MJCF file; returns the module `mujoco` and its model."""
     file_access.read_bytes(str(file), "robot description")
     try:
         mujoco = import_module("mujoco")
     except ImportError:
         raise InvalidInput(
-            f"{file} is read by the package mujoco, which is not installed: "
+            f"Reading {file} requires the package mujoco, which is not installed. Install it with "
             "pip install 'armcontour[experiment]'."
         ) from None
     try:
         return mujoco, mujoco.MjModel.from_xml_path(str(file))
     except ValueError as error:
         reason = str(error).strip().splitlines()[0].rstrip(".")
-        raise InvalidInput(f"{file} is no model of MuJoCo: {reason}.") from None
+        raise InvalidInput(f"{file} is not a valid model of MuJoCo: {reason}.") from None
 
 
 def _largest_torque(model: Any, j: int) -> float:
-    """Largest torque of joint j of a model of MuJoCo [N m]."""
+    """Torque limit of joint j of a MuJoCo model [N m]; infinity if it has none."""
     largest = (
         float(np.abs(model.jnt_actfrcrange[j]).min()) if model.jnt_actfrclimited[j] else np.inf
     )
@@ -178,7 +179,7 @@ def _largest_torque(model: Any, j: int) -> float:
 
 
 def _find_tip(names: list[str], others: list[str], source: str, options: ArmOptions) -> int:
-    """Index of the frame at the tip."""
+    """Index in `names` of the frame at the tip; messages do not list the frames `others`."""
     from armcontour.files.robots.tip import TOOL_FRAMES
 
     tip = options.tip
@@ -188,32 +189,32 @@ def _find_tip(names: list[str], others: list[str], source: str, options: ArmOpti
         return names.index(tip)
     known = list_some([x for x in names if x not in others], MAX_NAMED)
     raise InvalidInput(
-        f"{source} has no frame {tip!r}: say which one is the tip with tip=, one of {known}."
+        f"{source} has no frame {tip!r}. Specify one of its frames as the tip with tip=: {known}."
         if tip is not None
-        else f"Say which frame of {source} is the tip with tip=, one of {known}."
+        else f"The tip of {source} is missing. Specify one of its frames with tip=: {known}."
     )
 
 
-def _locked(names: list[str], source: str, options: ArmOptions) -> list[int]:
-    """Indices of the joints that are locked."""
+def _locked_indices(names: list[str], source: str, options: ArmOptions) -> list[int]:
+    """Indices in `names` of the locked joints."""
     for name in options.locked or ():
         if name not in names:
             raise InvalidInput(
-                f"{source} has no joint {name!r} to be locked: its joints are "
+                f"The joint {name!r} cannot be locked, because {source} has only the joints "
                 f"{list_some(names, MAX_NAMED)}."
             )
     return [names.index(x) for x in options.locked or ()]
 
 
-def _turns_not(name: str, source: str) -> InvalidInput:
-    """The refusal of a joint of an arm that does not turn."""
+def _not_revolute(name: str, source: str) -> InvalidInput:
+    """Error for a joint of an arm that is not revolute."""
     return InvalidInput(
-        f"Joint {name} of {source} does not turn about one axis, as joints of an arm do: "
-        f"choose another tip, or lock it with locked={{{name!r}: ...}}."
+        f"Joint {name} of {source} must be revolute, as all joints of an arm. Choose another tip, "
+        f"or lock the joint with locked={{{name!r}: ...}}."
     )
 
 
-def _arm(
+def _make_arm(
     name: str,
     source: str,
     options: ArmOptions,
@@ -224,9 +225,14 @@ def _arm(
     end: Frame,
     **others: Any,
 ) -> SerialArm:
-    """The arm of a model."""
+    """Make the arm of a model.
+
+    All frames and bodies are in the frame of the base, at the zero position of the moving joints.
+    `values` are limits by name, `places` the frames of the joints, `links` the bodies that move
+    with each joint, `end` the frame of the tip, and `others` further fields of the chain.
+    """
     if not places:
-        raise InvalidInput(f"No joint of {source} moves its tip: choose another tip.")
+        raise InvalidInput(f"No joint of {source} moves its tip. Choose another tip.")
     inside = [x.inverse @ y for x, y in pairwise([Frame(), *places, end])]
     if all(sum(mass for mass, *_ in link) > 0 for link in links):
         bodies = []
@@ -246,7 +252,7 @@ def _arm(
     table: Table = {x: [None] * len(chain) for x in (*JOINT_LIMITS, *JOINT_RANGE)}
     lacking = []
     for key, limit in values.items():
-        known = [float(x) if abs(x) < LARGEST else None for x in limit]
+        known = [float(x) if abs(x) < MAX_LIMIT else None for x in limit]
         if key in JOINT_RANGE:
             table[key] = known
         elif not all(known):
@@ -254,10 +260,10 @@ def _arm(
         elif key == "joint_velocity" or chain.masses is not None:
             table[key] = known
     if options.limits_file is not None:
-        override(table, chain.joints, options.limits_file)
+        override_limits(table, chain.joints, options.limits_file)
     limits = limits_of(table, chain.joints, source)
     missing = [x for x in lacking if getattr(limits, x) is None]
-    note = f"it does not give {' and '.join(missing)} of all joints" if missing else ""
+    note = f"it does not specify {' and '.join(missing)} for all joints" if missing else ""
     limits, note = assume_accelerations(limits, note)
     return SerialArm(
         name=checks.check_name("name of a model", name),

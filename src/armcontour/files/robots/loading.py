@@ -1,4 +1,4 @@
-"""`load_arm`: load a built-in arm, an arm file or a robot description."""
+"""`load_arm`, which loads arms from all sources; reader of arm files and of hulls of links."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, Pose, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.robots.arm_options import (
-    ANY,
-    DESCRIPTION,
+    ANY_OPTIONS,
+    DESCRIPTION_OPTIONS,
     MAX_CHARACTERS,
     MJCF,
-    MODEL,
+    MODEL_OPTIONS,
     ArmOptions,
     check_options,
     is_description,
@@ -37,8 +37,9 @@ from armcontour.robot.planar import LinkTube, PlanarTwoLink
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 from armcontour.robot.serial import SerialArm
 
-# Largest depth of derived arm files; a deeper chain refers to itself.
+# Maximum number of nested derived arm files; a longer sequence is probably circular.
 MAX_DERIVED = 16
+# Required units of the quantities in arm files, by key.
 UNITS = {
     "base": "m",
     "links": "m",
@@ -62,13 +63,13 @@ UNITS = {
     "payload_center": "m",
     "payload_inertia": "kg m^2",
 }
-# Arm files write powers as ^2 and ^3.
+# Required units of limits; in arm files powers are written as ^2 and ^3.
 LIMITS = {
     name: LIMIT_UNITS[name].replace("²", "^2").replace("³", "^3")
     for name in (*JOINT_LIMITS, *JOINT_RANGE)
 }
-# Lengths in files of hulls are whole numbers of this [m].
-STEP = 1e-6
+# Unit of the integer coordinates in files of hulls [m].
+HULL_UNIT = 1e-6
 
 
 @checks.explained
@@ -102,24 +103,24 @@ def load_arm(
 
     Args:
         name: Built-in name, arm file (.yaml), robot description (.urdf, .xacro), MJCF file (.xml,
-            read by MuJoCo, without shapes) or `pinocchio.Model`. Case and hyphens of
-            built-in names are ignored.
+            read by MuJoCo, without shapes) or `pinocchio.Model`. In a built-in name, case and
+            hyphens are ignored.
         options: Options, such as ArmOptions(tip="tool0") for a robot description.
         tool: The tool frame relative to the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3 or a
             position [m].
         work: The frame of tool points relative to the base, in the same forms.
         payload: Payload at the tip.
         trust_xacro: Whether a .xacro file may be expanded. Such a file is a program that can run
-            any code: trust only files that you would run.
+            any code. Trust only files that you would execute.
 
     Raises:
-        InvalidInput: No such arm or file, an option that its kind does not have, a .xacro file that
-            is not trusted, or a file that does not describe an arm.
+        InvalidInput: The arm or file does not exist, an option is not valid for its kind, a .xacro
+            file is not trusted, or the file does not describe an arm.
     """
     if not is_model(name):
-        name = checks.read_place("load_arm", name)
+        name = checks.read_file_path("load_arm", name)
     arm = _load(name, options, payload, trust_xacro)
-    arm = _equip(arm, tool, work, payload)
+    arm = _attach(arm, tool, work, payload)
     return arm if options.srdf is None else with_more_shapes(arm, srdf=FilePath(options.srdf))
 
 
@@ -131,60 +132,61 @@ def _load(
     if is_description(file):
         from armcontour.files.robots.urdf import arm_of_tree, read_description
 
-        check_options(options, DESCRIPTION, str(file))
+        check_options(options, DESCRIPTION_OPTIONS, str(file))
         return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
     if is_model(name) or file.suffix.lower() in MJCF:
         from armcontour.files.robots.external_models import arm_of_mjcf, arm_of_model
 
-        check_options(options, MODEL, "the model" if is_model(name) else str(file))
+        check_options(options, MODEL_OPTIONS, "the model" if is_model(name) else str(file))
         return arm_of_model(name, options) if is_model(name) else arm_of_mjcf(file, options)
-    check_options(options, ANY, f"The arm {name}")
+    check_options(options, ANY_OPTIONS, f"The arm {name}")
     derive = partial(_load, payload=payload, trust_xacro=trust_xacro, depth=depth + 1)
-    arm = _read(str(name), payload, derive if depth < MAX_DERIVED else None)
+    arm = _read_arm(str(name), payload, derive if depth < MAX_DERIVED else None)
     if options.limits_file is None:
         return arm
-    from armcontour.files.robots.moveit_limits import limits_of, override, table_of
+    from armcontour.files.robots.moveit_limits import limits_of, override_limits, table_of
 
     table = table_of(arm.limits, arm.dof)
-    override(table, arm.joint_names, options.limits_file)
-    # The file has joint limits only; the arm keeps its other limits.
+    override_limits(table, arm.joint_names, options.limits_file)
+    # The file replaces only joint limits; other limits of the arm do not change.
     replaced = limits_of(table, arm.joint_names, str(options.limits_file))
     values = {key: getattr(replaced, key) for key in table}
     lifted: dict[str, Any] = {key: np.inf for key, x in values.items() if x is None}
     return arm.with_limits(Limits().replace(**values | lifted))
 
 
-def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
-    """Read a built-in arm or an arm file, by the arguments of `arm_of`."""
+def _read_arm(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
+    """Read a built-in arm or an arm file; the other arguments are those of `arm_of`."""
     if name.lower().endswith((".yaml", ".yml")):
         content = file_access.read_bytes(name, "arm file")
         return arm_of(name, yaml_loader.load(content, name, yaml_loader.AngleLoader), payload, load)
     built_in = name.lower().replace("-", "")
     if built_in not in arm_names():
         raise InvalidInput(
-            f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
-            "your own arm goes in a .yaml, .urdf, .xacro or MJCF .xml file."
+            f"There is no built-in arm {name!r}. The built-in arms are {', '.join(arm_names())}. "
+            "Describe your own arm in a .yaml, .urdf, .xacro or MJCF .xml file."
         )
     arm = arm_of(f"{built_in}.yaml", _built_in(built_in), payload)
-    return arm.with_shapes(partial(read_hulls, built_in)) if _file(built_in).is_file() else arm
+    return arm.with_shapes(partial(read_hulls, built_in)) if _hull_file(built_in).is_file() else arm
 
 
-def _equip(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
-    """The arm with a tool, a work frame and a payload; None keeps those of the arm."""
+def _attach(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
+    """Arm with another tool, work frame and payload; None means no change."""
     if isinstance(arm, SerialArm):
         if tool is not None or payload is not None:
             arm = arm.with_tool(arm.chain.tool if tool is None else tool, payload)
         return arm if work is None else arm.with_work(work)
     if tool is not None or work is not None:
         raise InvalidInput(
-            f"The arm {arm.name} moves in the plane and takes no tool or work frame: move the path "
-            "instead."
+            f"The planar arm {arm.name} does not support a tool or work frame. Transform the path "
+            "instead (in a job, path.frame)."
         )
     return arm
 
 
 UNITS |= LIMITS
-# "not_kept" is for readers of the file: published limits that armcontour does not use.
+# Keys of all arm files. "not_kept" has published limits that armcontour does not use; it is only
+# for people who read the file.
 COMMON = {"name", "kind", "source", "limits", "assumed", "not_kept"}
 PLANAR = COMMON | {"base", "links", "tubes"}
 BODIES = ("masses", "centers", "inertias")
@@ -194,13 +196,13 @@ PAYLOAD = ("payload_mass", "payload_center", "payload_inertia")
 PER_JOINT = ("armature", "viscous", "coulomb")
 DERIVED = {"name", "kind", "source", "arm", *PAYLOAD, *PER_JOINT}
 KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, "derived": DERIVED}
-# Keys of the original arm of a derived one: a built-in name or a file, and options.
-OF_ARM = ("name", "file", "tip", "base", "joint_limits")
+# Keys of the original arm of a derived arm: a built-in name or a file, and options.
+ORIGINAL_KEYS = ("name", "file", "tip", "base", "joint_limits")
 
 
 @cache
 def _built_in(name: str) -> Any:
-    """The data of a built-in arm, read-only; cached, because parsing takes most of the time."""
+    """Data of a built-in arm, read-only; cached, because parsing takes most of the loading time."""
     file = f"{name}.yaml"
     content = (resources.files("armcontour.files.robots") / "library" / file).read_bytes()
     return yaml_loader.load(content, file, yaml_loader.AngleLoader)
@@ -209,30 +211,31 @@ def _built_in(name: str) -> Any:
 def arm_of(
     file: str, data: Any, payload: Payload | None = None, load: Callable[..., Arm] | None = None
 ) -> Arm:
-    """The arm of an arm file's data."""
+    """Make the arm of the data of an arm file; `load` loads the original of a derived arm."""
     kind = data.get("kind") if isinstance(data, Mapping) else None
     keys = KINDS.get(kind) if isinstance(kind, str) else None
     if keys is None:
         raise InvalidInput(
-            f"{file} does not describe an arm: it takes keys such as name and source, and its kind "
-            f"must be {' or '.join(KINDS)}."
+            f"{file} does not describe an arm. It must be a mapping with keys such as name and "
+            f"source, and its kind must be {' or '.join(KINDS)}."
         )
     if not set(data) <= keys:
         raise InvalidInput(
-            f"{file} does not describe an arm of the kind {kind}: it takes the keys "
-            f"{', '.join(sorted(keys))}, not {', '.join(str(x) for x in set(data) - keys)}."
+            f"{file} has the unknown keys {', '.join(str(x) for x in set(data) - keys)}. An arm of "
+            f"the kind {kind} has the keys {', '.join(sorted(keys))}."
         )
     if kind == "derived":
         if load is None:
             raise InvalidInput(
-                f"{file} names an arm file that leads back to it: name the arm that differs."
+                f"{file} is derived from itself, directly or through other files. Change its key "
+                "arm to another arm."
             )
-        return _derived(file, data, load)
+        return _derived_arm(file, data, load)
     return _serial(file, data) if kind == "serial" else _planar(file, data, payload)
 
 
 def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> PlanarTwoLink:
-    """The planar arm of an arm file."""
+    """Make the planar arm of an arm file."""
     links = _array(file, "links", data, (2,)).tolist()
     return PlanarTwoLink(
         **_common(file, data),
@@ -245,20 +248,20 @@ def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> Plan
 
 
 def _tubes(file: str, data: Any) -> tuple[LinkTube, LinkTube]:
-    """The two tubes of a planar arm."""
+    """Tubes of the two links of a planar arm."""
     keys = ("outer_diameter", "wall", "density")
     if not isinstance(data, Mapping) or set(data) != set(keys):
-        raise InvalidInput(f"{file}: tubes take the keys {', '.join(keys)}.")
+        raise InvalidInput(f"{file}: tubes must have the keys {', '.join(keys)}.")
     values = {key: _array(file, key, data, (2,)) for key in keys}
     first, second = (LinkTube(**{key: values[key][k] for key in keys}) for k in range(2))
     return first, second
 
 
 def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
-    """The serial arm of an arm file."""
+    """Make the serial arm of an arm file."""
     joints = data.get("joints")
     if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
-        raise InvalidInput(f"{file}: joints must be the names of the joints.")
+        raise InvalidInput(f"{file}: joints must be a list of the names of the joints.")
     for joint in joints:
         checks.check_name(f"name of a joint of {file}", joint, longest=MAX_CHARACTERS)
     n = len(joints)
@@ -287,18 +290,18 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     )
 
 
-def _derived(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Arm:
-    """The arm of a file that is derived from another arm."""
+def _derived_arm(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Arm:
+    """Make the arm of a file that is derived from another arm."""
 
     def values(key: str, shape: tuple[int, ...]) -> FloatArray:
         return _array(file, key, data, shape)
 
-    arm = load(*_origin(file, data))
+    arm = load(*_original_arm(file, data))
     payload_keys = [x for x in PAYLOAD if x in data]
     changes: dict[str, Any] = {x: values(x, (arm.dof,)) for x in PER_JOINT if x in data}
     if payload_keys:
         if "payload_mass" not in data:
-            raise InvalidInput(f"{file}: {payload_keys[0]} needs the payload_mass too.")
+            raise InvalidInput(f"{file}: {payload_keys[0]} requires the key payload_mass.")
         inertia = np.zeros((3, 3))
         if "payload_inertia" in data:
             inertia = values("payload_inertia", (6,))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(3, 3)
@@ -315,20 +318,23 @@ def _derived(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Ar
     return arm
 
 
-def _origin(file: str, data: Mapping[str, Any]) -> tuple[str | FilePath, ArmOptions]:
-    """The name or file, and the options, of the arm from which another arm is derived."""
+def _original_arm(file: str, data: Mapping[str, Any]) -> tuple[str | FilePath, ArmOptions]:
+    """Name or file, and options, of the original arm of a derived arm."""
     origin = data.get("arm")
     if isinstance(origin, str):
         return origin, ArmOptions()
-    if not isinstance(origin, Mapping) or not set(origin) <= set(OF_ARM):
+    if not isinstance(origin, Mapping) or not set(origin) <= set(ORIGINAL_KEYS):
         raise InvalidInput(
-            f"{file}: arm must be the name of a built-in arm, or a mapping with the keys "
-            f"{', '.join(OF_ARM)}, not {show(origin)}."
+            f"{file}: arm must be the name of a built-in arm, or a mapping with some of the keys "
+            f"{', '.join(ORIGINAL_KEYS)}, but is {show(origin)}."
         )
     if ("name" in origin) == ("file" in origin) or not all(
         isinstance(x, str) for x in origin.values()
     ):
-        raise InvalidInput(f"{file}: arm takes either name, a built-in arm, or file, as texts.")
+        raise InvalidInput(
+            f"{file}: arm must have either name, the name of a built-in arm, or file, and all its "
+            "values must be texts."
+        )
     folder, limits = FilePath(file).parent, origin.get("joint_limits")
     options = ArmOptions(
         tip=origin.get("tip"),
@@ -339,13 +345,14 @@ def _origin(file: str, data: Mapping[str, Any]) -> tuple[str | FilePath, ArmOpti
 
 
 def _bodies(file: str, data: Mapping[str, Any], n: int) -> dict[str, Any]:
-    """Masses, centres of mass and inertias of n bodies; empty if the file gives none."""
+    """Masses, centres of mass and inertias of n bodies; empty if the file has no bodies."""
     body_keys = [key for key in BODIES if key in data]
     if not body_keys:
         return {}
     if len(body_keys) < len(BODIES):
         raise InvalidInput(
-            f"{file}: bodies need all of {', '.join(BODIES)}, not {body_keys[0]} alone."
+            f"{file}: bodies require all of the keys {', '.join(BODIES)}, but the file has only "
+            f"{' and '.join(body_keys)}."
         )
     tensors = _array(file, "inertias", data, (n, 6))[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
     angles = np.zeros((n, 3))
@@ -356,20 +363,23 @@ def _bodies(file: str, data: Mapping[str, Any], n: int) -> dict[str, Any]:
     return {
         "masses": _array(file, "masses", data, (n,)),
         "centers": _array(file, "centers", data, (n, 3)),
-        # Products of rotations are symmetric only up to rounding.
+        # The products are symmetric only up to rounding errors.
         "inertias": (inertias + np.swapaxes(inertias, -1, -2)) / 2,
     }
 
 
 def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
-    """Name, source and limits of an arm file."""
+    """Arguments of an arm that all arm files have: name, source and limits."""
     limits = data.get("limits") or {}
     if not isinstance(limits, Mapping):
-        raise InvalidInput(f"{file}: limits must be named quantities, each with value and unit.")
+        raise InvalidInput(
+            f"{file}: limits must be a mapping of quantities, each with value and unit."
+        )
     unknown = set(limits) - set(LIMITS)
     if unknown:
         raise InvalidInput(
-            f"{file}: unknown limit {sorted(unknown)[0]}: an arm has {', '.join(LIMITS)}."
+            f"{file}: the limit {sorted(unknown)[0]} is unknown. An arm has the limits "
+            f"{', '.join(LIMITS)}."
         )
     name = str(data.get("name", file))
     checks.check_name(f"name of the arm of {file}", name, longest=MAX_CHARACTERS)
@@ -383,7 +393,7 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...]) -> FloatArray:
-    """The numbers of a key as an array of a given shape."""
+    """Numbers of a key as an array, which must have the given shape."""
     array = checks.check_numbers(f"{key} in {file}", _value(file, key, data), UNITS[key])
     if array.shape != shape:
         raise InvalidInput(
@@ -394,36 +404,38 @@ def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...])
 
 
 def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
-    """The value of a key, which must be a quantity in the unit of `UNITS`."""
+    """Value of a key, which must be a quantity in the unit that UNITS requires."""
     quantity = data.get(key)
     if not isinstance(quantity, Mapping) or "value" not in quantity:
         raise InvalidInput(f"{file}: {key} must be a quantity with value, unit and source.")
     if quantity.get("unit") != UNITS[key]:
         raise InvalidInput(
-            f"{file}: {key} must be given in {UNITS[key]}, not {quantity.get('unit')!r}."
+            f"{file}: the unit of {key} must be {UNITS[key]}, but is {quantity.get('unit')!r}."
         )
     return _numbers(f"{key} in {file}", quantity["value"], UNITS[key])
 
 
 def _numbers(location: str, value: Any, unit: str) -> Any:
-    """A number of a file, or a nested list of numbers."""
+    """Number, or nested list of numbers, of a file; `unit` is for messages."""
     if isinstance(value, list):
         return [_numbers(location, x, unit) for x in value]
     number = plain_number(value)
     if number is None:
-        raise InvalidInput(f"{location} must be finite numbers in {unit}, not {show(value)}.")
+        raise InvalidInput(f"{location} must have finite numbers in {unit}, but has {show(value)}.")
     return number
 
 
 def read_hulls(name: str) -> ArmShapes:
-    """Read the hulls of a built-in arm: convex bodies that contain its links."""
-    data = json.loads(_file(name).read_bytes())
+    """Read the hulls of a built-in arm, which are convex meshes that contain its links."""
+    data = json.loads(_hull_file(name).read_bytes())
     return ArmShapes(
         shapes=tuple(
             LinkShape(
                 name=x["name"],
                 link=x["link"],
-                shape=Mesh(points=STEP * np.array(x["points"]), source=f"the hull of {x['name']}"),
+                shape=Mesh(
+                    points=HULL_UNIT * np.array(x["points"]), source=f"the hull of {x['name']}"
+                ),
             )
             for x in data["hulls"]
         ),
@@ -431,32 +443,32 @@ def read_hulls(name: str) -> ArmShapes:
     )
 
 
-def _file(name: str) -> Traversable:
-    """The file of the hulls of a built-in arm, which may not exist."""
+def _hull_file(name: str) -> Traversable:
+    """File of the hulls of a built-in arm; it does not exist for all arms."""
     return resources.files("armcontour.files.robots") / "library" / "hulls" / f"{name}.json"
 
 
 def with_more_shapes(
     arm: Arm, shapes: tuple[LinkShape, ...] = (), srdf: FilePath | None = None
 ) -> Arm:
-    """An arm with more shapes, or with pairs that an SRDF file excludes from checks."""
+    """Arm with additional shapes, and with the excluded pairs of links of an SRDF file."""
     if not shapes and srdf is None:
         return arm
-    return arm.with_shapes(partial(_add, arm, shapes, srdf))
+    return arm.with_shapes(partial(_combine_shapes, arm, shapes, srdf))
 
 
-def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
-    """The shapes of an arm and more of them."""
-    # Imported here, because it loads the compiled code of motions.
+def _combine_shapes(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
+    """Combine the shapes of an arm with more shapes and the excluded pairs of an SRDF file."""
+    # Imported here, because the import loads compiled code of motions.
     from armcontour.verification.clearance.distances import exclude_touching
 
     existing = arm.shapes or ArmShapes(shapes=())
     every = (*existing.shapes, *shapes)
     left_out = existing.left_out
     if srdf is not None:
-        from armcontour.files.robots.collision import read_left_out
+        from armcontour.files.robots.collision import read_excluded_pairs
 
         names = list(dict.fromkeys(x.name for x in every))
-        left_out = (*left_out, *read_left_out(srdf, names))
+        left_out = (*left_out, *read_excluded_pairs(srdf, names))
     combined = ArmShapes(shapes=every, left_out=left_out, source=existing.source)
     return exclude_touching(arm.with_shapes(combined)) if every else combined

@@ -14,10 +14,11 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import plain_number, show
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, UNITS, Limits, or_unlimited
 
-# Values of each limit, one per joint, or lower and upper bounds; None if a joint has no such limit.
+# Values of each limit by name, one per joint: a number, or a lower and an upper bound; None if the
+# joint has no such limit.
 Table = dict[str, list[Any]]
 
-# Kinds of limits that a file enables and disables; keys of the file and names of the limits.
+# Kinds of limits that a file can enable and disable: names of the limits by key of the file.
 KINDS = {
     "position": {"min_position": "joint_lower", "max_position": "joint_upper"},
     "velocity": {"max_velocity": "joint_velocity"},
@@ -25,24 +26,25 @@ KINDS = {
     "jerk": {"max_jerk": "joint_jerk"},
     "effort": {"max_effort": "joint_torque"},
 }
-ACCELERATING = {
+# Keys for accelerations and decelerations.
+ACCELERATION_KEYS = {
     f"{word}_{kind}{end}"
     for kind in ("acceleration", "deceleration")
     for word, end in (("has", "_limits"), ("max", ""))
 }
-# Keys of such files that armcontour does not use.
+# Keys that are accepted, but not used.
 IGNORED = {"angle_wraparound", "k_position", "k_velocity", "min_velocity"}
 SOFT = ("soft_lower_limit", "soft_upper_limit")
 KNOWN = {"has_soft_limits", *SOFT}
 KNOWN |= {f"has_{kind}_limits" for kind in KINDS} | {x for kind in KINDS.values() for x in kind}
-KNOWN |= ACCELERATING
-# Outer keys in files for the parameter server.
-WRAPPERS = ("/**", "ros__parameters", "robot_description_planning")
+KNOWN |= ACCELERATION_KEYS
+# Outer keys in files for the parameter server of ROS.
+OUTER_KEYS = ("/**", "ros__parameters", "robot_description_planning")
 NAMES = (*JOINT_LIMITS, *JOINT_RANGE)
 
 
 def table_of(limits: Limits, dof: int) -> Table:
-    """Limits as a table with one value per joint."""
+    """Table of limits with one value per joint."""
     table: Table = {}
     for name in NAMES:
         values = getattr(limits, name)
@@ -50,30 +52,31 @@ def table_of(limits: Limits, dof: int) -> Table:
     return table
 
 
-def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
-    """Replace limits in a table by those of a `joint_limits.yaml`.
+def override_limits(table: Table, joints: Sequence[str], file: FilePath) -> None:
+    """Replace limits in a table by the limits of a `joint_limits.yaml`.
 
-    A kind of limit that is switched off (`has_velocity_limits: false`) is lifted; a kind that is
-    not in the file stays. Soft limits narrow the range. `max_deceleration` may be positive or, as
-    in MoveIt, negative. The smaller of `max_deceleration` and `max_acceleration` becomes the
-    acceleration limit in both directions, which satisfies both. The default scaling factors are not
-    applied, because they are defaults of requests to MoveIt, not limits.
+    A kind of limit that the file disables (`has_velocity_limits: false`) is removed; a kind that is
+    not in the file does not change. Soft limits narrow the range. `max_deceleration` may be
+    positive or, as in MoveIt, negative. The smaller absolute value of `max_deceleration` and
+    `max_acceleration` becomes the acceleration limit in both directions, so that both are
+    satisfied. The default scaling factors are not applied, because they are defaults of requests to
+    MoveIt, not limits.
     """
     content = file_access.read_bytes(file, "file of joint limits")
     data = yaml_loader.load(content, str(file), yaml_loader.AngleLoader)
-    for wrapper in WRAPPERS:
+    for wrapper in OUTER_KEYS:
         if isinstance(data, Mapping) and wrapper in data:
             data = data[wrapper]
     entries = data.get("joint_limits") if isinstance(data, Mapping) else None
     if not isinstance(entries, Mapping):
         raise InvalidInput(
-            f"{file} gives no joint limits: it needs the key joint_limits, with the joints' names "
-            "below."
+            f"{file} has no joint limits. It must have the key joint_limits, a mapping by the "
+            "names of the joints."
         )
     if not set(map(str, entries)) & set(joints):
         raise InvalidInput(
-            f"{file} gives limits to none of the arm's joints: it names "
-            f"{', '.join(map(str, entries)) or 'none'}, and the arm has {', '.join(joints)}."
+            f"{file} has no limits for joints of the arm. It names "
+            f"{', '.join(map(str, entries)) or 'none'}, but the arm has {', '.join(joints)}."
         )
     for k, joint in enumerate(joints):
         if joint in entries:
@@ -81,11 +84,11 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
 
 
 def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
-    """Make `Limits` from a table."""
+    """`Limits` of a table; checks that ranges are not empty and that no joint lacks a limit."""
     limits: dict[str, Any] = {}
     for name in JOINT_LIMITS:
         if any(x is not None for x in table[name]):
-            limits[name] = _of_all_joints(name, table[name], joints, source)
+            limits[name] = _check_values(name, table[name], joints, source)
     for name, none in zip(JOINT_RANGE, (-np.inf, np.inf), strict=True):
         ends = [none if value is None else value for value in table[name]]
         if np.isfinite(ends).any():
@@ -95,29 +98,29 @@ def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
         for joint, low, high in zip(joints, lower, upper, strict=True):
             if low >= high:
                 raise InvalidInput(
-                    f"{source}: the range of joint {joint} is empty, from {low:g} to {high:g} rad: "
-                    "its lower end must lie below its upper end."
+                    f"{source}: the lower end of the range of joint {joint} must be less than the "
+                    f"upper end, but the range is from {low:g} to {high:g} rad."
                 )
     return Limits(**limits)
 
 
-def _of_all_joints(
+def _check_values(
     name: str, values: Sequence[Any], joints: Sequence[str], source: str
 ) -> Sequence[Any]:
-    """The values of a limit that joints have, or lower and upper bounds of all joints."""
-    # Unlike other limits, jerk may be limited for some joints only.
+    """Checked values of a limit, one per joint; if one has two bounds, two bounds per joint."""
+    # Unlike other limits, jerk may be limited for only some joints.
     some = name == "joint_jerk"
     for joint, value in zip(joints, values, strict=True):
         if value is None and not some:
             raise InvalidInput(
-                f"{source}: joint {joint} has no {name}, but other joints have: give it to every "
-                "joint or to none, in the file or with joint_limits."
+                f"{source}: joint {joint} has no {name}, but other joints have one. Specify it for "
+                "all joints or for none, in the file or with joint_limits."
             )
         endless = some and value == math.inf
         if isinstance(value, int | float) and not (0 < value < math.inf or endless):
             raise InvalidInput(
-                f"{source}: the {name} of joint {joint} must be above zero and finite, not "
-                f"{value:g} {UNITS[name]}: give its true value in the file or with "
+                f"{source}: the {name} of joint {joint} must be positive and finite, but is "
+                f"{value:g} {UNITS[name]}. Specify the correct value in the file or with "
                 "joint_limits.",
                 limit=name,
             )
@@ -129,28 +132,30 @@ def _of_all_joints(
 def _override_joint(table: Table, k: int, location: str, entry: Any) -> None:
     """Replace the limits of joint k by an entry of the file."""
     if not isinstance(entry, Mapping):
-        raise InvalidInput(f"{location} must be named limits, such as max_velocity, not {entry!r}.")
+        raise InvalidInput(
+            f"{location} must be a mapping of limits, such as max_velocity, but is {entry!r}."
+        )
     for key in entry:
         if key not in KNOWN | IGNORED:
             raise InvalidInput(
-                f"{location} has the unknown key {key!r}: the known ones are "
+                f"{location} has the unknown key {key!r}. The known keys are "
                 f"{', '.join(sorted(KNOWN))}."
             )
     for kind, values in KINDS.items():
         for key, name in values.items():
-            if _switch(location, entry, kind) is False:
+            if _is_enabled(location, entry, kind) is False:
                 table[name][k] = None
             else:
-                value = _given(location, entry, kind, key)
+                value = _limit_value(location, entry, kind, key)
                 table[name][k] = table[name][k] if value is None else value
     _override_acceleration(table, k, location, entry)
-    if _switch(location, entry, "soft") is not False:
-        low, high = (_given(location, entry, "soft", key) for key in SOFT)
+    if _is_enabled(location, entry, "soft") is not False:
+        low, high = (_limit_value(location, entry, "soft", key) for key in SOFT)
         if low is not None and high is not None:
-            narrow(table, k, low, high)
+            narrow_range(table, k, low, high)
 
 
-def narrow(table: Table, k: int, low: float, high: float) -> None:
+def narrow_range(table: Table, k: int, low: float, high: float) -> None:
     """Narrow the range of joint k [rad] to soft limits."""
     for name, value, inner in zip(JOINT_RANGE, (low, high), (max, min), strict=True):
         current = table[name][k]
@@ -158,39 +163,39 @@ def narrow(table: Table, k: int, low: float, high: float) -> None:
 
 
 def _override_acceleration(table: Table, k: int, location: str, entry: Mapping[Any, Any]) -> None:
-    """Set one acceleration limit for both directions from acceleration and deceleration."""
-    if not ACCELERATING & set(entry):
+    """Set the acceleration limit of joint k to the smaller of acceleration and deceleration."""
+    if not ACCELERATION_KEYS & set(entry):
         return
     slowing = None
-    if _switch(location, entry, "deceleration") is not False:
-        slowing = _given(location, entry, "deceleration", "max_deceleration")
+    if _is_enabled(location, entry, "deceleration") is not False:
+        slowing = _limit_value(location, entry, "deceleration", "max_deceleration")
     if slowing is not None:
         speeding = table["joint_acceleration"][k]
         if speeding is None:
             raise InvalidInput(
-                f"{location} has a max_deceleration but no max_acceleration: add it."
+                f"{location} has max_deceleration but no max_acceleration. Add max_acceleration."
             )
         table["joint_acceleration"][k] = float(np.abs([slowing, *np.atleast_1d(speeding)]).min())
 
 
-def _switch(location: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
-    """State of a kind of limit: True if enabled, False if disabled, None if not specified."""
+def _is_enabled(location: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
+    """True if an entry enables a kind of limit, False if it disables it, None if neither."""
     switch = entry.get(f"has_{kind}_limits")
     if switch is None or isinstance(switch, bool):
         return switch
-    raise InvalidInput(f"{location}: has_{kind}_limits must be true or false, not {switch!r}.")
+    raise InvalidInput(f"{location}: has_{kind}_limits must be true or false, but is {switch!r}.")
 
 
-def _given(location: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
-    """The value of a limit in the file; None without one."""
+def _limit_value(location: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
+    """Value of a limit in an entry of the file; None if the entry has no such limit."""
     if key in entry:
         value = plain_number(entry[key])
         if value is None:
             raise InvalidInput(
-                f"{location}: {key} must be a number, not {show(entry[key])}; expressions are not "
-                "worked out, but an angle may be written as !degrees 90."
+                f"{location}: {key} must be a number, but is {show(entry[key])}. Expressions are "
+                "not supported, but an angle may be written as !degrees 90."
             )
         return value
-    if _switch(location, entry, kind):
-        raise InvalidInput(f"{location} has has_{kind}_limits but no {key}: add it.")
+    if _is_enabled(location, entry, kind):
+        raise InvalidInput(f"{location} has has_{kind}_limits: true, but no {key}. Add {key}.")
     return None

@@ -1,4 +1,4 @@
-"""Choice of the tip of an arm that a description does not name."""
+"""Choice of the tip of an arm in a robot description if the options do not name it."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from collections.abc import Collection, Sequence
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
-from armcontour.files.robots.tree import MAX_NAMED, TURNING, Joint, Tree
+from armcontour.files.robots.tree import MAX_NAMED, REVOLUTE_TYPES, Joint, Tree
 
-# Ends of the names of the frames of REP 199 that tools hang on, the preferred one first.
+# Suffixes of the names of frames to which tools are attached (REP 199), the preferred first.
 TOOL_FRAMES = ("tool0", "flange")
-# The next moving joints, by the name of a joint, or None for the base.
-Next = dict[str | None, list[Joint]]
+# Next moving joints by the name of the previous moving joint; None for the base.
+NextJoints = dict[str | None, list[Joint]]
 
 
 def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str]:
-    """The only end of an arm or of its only chain of moving joints, and a note of the choice."""
-    # The joints of a gripper are ignored: branches at the end of a chain that are equally long and
-    # shorter than the chain, and a last joint that another joint mimics.
+    """Tip link of the only chain of moving joints, and a note if other links were possible."""
+    # Joints of a gripper are ignored. These are branches at the end of the chain that have equal
+    # lengths and are shorter than the chain, and a last joint that another joint mimics.
     parents = {joint.parent for joint in tree.joints.values()}
     ends = [x.child for x in tree.below(base) if x.child not in parents]
     if len(ends) == 1:
@@ -27,20 +27,20 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
         ends.sort(key=lambda link: -_turning_joints(tree, base, link))
         example = ends[0] if ends else "LINK"
         raise InvalidInput(
-            f"{tree.file} has {len(ends) or 'no'} links that could be the tip: choose one with "
-            f"tip= (in a job, arm: {{tip: {example}}}; for check, --tip {example}), one of "
-            f"{list_some(ends or list(tree.links), MAX_NAMED)}."
+            f"{tree.file} has {len(ends) or 'no'} links that could be the tip. Choose one of "
+            f"{list_some(ends or list(tree.links), MAX_NAMED)} with tip= (in a job, "
+            f"arm: {{tip: {example}}}; for check, --tip {example})."
         )
-    tip = _end_of(tree, chain[-1].child)
+    tip = _tip_of(tree, chain[-1].child)
     return tip, (
-        f"the tip is {tip}, at the end of the only chain of moving joints: name another link "
-        f"with tip= (in a job, arm: {{tip: LINK}})"
+        f"the tip is {tip}, at the end of the only chain of moving joints; to change it, specify "
+        f"tip= (in a job, arm: {{tip: LINK}})"
     )
 
 
-def _next_joints(tree: Tree, base: str, locked: Collection[str]) -> Next:
-    """The independently moving joints, by the independent joint that carries them."""
-    following: Next = {None: []}
+def _next_joints(tree: Tree, base: str, locked: Collection[str]) -> NextJoints:
+    """Independent moving joints, by the previous independent joint (None for the base)."""
+    following: NextJoints = {None: []}
     carrier: dict[str, str] = {}
     for joint in tree.below(base):
         above = carrier.get(joint.parent)
@@ -53,8 +53,8 @@ def _next_joints(tree: Tree, base: str, locked: Collection[str]) -> Next:
     return following
 
 
-def _only_chain(tree: Tree, following: Next) -> list[Joint]:
-    """The only chain of moving joints, without a gripper's; empty if there are more."""
+def _only_chain(tree: Tree, following: NextJoints) -> list[Joint]:
+    """The only chain of moving joints, without a gripper; empty if there are several chains."""
     mimicked = {joint.master for joint in tree.joints.values()}
     chain: list[Joint] = []
     carrier: str | None = None
@@ -71,15 +71,15 @@ def _only_chain(tree: Tree, following: Next) -> list[Joint]:
     return chain
 
 
-def _without_fingers(following: Next, branches: Sequence[Joint], depth: int) -> list[Joint]:
-    """The branches at a fork without fingers: equally long, and shorter than the chain before."""
+def _without_fingers(following: NextJoints, branches: Sequence[Joint], depth: int) -> list[Joint]:
+    """Branches without fingers, which are branches of equal length that is less than `depth`."""
     lengths = [_length(following, x) for x in branches]
     fingers = [length < depth and lengths.count(length) > 1 for length in lengths]
     return [x for x, finger in zip(branches, fingers, strict=True) if not finger]
 
 
-def _length(following: Next, joint: Joint) -> int:
-    """The number of joints of a branch, from its first joint to its farthest."""
+def _length(following: NextJoints, joint: Joint) -> int:
+    """Largest number of joints on a branch, from its first joint to an end."""
     waiting, deepest = [(joint, 1)], 1
     while waiting:
         nearest, depth = waiting.pop()
@@ -88,25 +88,25 @@ def _length(following: Next, joint: Joint) -> int:
     return deepest
 
 
-def _end_of(tree: Tree, last: str) -> str:
-    """The end of an arm, among the links that are fixed to its last link."""
+def _tip_of(tree: Tree, last: str) -> str:
+    """Tip among the links that are fixed to the last moving link: tool frame, only end, or it."""
     fixed = [last]
-    # The list grows while it is read.
+    # The loop extends the list that it iterates over.
     for link in fixed:
-        fixed += [x.child for x in tree.from_link(link) if x.kind == "fixed"]
+        fixed += [x.child for x in tree.child_joints(link) if x.kind == "fixed"]
     for name in TOOL_FRAMES:
         named = [link for link in fixed if link.endswith(name)]
         if len(named) == 1:
             return named[0]
-    ends = [link for link in fixed if not tree.from_link(link)]
+    ends = [link for link in fixed if not tree.child_joints(link)]
     return ends[0] if len(ends) == 1 else last
 
 
 def _turning_joints(tree: Tree, base: str, link: str) -> int:
-    """The number of turning joints between the base and a link below it."""
+    """Number of independent revolute joints between the base and a link below it."""
     count = 0
     while link != base:
-        joint = tree.above[link]
-        count += joint.kind in TURNING and joint.master is None
+        joint = tree.parent_joints[link]
+        count += joint.kind in REVOLUTE_TYPES and joint.master is None
         link = joint.parent
     return count

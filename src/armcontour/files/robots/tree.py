@@ -1,4 +1,4 @@
-"""Read a robot description (URDF) as a tree of links and joints, and check it."""
+"""Reader of a robot description (URDF) as a checked tree of links and joints."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.arm_options import MAX_CHARACTERS
 
-# Kinds of joints whose position is one angle.
-TURNING = ("revolute", "continuous")
-KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")
-# Deepest nesting of elements; the format needs 6.
-DEEPEST = 100
-# Robots have about 100 links.
+# Types of revolute joints, whose position is one angle.
+REVOLUTE_TYPES = ("revolute", "continuous")
+JOINT_TYPES = (*REVOLUTE_TYPES, "fixed", "prismatic", "planar", "floating")
+# Maximum depth of nested elements; the format needs 6.
+MAX_DEPTH = 100
+# Maximum number of links; robots have about 100 links.
 MAX_LINKS = 1000
-# Elements of all kinds: visuals, transmissions, plugins of simulators.
+# Maximum number of elements, including visuals, transmissions and plugins of simulators.
 MAX_ELEMENTS = 200_000
-# Largest number of names in a message.
+# Maximum number of names that a message lists.
 MAX_NAMED = 40
 
 
@@ -37,19 +37,19 @@ class Joint:
 
     @property
     def master(self) -> str | None:
-        """Name of the joint that this joint mimics; None if it moves independently."""
+        """Name of the joint that this joint mimics; None if this joint is independent."""
         element = self.element.find("mimic")
         return None if element is None else element.get("joint", "")
 
     def number(self, tag: str, key: str, source: str) -> float | None:
-        """The number in attribute `key` of the joint's element `tag`; None without one."""
+        """Number in the attribute `key` of the joint's element `tag`; None if it does not exist."""
         element = self.element.find(tag)
         text = None if element is None else element.get(key)
         value = plain_number(text)
         if text is not None and value is None:
             raise InvalidInput(
-                f"{source}: {key} of the {tag} of joint {self.name} must be one finite number, not "
-                f"{show(text)}."
+                f"{source}: {key} of the {tag} of joint {self.name} must be one finite number, but "
+                f"is {show(text)}."
             )
         return value
 
@@ -58,12 +58,13 @@ class Joint:
 class Tree:
     """Links and joints of a robot description."""
 
-    file: str  # Name of the file, for messages
-    name: str
+    file: str  # Path of the file
+    name: str  # Name of the robot
     links: Mapping[str, ET.Element]  # XML elements of the links, by name
     joints: Mapping[str, Joint]  # Joints by name, in the order of the file
-    # The joint that carries each link except the root.
-    above: Mapping[str, Joint] = field(default_factory=dict)
+    # Parent joint of each link except the root, by name of the link
+    parent_joints: Mapping[str, Joint] = field(default_factory=dict)
+    # Child joints of each link, by name of the link
     _carried: dict[str, list[Joint]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -72,11 +73,11 @@ class Tree:
 
     @property
     def root(self) -> str:
-        """The link that no joint moves."""
-        return next(link for link in self.links if link not in self.above)
+        """Name of the root link, which has no parent joint."""
+        return next(link for link in self.links if link not in self.parent_joints)
 
-    def from_link(self, link: str) -> list[Joint]:
-        """The joints attached to a link."""
+    def child_joints(self, link: str) -> list[Joint]:
+        """Child joints of a link."""
         return self._carried.get(link, [])
 
     def below(self, link: str) -> list[Joint]:
@@ -84,31 +85,31 @@ class Tree:
         joints: list[Joint] = []
         waiting = [link]
         while waiting:
-            nearest = self.from_link(waiting.pop())
+            nearest = self.child_joints(waiting.pop())
             joints += nearest
             waiting += [joint.child for joint in nearest]
         return joints
 
     def between(self, base: str, tip: str) -> list[Joint]:
-        """The joints from the link `base` to the link `tip`."""
-        link, start = self.link("tip", tip), self.link("base", base)
+        """Joints on the path from the link `base` to the link `tip`, in this order."""
+        link, start = self.check_link("tip", tip), self.check_link("base", base)
         joints: list[Joint] = []
-        # From the tip up to the base; reversed at the end.
+        # The joints are collected from the tip to the base, and reversed at the end.
         while link != start:
-            if link not in self.above:
+            if link not in self.parent_joints:
                 raise InvalidInput(
-                    f"The base {start} does not carry the tip {tip} in {self.file}: choose a "
-                    f"base above it, such as {self.root}."
+                    f"The tip {tip} is not below the base {start} in {self.file}. Choose another "
+                    f"base, such as {self.root}."
                 )
-            joints.append(self.above[link])
+            joints.append(self.parent_joints[link])
             link = joints[-1].parent
         return joints[::-1]
 
-    def link(self, role: str, name: str) -> str:
-        """The name of a link, which must exist."""
+    def check_link(self, role: str, name: str) -> str:
+        """Check that a link exists, and return its name; `role` is for messages."""
         if name not in self.links:
             raise InvalidInput(
-                f"{self.file} has no link {name!r} to be the {role}: its links are "
+                f"The {role} must be a link of {self.file}, but is {name!r}. The links are "
                 f"{list_some(list(self.links), MAX_NAMED)}."
             )
         return name
@@ -119,19 +120,20 @@ def read_tree(file: str, content: bytes | str) -> Tree:
     robot = parse_xml(file, content)
     if robot.tag != "robot":
         raise InvalidInput(
-            f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
+            f"{file} is not a robot description, because its root element is <{robot.tag}>, not "
+            "<robot>."
         )
     check_name(f"name of the robot of {file}", robot.get("name", ""), longest=MAX_CHARACTERS)
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
         raise InvalidInput(
-            f"{file} holds xacro that is not expanded: name it .xacro, and say "
-            "with --trust-xacro that you trust it, to load it."
+            f"{file} has xacro elements that are not expanded. Rename it to .xacro, and allow its "
+            "execution with --trust-xacro if you trust it."
         )
     links: dict[str, ET.Element] = {}
     for element in robot.findall("link"):
         name = _required_name(file, element)
         if name in links:
-            raise InvalidInput(f"{file} has two links of the name {name}.")
+            raise InvalidInput(f"{file} has two links with the name {name}.")
         links[name] = element
     joints, above = _joints(file, robot, links)
     roots = [name for name in links if name not in above]
@@ -139,37 +141,40 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         raise InvalidInput(f"{file} is a robot description without links.")
     if len(roots) > 1:
         raise InvalidInput(
-            f"{file} is in parts: the links {list_some(roots, MAX_NAMED)} hang on nothing."
+            f"{file} must have only one link without a parent joint, but has "
+            f"{list_some(roots, MAX_NAMED)}."
         )
-    tree = Tree(file=file, name=robot.get("name") or file, links=links, joints=joints, above=above)
+    tree = Tree(
+        file=file, name=robot.get("name") or file, links=links, joints=joints, parent_joints=above
+    )
     if not roots or len(tree.below(roots[0])) < len(joints):
-        raise InvalidInput(f"In {file} some joints make a loop: the links must make a tree.")
+        raise InvalidInput(f"The links of {file} must form a tree, but some joints form a loop.")
     return tree
 
 
 def _joints(
     file: str, robot: ET.Element, links: Mapping[str, ET.Element]
 ) -> tuple[dict[str, Joint], dict[str, Joint]]:
-    """The joints of a robot by name, and the joint that carries each link."""
+    """Joints of a robot by name, and the parent joint of each link by name of the link."""
     joints: dict[str, Joint] = {}
     above: dict[str, Joint] = {}
     for element in robot.findall("joint"):
         joint = _joint(file, element, links)
         if joint.name in joints:
-            raise InvalidInput(f"{file} has two joints of the name {joint.name}.")
+            raise InvalidInput(f"{file} has two joints with the name {joint.name}.")
         if joint.child in above:
             raise InvalidInput(
-                f"In {file} the link {joint.child} hangs on two joints, {above[joint.child].name} "
-                f"and {joint.name}: the links must make a tree, without loops."
+                f"The links of {file} must form a tree, but the link {joint.child} has two parent "
+                f"joints, {above[joint.child].name} and {joint.name}."
             )
         joints[joint.name] = above[joint.child] = joint
     return joints, above
 
 
 def parse_xml(file: str, content: bytes | str) -> ET.Element:
-    """Parse an XML document and return its outermost element."""
+    """Parse an XML document and return its root element; checks its depth and size."""
     data = content.encode() if isinstance(content, str) else content
-    # Text is encoded as UTF-8 above, even if its first line names another encoding.
+    # A text is encoded as UTF-8, even if its first line names another encoding.
     parser = ET.XMLParser(encoding="utf-8" if isinstance(content, str) else None)
     depth = links = 0
     root: ET.Element | None = None
@@ -183,29 +188,31 @@ def parse_xml(file: str, content: bytes | str) -> ET.Element:
     except (ET.ParseError, ValueError, LookupError) as error:
         if isinstance(error, InvalidInput):
             raise
-        raise InvalidInput(f"{file} is not XML: {error}.") from None
+        raise InvalidInput(f"{file} is not valid XML: {error}.") from None
     if root is None:
-        raise InvalidInput(f"{file} is not XML: it holds no element.")
+        raise InvalidInput(f"{file} is not valid XML, because it has no element.")
     return root
 
 
 def _check_document_size(file: str, depth: int, links: int, elements: int) -> None:
-    """Check that a document is not deeper or larger than a robot description."""
-    if depth > DEEPEST:
-        raise InvalidInput(f"{file} has elements nested more than {DEEPEST} deep.")
+    """Check that the depth and the size of a document are usual for a robot description."""
+    if depth > MAX_DEPTH:
+        raise InvalidInput(
+            f"{file} has elements that are nested more than {MAX_DEPTH} levels deep."
+        )
     for count, maximum, kind in (
         (links, MAX_LINKS, "links"),
         (elements, MAX_ELEMENTS, "elements"),
     ):
         if count > maximum:
             raise InvalidInput(
-                f"{file} has more than the {maximum} {kind} that are read: take out what does not "
-                "belong to the arm."
+                f"{file} has more than {maximum} {kind}, which is the maximum. Remove {kind} that "
+                "do not belong to the arm."
             )
 
 
 def _required_name(file: str, element: ET.Element) -> str:
-    """The name of a link or joint."""
+    """Name of a link or joint; InvalidInput if it is missing."""
     name = element.get("name")
     if not name:
         raise InvalidInput(f"{file} has a {element.tag} without a name.")
@@ -214,17 +221,20 @@ def _required_name(file: str, element: ET.Element) -> str:
 
 
 def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> Joint:
-    """The joint of an XML element, whose links must exist."""
+    """Make the joint of an XML element; its parent and child must be existing links."""
     name, kind = _required_name(file, element), element.get("type") or ""
-    if kind not in KINDS:
+    if kind not in JOINT_TYPES:
         raise InvalidInput(
-            f"In {file} joint {name} has the type {kind!r}: it must be one of {', '.join(KINDS)}."
+            f"The type of joint {name} in {file} must be one of {', '.join(JOINT_TYPES)}, but is "
+            f"{kind!r}."
         )
     ends = []
     for tag in ("parent", "child"):
         end = element.find(tag)
         link = None if end is None else end.get("link")
         if link not in links:
-            raise InvalidInput(f"In {file} joint {name} has no {tag} that is a link, but {link!r}.")
+            raise InvalidInput(
+                f"The {tag} of joint {name} in {file} must be an existing link, but is {link!r}."
+            )
         ends.append(str(link))
     return Joint(name=name, kind=kind, parent=ends[0], child=ends[1], element=element)

@@ -1,4 +1,4 @@
-"""Make arms from robot descriptions: URDF, and xacro files that expand to URDF."""
+"""Creation of arms from robot descriptions: URDF, and xacro files that expand to URDF."""
 
 from __future__ import annotations
 
@@ -12,8 +12,15 @@ from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
 from armcontour.files.robots.arm_options import ArmOptions, locked_position
-from armcontour.files.robots.moveit_limits import KINDS, SOFT, Table, limits_of, narrow, override
-from armcontour.files.robots.tree import MAX_NAMED, TURNING, Joint, Tree, read_tree
+from armcontour.files.robots.moveit_limits import (
+    KINDS,
+    SOFT,
+    Table,
+    limits_of,
+    narrow_range,
+    override_limits,
+)
+from armcontour.files.robots.tree import MAX_NAMED, REVOLUTE_TYPES, Joint, Tree, read_tree
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.robot.scene import ArmShapes
 from armcontour.robot.serial import SerialArm
@@ -23,24 +30,26 @@ if TYPE_CHECKING:
     from armcontour.files.robots.urdf_chain import Description
 
 LINK = re.compile(r"<link[\s>/]")
+# Advice for an arm without acceleration limits.
 HINT = (
-    "give the arm a joint_limits.yaml of MoveIt (arm.joint_limits of a job, joint_limits= of "
-    "load_arm) with has_acceleration_limits and max_acceleration for every joint, or set "
+    "specify a joint_limits.yaml of MoveIt (arm.joint_limits of a job, joint_limits= of load_arm) "
+    "with has_acceleration_limits and max_acceleration for every joint, or set "
     "limits.joint_acceleration"
 )
-# Limits that a description gives in its limit elements; attribute of the element and kind in
-# joint_limits.yaml.
-GIVEN = {"joint_velocity": "velocity", "joint_torque": "effort"}
-# Ranges above the first limit [rad] are refused, because usual arms have at most 2.5 turns; below
-# the second one [degrees] they may be in degrees.
+# Limits in the limit elements of a description: attribute of the element, which is also the kind of
+# limit in joint_limits.yaml, by name of the limit.
+DESCRIBED_LIMITS = {"joint_velocity": "velocity", "joint_torque": "effort"}
+# Ranges whose ends are between these values [rad] are rejected, because they are probably in
+# degrees. Usual arms turn by at most 2.5 turns.
 MAX_RADIANS = 16.0
 MAX_DEGREES = 3601.0
-# Time from rest to the largest speed of a joint if no accelerations are given [s]. Universal
-# Robots' joint_limits.yaml has 180 deg/s and 180 deg/s², "for planning".
-RISE = 1.0
-ASSUMED = (
-    f"it gives no accelerations, so each joint is assumed to reach its largest speed in {RISE:g} "
-    "s: give the maker's values with joint_limits or limits.joint_acceleration"
+# Assumed time from rest to the largest speed of a joint if acceleration limits are missing [s]. The
+# joint_limits.yaml of Universal Robots has 180 deg/s and 180 deg/s², "for planning".
+ASSUMED_RISE_TIME = 1.0
+ASSUMED_NOTE = (
+    f"it has no acceleration limits, so each joint is assumed to reach its largest speed in "
+    f"{ASSUMED_RISE_TIME:g} s; specify the manufacturer's values with joint_limits or "
+    "limits.joint_acceleration"
 )
 
 
@@ -54,12 +63,12 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     for name in options.locked or ():
         if name not in tree.joints:
             raise InvalidInput(
-                f"{file} has no joint {name!r} to be locked: its joints are "
+                f"The joint {name!r} cannot be locked, because {file} has only the joints "
                 f"{list_some(list(tree.joints), MAX_NAMED)}."
             )
         slides = tree.joints[name].kind == "prismatic"
         positions[name] = locked_position(options, name, slides=slides)
-    start = tree.root if options.base is None else tree.link("base", options.base)
+    start = tree.root if options.base is None else tree.check_link("base", options.base)
     end, chosen = options.tip or "", ""
     if options.tip is None:
         end, chosen = choose_tip(tree, start, positions)
@@ -68,7 +77,9 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     _check_moving_joints(tree, moving)
     description = Description(tree, route, moving, positions, start)
     chain = description.chain()
-    limits, lacking = _limits(tree, moving, options.limits_file, heavy=chain.masses is not None)
+    limits, lacking = _limits(
+        tree, moving, options.limits_file, has_bodies=chain.masses is not None
+    )
     missing = missing_meshes(tree, options.packages)
     notes = (chosen, *description.notes, lacking, missing)
     arm = SerialArm(
@@ -76,7 +87,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         chain=chain,
         limits=limits,
         source=file,
-        limits_hint=_hint(limits, heavy=chain.masses is not None),
+        limits_hint=_hint(limits, has_bodies=chain.masses is not None),
         notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
     )
     if all(x.find("collision") is None for x in tree.links.values()):
@@ -85,15 +96,15 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
 
 
 def _shapes(arm: SerialArm, description: Description, packages: Packages | None) -> ArmShapes:
-    """The shapes of the links of a description; links below its last link belong to the tool."""
-    # Imported here, because it loads the compiled code of motions.
+    """Shapes of the links of a description; links after the last moving link are tools."""
+    # Imported here, because the import loads compiled code of motions.
     from armcontour.files.robots.collision import link_shapes
     from armcontour.files.robots.urdf_chain import Description
     from armcontour.verification.clearance.distances import exclude_touching
 
-    tree, carried = description.tree, description.carried()
-    # Links that the base does not carry are fixed, with all joints locked.
-    others = Description(tree, (), (), description.locked, tree.root).carried()
+    tree, carried = description.tree, description.link_frames()
+    # Links that are not below the base are fixed, with all joints locked.
+    others = Description(tree, (), (), description.locked, tree.root).link_frames()
     back = others[description.base][1].inverse
     still = {name: (0, back @ place) for name, (_, place) in others.items() if name not in carried}
     last = description.moving[-1].child
@@ -103,123 +114,133 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
 
 
 def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) -> Tree:
-    """Read the links and joints of a robot description."""
+    """Read the tree of links and joints of a robot description; expands a xacro file."""
     content: bytes | str = file_access.read_bytes(file, "robot description")
     if file.suffix.lower() == ".xacro":
         if not trust_xacro:
             raise InvalidInput(
-                f"{file} is not loaded, since a xacro file is a program that can run anything on "
-                "this computer: if you trust it, say so with --trust-xacro (in Python, "
-                "trust_xacro=True)."
+                f"{file} is not loaded, because a xacro file is a program that can run any code on "
+                "this computer. If you trust it, allow its execution with --trust-xacro (in "
+                "Python, trust_xacro=True)."
             )
         from armcontour.files.robots.xacro_file import expand_xacro
 
         content = expand_xacro(file, packages=options.packages, arguments=options.arguments)
         if LINK.search(content) is None:
             raise InvalidInput(
-                f"{file} makes no links: it only defines macros, or properties, for other files; "
-                "name the .xacro file that uses them."
+                f"{file} produces no links. It probably only defines macros or properties for "
+                "other files. Specify the .xacro file that uses them."
             )
     elif options.arguments:
-        raise InvalidInput(f"{file} takes no arguments: these are of .xacro files.")
+        raise InvalidInput(
+            f"{file} has no arguments, because only .xacro files have arguments. Remove them."
+        )
     return read_tree(str(file), content)
 
 
 def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
-    """Check that moving joints turn and are independent."""
+    """Check that there are moving joints, and that they are revolute and independent."""
     if not moving:
-        raise InvalidInput(f"No joint turns between base and tip in {tree.file}: choose others.")
+        raise InvalidInput(
+            f"No joint moves between base and tip in {tree.file}. Choose another base or tip."
+        )
     for joint in moving:
-        if joint.kind not in TURNING:
+        if joint.kind not in REVOLUTE_TYPES:
             raise InvalidInput(
-                f"Joint {joint.name} of {tree.file} is {joint.kind}, and an arm takes joints that "
-                f"turn: choose a base and a tip without it between them{_or_lock(joint)}."
+                f"Joint {joint.name} of {tree.file} is {joint.kind}, but the joints of an arm must "
+                "be revolute. Choose a base and a tip without it between "
+                f"them{_lock_advice(joint)}."
             )
         if joint.master is not None:
             raise InvalidInput(
-                f"Joint {joint.name} of {tree.file} mimics another, and the joints of an arm move "
-                f"by themselves: choose a base and a tip without it between them{_or_lock(joint)}."
+                f"Joint {joint.name} of {tree.file} mimics another joint, but the joints of an arm "
+                "must be independent. Choose a base and a tip without it between "
+                f"them{_lock_advice(joint)}."
             )
 
 
-def _or_lock(joint: Joint) -> str:
-    """The advice to lock a joint, as the end of a message; empty if it has no single position."""
+def _lock_advice(joint: Joint) -> str:
+    """Advice to lock a joint, for the end of a message; empty if it has no single position."""
     if joint.kind in ("planar", "floating"):
         return ""
     return f", or lock it with locked={{{joint.name!r}: ...}} (in a job, arm.locked)"
 
 
 def _limits(
-    tree: Tree, moving: list[Joint], file: FilePath | None, *, heavy: bool
+    tree: Tree, moving: list[Joint], file: FilePath | None, *, has_bodies: bool
 ) -> tuple[Limits, str]:
-    """Limits of the moving joints, and a note of those that are not given."""
+    """Limits of the moving joints, and a note on limits that are missing or assumed.
+
+    `file` is a `joint_limits.yaml`; torque limits are used only if `has_bodies`.
+    """
     names = [joint.name for joint in moving]
     table = _table(tree, moving)
-    soft = _soften(table, moving, tree.file)
+    soft = _apply_soft_limits(table, moving, tree.file)
     stated: Table = {**table, **{name: [None] * len(moving) for name in JOINT_RANGE}}
     stated = {name: list(values) for name, values in stated.items()}
-    described = {name: list(table[name]) for name in GIVEN}
+    described = {name: list(table[name]) for name in DESCRIBED_LIMITS}
     if file is not None:
-        override(table, names, file)
-        override(stated, names, file)
+        override_limits(table, names, file)
+        override_limits(stated, names, file)
     _check_radians(table, stated, moving, tree.file)
     lacking = {}
-    for name, key in GIVEN.items():
+    for name, key in DESCRIBED_LIMITS.items():
         lacking_joints = [x for x, value in zip(names, table[name], strict=True) if value is None]
-        # `limits_of` refuses limits that a file gives to some joints only.
+        # A limit that the description has for some joints only is removed. If it is the file that
+        # has the limit for some joints only, `limits_of` raises an error.
         if lacking_joints and table[name] == described[name]:
             table[name] = [None] * len(moving)
             lacking[key] = f"no {key} of {list_some(lacking_joints, MAX_NAMED)}"
-    if not heavy:
+    if not has_bodies:
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
-    note = "; ".join(x for x in (soft, _note(lacking, moving)) if x)
+    note = "; ".join(x for x in (soft, _missing_limits_note(lacking, moving)) if x)
     return assume_accelerations(limits_of(table, names, tree.file), note)
 
 
 def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
-    """Derive missing joint accelerations from joint velocities, and add this to the note."""
+    """Limits with accelerations derived from velocities if they are missing, and the new note."""
     if limits.joint_acceleration is None and limits.joint_velocity is not None:
-        limits = limits.replace(joint_acceleration=limits.joint_velocity / RISE)
-        note = f"{note}; {ASSUMED}" if note else ASSUMED
+        limits = limits.replace(joint_acceleration=limits.joint_velocity / ASSUMED_RISE_TIME)
+        note = f"{note}; {ASSUMED_NOTE}" if note else ASSUMED_NOTE
     return limits, note
 
 
-def _hint(limits: Limits, *, heavy: bool) -> str:
-    """Advice for limiting accelerations; empty if they are limited."""
+def _hint(limits: Limits, *, has_bodies: bool) -> str:
+    """Advice for an arm without acceleration limits; empty if it has them or torque limits."""
     if limits.joint_acceleration is not None:
         return ""
-    if not heavy or limits.joint_torque is not None:
+    if not has_bodies or limits.joint_torque is not None:
         return HINT
-    return f"{HINT}; has_effort_limits and max_effort do as well, since the masses are known"
+    return f"{HINT}; or specify has_effort_limits and max_effort, because the masses are known"
 
 
 def _table(tree: Tree, moving: list[Joint]) -> Table:
-    """Limits of the moving joints in the description; velocity and effort not above 0 are none."""
+    """Table of the limits in a description; a velocity or effort of at most 0 counts as missing."""
     table: Table = {name: [] for name in (*JOINT_LIMITS, *JOINT_RANGE)}
     for joint in moving:
         for name in JOINT_LIMITS:
-            key = GIVEN.get(name)
+            key = DESCRIBED_LIMITS.get(name)
             value = None if key is None else joint.number("limit", key, tree.file)
             table[name].append(None if value is None or value <= 0 else value)
         for name, key in zip(JOINT_RANGE, ("lower", "upper"), strict=True):
             value = None
             if joint.kind != "continuous" and joint.element.find("limit") is not None:
-                # By the format, a missing attribute of a limit element means 0.
+                # In URDF, a missing lower or upper attribute means 0.
                 value = joint.number("limit", key, tree.file) or 0.0
             table[name].append(value)
     return table
 
 
-def _soften(table: Table, moving: list[Joint], file: str) -> str:
-    """Narrow the ranges of joints to the soft limits of their safety controllers; give a note."""
+def _apply_soft_limits(table: Table, moving: list[Joint], file: str) -> str:
+    """Narrow ranges to the soft limits of safety controllers; returns a note, or an empty text."""
     narrowed = []
     for k, joint in enumerate(moving):
         low, high = (joint.number("safety_controller", key, file) for key in SOFT)
-        # Controllers of speed alone have no such limits, or two zeros.
+        # A safety controller of speed only has no such limits, or both are 0.
         if joint.kind != "continuous" and low is not None and high is not None and low < high:
             before = [table[name][k] for name in JOINT_RANGE]
-            narrow(table, k, low, high)
+            narrow_range(table, k, low, high)
             if before != [table[name][k] for name in JOINT_RANGE]:
                 narrowed.append(joint.name)
     if not narrowed:
@@ -228,23 +249,24 @@ def _soften(table: Table, moving: list[Joint], file: str) -> str:
 
 
 def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) -> None:
-    """Check that ranges are not likely to be in degrees."""
+    """Check that joint ranges are not probably in degrees; `stated` ranges are not checked."""
     for k, joint in enumerate(moving):
         low, high = (table[name][k] or 0.0 for name in JOINT_RANGE)
-        # Descriptions without ranges have symmetrical powers of ten.
+        # Descriptions of joints without a range often have a power of ten in both directions.
         endless = low == -high and math.log10(high or 1.0).is_integer()
         is_stated = any(stated[name][k] is not None for name in JOINT_RANGE)
         if MAX_RADIANS < max(-low, high) < MAX_DEGREES and not (endless or is_stated):
             raise InvalidInput(
                 f"{file}: the range of joint {joint.name} from {low:g} to {high:g} rad is "
-                f"{(high - low) / (2 * math.pi):.0f} turns: if these are degrees, write radians, "
-                f"{math.radians(low):.4g} to {math.radians(high):.4g}; if not, say so with "
-                "has_position_limits, min_position and max_position in a joint_limits.yaml."
+                f"{(high - low) / (2 * math.pi):.0f} turns. If the values are degrees, convert "
+                f"them to radians, {math.radians(low):.4g} to {math.radians(high):.4g}. If they "
+                "are correct, repeat them with has_position_limits, min_position and max_position "
+                "in a joint_limits.yaml."
             )
 
 
-def _note(lacking: dict[str, str], moving: list[Joint]) -> str:
-    """A note of the kinds of limits that a description does not give; empty if it gives all."""
+def _missing_limits_note(lacking: dict[str, str], moving: list[Joint]) -> str:
+    """Note on the kinds of limits that a description does not have; empty if it has all."""
     endless = [x.name for x in moving if x.kind == "revolute" and x.element.find("limit") is None]
     if endless:
         lacking = {**lacking, "position": f"no range of {list_some(endless, MAX_NAMED)}"}
@@ -252,7 +274,7 @@ def _note(lacking: dict[str, str], moving: list[Joint]) -> str:
         return ""
     keys = ", ".join(f"has_{kind}_limits and {'/'.join(KINDS[kind])}" for kind in lacking)
     return (
-        f"it gives {' and '.join(lacking.values())} (0 and less count as not given), so the "
-        f"joints have no limits of {' and '.join(lacking)}: give them for every joint with "
+        f"it has {' and '.join(lacking.values())} (values of at most 0 are ignored), so the joints "
+        f"have no limits of {' and '.join(lacking)}; specify them for every joint with "
         f"joint_limits ({keys}) or with limits"
     )

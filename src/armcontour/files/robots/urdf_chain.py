@@ -1,4 +1,4 @@
-"""Make a chain of moving joints from a robot description, with all other joints locked."""
+"""Creation of the chain of moving joints of a robot description, with all other joints locked."""
 
 from __future__ import annotations
 
@@ -16,17 +16,25 @@ from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.tree import Joint, Tree
 from armcontour.robot.chain import Chain, check_inertia, join_bodies
 
-# Longest sequence of joints of which each mimics the next; grippers have about 3.
+# Maximum length of a sequence of joints of which each mimics the next; grippers have about 3.
 MAX_MIMICS = 50
-# Largest number of held joints in a note.
-MAX_HELD = 8
-# Largest position, axis component, mass or inertia [SI]: products of larger numbers may overflow.
+# Maximum number of locked joints that a note lists.
+MAX_LOCKED = 8
+# Largest position, axis component, mass or inertia [SI]; products of larger numbers may overflow.
 LARGEST = 1e9
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 class Description:
-    """The part of a robot description that belongs to an arm."""
+    """The part of a robot description that belongs to an arm.
+
+    Args:
+        tree: The robot description.
+        route: All joints from the base to the tip.
+        moving: The joints of the arm.
+        locked: Specified positions of other joints by name [rad or m].
+        base: Name of the base link.
+    """
 
     def __init__(
         self,
@@ -46,13 +54,13 @@ class Description:
         self._names = {joint.name for joint in moving}
 
     def chain(self) -> Chain:
-        """The chain of the moving joints, with the bodies that move with each joint."""
-        carried = self.carried()
-        heavy = self._has_bodies(carried)
+        """Chain of the moving joints, with the bodies that move with each joint if known."""
+        carried = self.link_frames()
+        has_bodies = self._has_bodies(carried)
         self._note_held_joints()
-        places = [carried[joint.parent][1] @ self._place(joint) for joint in self.moving]
+        places = [carried[joint.parent][1] @ self._joint_frame(joint) for joint in self.moving]
         bodies: dict[str, Any] = {}
-        if heavy:
+        if has_bodies:
             links: list[Any] = [[] for _ in self.moving]
             for name, (link, place) in carried.items():
                 body = self._body(name) if link else None
@@ -68,14 +76,14 @@ class Description:
             rotations=np.array([x.rotation for x in places]),
             positions=np.array([x.position for x in places]),
             axes=np.array([self._axis(joint) for joint in self.moving]),
-            viscous=np.array([self._loss(joint, "damping") for joint in self.moving]),
-            coulomb=np.array([self._loss(joint, "friction") for joint in self.moving]),
+            viscous=np.array([self._friction(joint, "damping") for joint in self.moving]),
+            coulomb=np.array([self._friction(joint, "friction") for joint in self.moving]),
             tip=carried[self.tip][1],
             **bodies,
         )
 
-    def carried(self) -> dict[str, tuple[int, Frame]]:
-        """Index of the chain's link that carries each link, from 0, and the frame in it."""
+    def link_frames(self) -> dict[str, tuple[int, Frame]]:
+        """Index of the chain's link that each link is fixed to (0: base), and its frame there."""
         number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
         frames = {self.base: (0, Frame())}
         for joint in self.below:
@@ -83,18 +91,18 @@ class Description:
                 frames[joint.child] = number[joint.name], Frame()
             else:
                 link, place = frames[joint.parent]
-                frames[joint.child] = link, place @ self._place(joint)
+                frames[joint.child] = link, place @ self._joint_frame(joint)
         return frames
 
-    def _place(self, joint: Joint) -> Frame:
-        """Frame of the link after a joint, locked or at 0, in the frame of the link before it."""
+    def _joint_frame(self, joint: Joint) -> Frame:
+        """Frame of the child link of a joint in the parent link, at 0 or the locked position."""
         xyz, rpy = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
         place = Frame(position=xyz, rotation=from_rpy(rpy))
         value = 0.0 if joint.name in self._names else self._locked_position(joint, ())
         if not abs(value) <= LARGEST:
             raise InvalidInput(
-                f"Joint {joint.name} of {self.tree.file} is locked at {value:g}, beyond "
-                f"{LARGEST:g}: give a position that it can take."
+                f"The locked position of joint {joint.name} of {self.tree.file} must be at most "
+                f"{LARGEST:g}, but is {value:g}."
             )
         if value == 0:
             return place
@@ -104,12 +112,13 @@ class Description:
         return place @ Frame(rotation=exp(along))
 
     def _locked_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
-        """Position of a locked joint: as given, as the mimicked joint requires, or nearest to 0."""
+        """Position of a locked joint: specified, from the mimicked joint, or nearest to 0."""
         file, specified = self.tree.file, self.locked.get(joint.name)
         if joint.kind in ("fixed", "planar", "floating"):
             if specified is not None:
                 raise InvalidInput(
-                    f"Joint {joint.name} of {file} is {joint.kind} and cannot be locked at a value."
+                    f"Joint {joint.name} of {file} is {joint.kind} and cannot be locked at a "
+                    "position. Remove it from locked."
                 )
             return 0.0
         if joint.master is not None and specified is None:
@@ -127,17 +136,18 @@ class Description:
                 unit = _unit(joint)
                 raise InvalidInput(
                     f"Joint {joint.name} of {file} is locked at {value:g} {unit}, outside its "
-                    f"range from {lower:g} to {upper:g} {unit}: give its position, with "
-                    f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
+                    f"range from {lower:g} to {upper:g} {unit}. Specify a position in this range "
+                    f"with locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
                 )
         return value
 
     def _mimicking_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
-        """Position of a joint that mimics another joint; joints of the arm count as being at 0."""
+        """Position of a joint that mimics another joint, with the joints of the arm at 0."""
         master = self.tree.joints.get(joint.master or "")
         if master is None or master.name in mimics or len(mimics) > MAX_MIMICS:
             raise InvalidInput(
-                f"Joint {joint.name} of {self.tree.file} mimics no joint that could move it."
+                f"Joint {joint.name} of {self.tree.file} must mimic an existing joint without a "
+                f"loop, but mimics {show(joint.master)}."
             )
         file = self.tree.file
         factor = joint.number("mimic", "multiplier", file)
@@ -146,7 +156,7 @@ class Description:
         return (1.0 if factor is None else factor) * position + offset
 
     def _note_held_joints(self) -> None:
-        """Note the positions of joints outside the chain that the options do not lock."""
+        """Add a note on the positions of joints outside the arm that the options do not lock."""
         held = [
             f"{joint.name} at {self._locked_position(joint, ()):.6g} {_unit(joint)}"
             for joint in self.below
@@ -156,8 +166,8 @@ class Description:
         ]
         if held:
             self.notes.append(
-                f"joints beside the arm are held still, {list_some(held, MAX_HELD)}: other "
-                "positions are given with locked= (in a job, arm.locked)"
+                f"joints outside the arm are locked, {list_some(held, MAX_LOCKED)}; to change "
+                "their positions, specify locked= (in a job, arm.locked)"
             )
 
     def _follows_arm(self, joint: Joint) -> bool:
@@ -172,24 +182,24 @@ class Description:
         return False
 
     def _has_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
-        """True if all links that the arm moves have masses; adds a note if only some have."""
-        faults, heavy = self._faults(carried)
-        if heavy and faults:
+        """True if all links that the arm moves have valid masses; adds a note if not."""
+        faults, has_bodies = self._inertia_faults(carried)
+        if has_bodies and faults:
             others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
             self.notes.append(
-                f"masses, torques and limits of effort are left out, since {faults[0]}{others}; "
-                "only kinematics are known"
+                f"masses, torques and effort limits are ignored, because {faults[0]}{others}; only "
+                "kinematics are known"
             )
-        elif not heavy and any(
+        elif not has_bodies and any(
             joint.number("limit", "effort", self.tree.file) is not None for joint in self.moving
         ):
             self.notes.append(
-                "no link has a mass, so limits of effort are left out; only kinematics are known"
+                "effort limits are ignored, because no link has a mass; only kinematics are known"
             )
-        return heavy and not faults
+        return has_bodies and not faults
 
-    def _faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
-        """Faults of the inertial data, and true if any link has such data."""
+    def _inertia_faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
+        """Descriptions of faults in the inertial data, and True if any link has such data."""
         faults: list[str] = []
         weight = [0.0] * len(self.moving)
         known = False
@@ -207,11 +217,11 @@ class Description:
                 except InvalidInput as error:
                     text = str(error).rstrip(".")
                     faults.append(text[0].lower() + text[1:])
-                # A link on a fixed joint, such as a mere frame, may have the mass 0.
+                # A link on a fixed joint may have the mass 0, because it can be only a frame.
                 if joint.name in self._names and mass == 0:
                     faults.append(f"the link {joint.child}, which a joint moves, has the mass 0 kg")
                 weight[link - 1] += mass
-            if self._follows_arm(joint) and self._weighs(joint.child):
+            if self._follows_arm(joint) and self._has_mass(joint.child):
                 faults.append(f"joint {joint.name} moves a mass along with joint {joint.master}")
         bare = [
             f"the link {joint.child} has no mass"
@@ -220,21 +230,21 @@ class Description:
         ]
         return faults or bare, known
 
-    def _weighs(self, link: str) -> bool:
-        """True if a link, or one below it, has a mass other than 0."""
+    def _has_mass(self, link: str) -> bool:
+        """True if a link, or a link below it, has a mass other than 0."""
         links = [link, *(joint.child for joint in self.tree.below(link))]
         masses = [self.tree.links[x].find("inertial/mass") for x in links]
         return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)
 
     def _body(self, link: str) -> tuple[float, Frame, FloatArray] | None:
-        """Mass [kg], frame of the centre of mass, and inertia in it [kg m²]; None if not given."""
+        """Mass [kg], frame of the centre of mass, and inertia in it [kg m²]; None if missing."""
         inertial = self.tree.links[link].find("inertial")
         where = f"The link {link} of {self.tree.file}"
         if inertial is None:
             return None
-        mass = attribute(where, inertial.find("mass"), "mass", "value")
+        mass = read_attribute(where, inertial.find("mass"), "mass", "value")
         tensor = inertial.find("inertia")
-        xx, xy, xz, yy, yz, zz = (attribute(where, tensor, "inertia", key) for key in TENSOR)
+        xx, xy, xz, yy, yz, zz = (read_attribute(where, tensor, "inertia", key) for key in TENSOR)
         xyz, rpy = origin_of(inertial, where)
         frame = Frame(position=xyz, rotation=from_rpy(rpy))
         return mass, frame, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -243,51 +253,54 @@ class Description:
         """Unit vector of a joint axis, (3,)."""
         where = f"Joint {joint.name} of {self.tree.file}"
         element = joint.element.find("axis")
-        axis = three(where, "axis", "1 0 0" if element is None else element.get("xyz", "1 0 0"))
+        axis = read_three(
+            where, "axis", "1 0 0" if element is None else element.get("xyz", "1 0 0")
+        )
         size = float(np.linalg.norm(axis))
         if size == 0:
-            raise InvalidInput(f"{where} has an axis of length 0: give it a direction.")
+            raise InvalidInput(f"{where} has a zero axis. Specify a direction.")
         return axis / size
 
-    def _loss(self, joint: Joint, key: str) -> float:
-        """Friction coefficient of a joint: its damping or its friction; 0 by default."""
+    def _friction(self, joint: Joint, key: str) -> float:
+        """Damping [N m s/rad] or friction [N m] of a joint, by its attribute; 0 if missing."""
         value = joint.number("dynamics", key, self.tree.file) or 0.0
         if value < 0:
             raise InvalidInput(
-                f"Joint {joint.name} of {self.tree.file} has the {key} {value:g}: it must not be "
-                "negative."
+                f"The {key} of joint {joint.name} of {self.tree.file} must not be negative, but is "
+                f"{value:g}."
             )
         return value
 
 
 def _unit(joint: Joint) -> str:
-    """The unit of a joint's position."""
+    """Unit of the position of a joint."""
     return "m" if joint.kind == "prismatic" else "rad"
 
 
 def origin_of(element: ET.Element, where: str) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and roll, pitch, yaw [rad] of an element's origin."""
+    """Position [m] and roll, pitch, yaw [rad] of the origin of an element, (3,) each."""
     origin = element.find("origin")
     words = ["0 0 0"] * 2 if origin is None else [origin.get(x, "0 0 0") for x in ("xyz", "rpy")]
-    return three(where, "xyz", words[0]), three(where, "rpy", words[1])
+    return read_three(where, "xyz", words[0]), read_three(where, "rpy", words[1])
 
 
-def attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
-    """A number in an attribute of an element."""
+def read_attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
+    """Number in the attribute `key` of an element; `where` and `tag` are for messages."""
     text = None if element is None else element.get(key)
     value = plain_number(text)
     if value is None or abs(value) > LARGEST:
         raise InvalidInput(
-            f"{where} needs a number as {key} of its {tag}, up to {LARGEST:g}, not {show(text)}."
+            f"{where}: {key} of the {tag} must be a number of at most {LARGEST:g}, but is "
+            f"{show(text)}."
         )
     return value
 
 
-def three(where: str, name: str, words: str) -> FloatArray:
-    """Three numbers in the text of an attribute."""
+def read_three(where: str, name: str, words: str) -> FloatArray:
+    """The three numbers in the text of an attribute, (3,); `where` and `name` are for messages."""
     numbers = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
     if numbers.shape != (3,) or not (np.abs(numbers) <= LARGEST).all():
         raise InvalidInput(
-            f"{where} needs three numbers as its {name}, up to {LARGEST:g}, not {show(words)}."
+            f"{where}: {name} must be three numbers of at most {LARGEST:g}, but is {show(words)}."
         )
     return numbers

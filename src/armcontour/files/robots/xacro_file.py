@@ -1,7 +1,8 @@
-"""Xacro files, expanded by the library xacro in a child process, and folders of ROS packages.
+"""Expansion of xacro files in a child process, and search for folders of ROS packages.
 
-A xacro file is a program: it can run any code with the rights of the user. The limits of time and
-memory end a file that does not terminate; they are no protection. Only trusted files are expanded.
+A xacro file is a program that can run any code with the rights of the user. Therefore only trusted
+files are expanded. The limits of time and memory stop a file that does not terminate, but they are
+not a protection against malicious files.
 """
 
 from __future__ import annotations
@@ -22,31 +23,32 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
 from armcontour.files.robots.arm_options import Value
 
-MARK = "package.xml"
-# Largest number of parent folders in which the package of a description is searched.
+# File that marks the folder of a ROS package.
+PACKAGE_FILE = "package.xml"
+# Maximum number of parent folders in which the package of a description is searched.
 MAX_UP = 4
-# Largest number of folders in the search for one package.
+# Maximum number of folders in the search for one package.
 MAX_FOLDERS = 2000
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
 
 
 def find_near(folder: FilePath, name: str) -> FilePath | None:
-    """The nearest folder whose `package.xml` has a given name; None if there is none."""
-    # The search order is the package of the description, its sibling folders, the siblings of its
-    # parent folder, and one level below them, as packages are located in a workspace of ROS.
-    for count, candidate in enumerate(_places(folder)):
+    """Nearest folder whose `package.xml` has the package name `name`; None if not found."""
+    # The search order is: the package of the description, its subfolders, its sibling folders, the
+    # siblings of its parent folder, and their subfolders, as in a workspace of ROS.
+    for count, candidate in enumerate(_package_candidates(folder)):
         if count >= MAX_FOLDERS:
             break
-        if _name(candidate / MARK) == name:
+        if _package_name(candidate / PACKAGE_FILE) == name:
             return candidate
     return None
 
 
-def _places(folder: FilePath) -> Iterator[FilePath]:
-    """The folders that may be a package, nearest first."""
+def _package_candidates(folder: FilePath) -> Iterator[FilePath]:
+    """Yield the folders that can be a package near a folder, the nearest first."""
     near = (folder, *folder.parents[:MAX_UP])
-    package = next((x for x in near if (x / MARK).is_file()), folder)
+    package = next((x for x in near if (x / PACKAGE_FILE).is_file()), folder)
     yield package
     yield from _subfolders(package)
     yield from _subfolders(package.parent)
@@ -56,7 +58,7 @@ def _places(folder: FilePath) -> Iterator[FilePath]:
 
 
 def _subfolders(folder: FilePath) -> list[FilePath]:
-    """The folders in a folder, in alphabetical order; none if it cannot be listed."""
+    """Subfolders of a folder in alphabetical order; empty if it cannot be read."""
     try:
         with os.scandir(folder) as entries:
             names = [x.name for x in entries if not x.name.startswith(".") and x.is_dir()]
@@ -65,8 +67,8 @@ def _subfolders(folder: FilePath) -> list[FilePath]:
     return [folder / x for x in sorted(names)]
 
 
-def _name(file: FilePath) -> str | None:
-    """The name of the package of a `package.xml`; None if the file names none."""
+def _package_name(file: FilePath) -> str | None:
+    """Package name in a `package.xml`; None if the file or the name does not exist."""
     if not file.is_file():
         return None
     try:
@@ -76,13 +78,13 @@ def _name(file: FilePath) -> str | None:
     return None if match is None else match[1].decode("utf-8", "replace")
 
 
-# Time limit [s]; the largest public descriptions take about 2 s.
-SECONDS = 10.0
-# Memory limit of the process [MB]; the largest public descriptions need a tenth of it.
-MEGABYTES = 1000
-# Folder of missing packages. A description may name them, but not read their files: many
-# descriptions name packages of simulators.
-NOWHERE = os.path.join(os.sep, "package-not-found", "")
+# Time limit of an expansion [s]; the largest public descriptions take about 2 s.
+MAX_SECONDS = 10.0
+# Memory limit of the process [MB]; the largest public descriptions need about 100 MB.
+MAX_MEGABYTES = 1000
+# Placeholder for the folder of a missing package. A description may name a missing package, such as
+# a simulator, but an error is raised if it reads files of the package.
+MISSING_FOLDER = os.path.join(os.sep, "package-not-found", "")
 
 
 def expand_xacro(
@@ -94,13 +96,16 @@ def expand_xacro(
     """Expand a trusted xacro file to the text of a robot description."""
     if importlib.util.find_spec("xacro") is None:
         raise InvalidInput(
-            f"{file} needs the package xacro, which is not installed: pip install "
-            "'armcontour[ros]', or expand it to a .urdf elsewhere."
+            f"Expanding {file} requires the package xacro, which is not installed. Install it with "
+            "pip install 'armcontour[ros]', or expand the file to a .urdf with other tools."
         )
     from armcontour.core.child_process import import_path
 
     path = os.path.abspath(file)
-    wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}
+    wishes = {
+        "packages": _package_folders(packages or {}),
+        "arguments": _argument_texts(arguments or {}),
+    }
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-X", "utf8", "-c", f"from {__name__} import main; main()"],
@@ -108,41 +113,43 @@ def expand_xacro(
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             cwd=os.path.dirname(path),
-            # Modules next to the file, such as xacro.py, do not replace libraries.
+            # The folder of the file is not in the import path, so that modules next to the file,
+            # such as xacro.py, do not replace libraries.
             env=os.environ | {"PYTHONPATH": os.pathsep.join(import_path(os.path.dirname(path)))},
-            timeout=SECONDS,
+            timeout=MAX_SECONDS,
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )
         answer = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
-        answer = {"error": f"it takes longer than {SECONDS:g} s"}
+        answer = {"error": f"the expansion takes longer than {MAX_SECONDS:g} s"}
     except OSError as error:
-        answer = {"error": f"Python cannot be started for it ({error.strerror})"}
+        answer = {"error": f"its Python process cannot be started ({error.strerror})"}
     except ValueError:
-        answer = {"error": "its process ended without an answer"}
+        answer = {"error": "its Python process ended without a result"}
     if "error" in answer:
         message = make_printable(answer["error"][:500].rstrip(". "))
         raise InvalidInput(f"{file} cannot be expanded by xacro: {message}.")
-    # The child process reads the included files, so listeners get the expanded text.
+    # Listeners cannot observe the files that the child process reads, so they get the expanded
+    # text.
     file_access.report_content(file.with_name(f"{file.name} expanded"), answer["text"].encode())
     return str(answer["text"])
 
 
-def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
-    """The absolute folders of packages."""
+def _package_folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
+    """Absolute paths of the folders of packages, by name; checks that they exist."""
     for name, folder in packages.items():
         if not os.path.isdir(folder):
             raise InvalidInput(f"The folder of the package {name}, {folder}, does not exist.")
     return {str(name): os.path.abspath(folder) for name, folder in packages.items()}
 
 
-def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
-    """The values of arguments as xacro reads them."""
+def _argument_texts(arguments: Mapping[str, Value]) -> dict[str, str]:
+    """Values of arguments as texts that xacro can read, by name."""
     for name, value in arguments.items():
         if not isinstance(value, Value):
             raise InvalidInput(
-                f"The argument {name} of a xacro file must be text, a number, or true or false, "
-                f"not {type(value).__name__}."
+                f"The argument {name} of a xacro file must be a text, a number or a boolean, but "
+                f"is of type {type(value).__name__}."
             )
     return {
         str(name): str(value).lower() if isinstance(value, bool) else str(value)
@@ -150,12 +157,12 @@ def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
     }
 
 
-class _Lacking(BaseException):
-    """A package or an argument is lacking; a BaseException, so that xacro does not catch it."""
+class _MissingValue(BaseException):
+    """Error for a missing package or argument; a BaseException, which xacro does not catch."""
 
 
 class _Arguments(dict[str, str]):
-    """Values of arguments by name; remembers the names that the file declares or reads."""
+    """Values of arguments by name; `known` has the names that the file declares or reads."""
 
     def __init__(self, values: Mapping[str, str]) -> None:
         super().__init__(values)
@@ -167,8 +174,8 @@ class _Arguments(dict[str, str]):
 
     def __getitem__(self, name: str) -> str:
         if name not in self:
-            raise _Lacking(
-                f"it needs a value of its argument {name!r}: give it with "
+            raise _MissingValue(
+                f"it requires a value of its argument {name!r}. Specify "
                 f"arguments={{{name!r}: ...}} (in a job, arm.arguments; with --arm, "
                 f"--xacro-arg {name}=VALUE)"
             )
@@ -176,18 +183,18 @@ class _Arguments(dict[str, str]):
 
 
 def main() -> None:
-    """In the child process: write the expanded text, or the error, as JSON to standard output."""
+    """Entry point of the child process: write the expanded text or the error as JSON to stdout."""
     request = json.load(sys.stdin)
     try:
         answer = {"text": _expand(**request)}
-    # Expressions of the file may raise any exception.
-    except (Exception, _Lacking) as error:
+    # Expressions in the file can raise any exception.
+    except (Exception, _MissingValue) as error:
         answer = {"error": _message(error)}
     json.dump(answer, sys.stdout)
 
 
 def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> str:
-    """The expanded text of a description."""
+    """Expanded text of a xacro file; runs in the child process."""
     import xacro
     from xacro import substitution_args as substitution
 
@@ -198,47 +205,51 @@ def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> s
             folder = None
             with suppress(ImportError, LookupError):
                 folder = in_ros(name)
-            packages[name] = str(folder or find_near(FilePath(file).parent, name) or NOWHERE + name)
+            packages[name] = str(
+                folder or find_near(FilePath(file).parent, name) or MISSING_FOLDER + name
+            )
         return packages[name]
 
     def checked(name: str) -> str:
-        if name.startswith(NOWHERE):
-            package = name[len(NOWHERE) :].split("/")[0]
-            raise _Lacking(
-                f"it reads files of the package {package!r}, which no package.xml near it names, "
-                f"nor a sourced ROS: give its folder with packages={{{package!r}: ...}} (in a "
+        if name.startswith(MISSING_FOLDER):
+            package = name[len(MISSING_FOLDER) :].split("/")[0]
+            raise _MissingValue(
+                f"it reads files of the package {package!r}, which was not found in a sourced ROS "
+                f"or near the file. Specify its folder with packages={{{package!r}: ...}} (in a "
                 f"job, arm.packages; with --arm, --package {package}=FOLDER)"
             )
         return str(absolute(name))
 
     substitution._eval_find = substitution._eval_dict["find"] = find
     xacro.abs_filename_spec = checked
-    _limit()
+    _limit_resources()
     mappings = _Arguments(arguments)
     text = str(xacro.process_file(file, verbosity=0, mappings=mappings).toxml())
     for name in arguments.keys() - mappings.known.keys():
-        raise _Lacking(f"it has no argument {name!r}: it takes {', '.join(mappings.known)}")
+        raise _MissingValue(
+            f"it has no argument {name!r}. Its arguments are {', '.join(mappings.known)}"
+        )
     return text
 
 
-def _limit() -> None:
-    """Limit memory and processor time of this process, where the system supports it."""
+def _limit_resources() -> None:
+    """Limit memory and processor time of this process if the operating system supports it."""
     with suppress(ImportError):
         import resource
 
         for kind, maximum in (
-            (resource.RLIMIT_AS, MEGABYTES * 1_000_000),
-            (resource.RLIMIT_CPU, int(SECONDS) + 2),
+            (resource.RLIMIT_AS, MAX_MEGABYTES * 1_000_000),
+            (resource.RLIMIT_CPU, int(MAX_SECONDS) + 2),
         ):
             with suppress(ValueError, OSError):
                 resource.setrlimit(kind, (maximum, maximum))
 
 
 def _message(error: BaseException) -> str:
-    """The message of an error, or of a memory error that xacro wrapped in it."""
+    """Message of an error on one line; reports a memory error that xacro has wrapped in it."""
     cause: Any = error
     while cause is not None:
         if isinstance(cause, MemoryError):
-            return f"it needs more memory than {MEGABYTES} MB"
+            return f"it needs more memory than {MAX_MEGABYTES} MB"
         cause = getattr(cause, "exc", None)
     return " ".join(str(error).split()) or type(error).__name__

@@ -1,4 +1,4 @@
-"""Sections of the report: functions that make template data from a result."""
+"""Sections of the report: functions that create sections and first screens from results."""
 
 from armcontour.report.sections.batch import batch as batch
 from armcontour.report.sections.batch import counted as counted

@@ -1,4 +1,4 @@
-"""The section on a batch: statuses of jobs, and their figures over the parameters."""
+"""Report of a batch: statuses of jobs, and their figures over the parameters."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Front, Section, Tile
 from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, finish
 
-# Largest number of figures on a page, and of figures in large print.
+# Maximum number of plots on a page, and of tiles for figures.
 MAX_FIGURES, MAX_TILES = 6, 4
 
 
 @dataclass(frozen=True, slots=True)
 class PlotValues:
-    """Values of a parameter or of a figure of jobs."""
+    """Values of a parameter or of a figure for all drawn jobs."""
 
     name: str
     # SI unit
     unit: str
     # One value per drawn job in SI units; NaN if missing
     values: FloatArray
-    # Logarithmic axis
+    # True for a logarithmic axis
     log: bool
 
     @property
     def title(self) -> str:
-        """Name with the unit of the drawing."""
+        """Name with the displayed unit."""
         unit, _ = scale(self.unit)
         return f"{self.name} [{unit}]" if unit else self.name
 
     @property
     def drawn(self) -> FloatArray:
-        """The values in the unit of the drawing."""
+        """Values in the displayed unit, (n,)."""
         return self.values / scale(self.unit)[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchView:
-    """Data of a batch for a page."""
+    """Data of a batch for its report."""
 
     name: str
     # Description in one line
     about: str
-    # Number of jobs by status, and by the name of their error
+    # Number of jobs by status, and number of failed jobs by name of the error
     counts: Mapping[str, int]
     errors: Mapping[str, int]
     # Varied numeric parameters
@@ -57,14 +57,14 @@ class BatchView:
     figures: tuple[PlotValues, ...]
     # Status of each drawn job
     status: tuple[str, ...]
-    # Status of jobs with figures
+    # Status that means that a job has figures
     done: str
-    # Every stride-th job is drawn
+    # Only every stride-th job is drawn.
     stride: int
 
 
 def counted(view: BatchView) -> Front:
-    """The first screen: numbers of jobs by status, and their first figure."""
+    """First screen: numbers of jobs by status, and the plot of the first figure."""
     total, done = sum(view.counts.values()), view.counts.get(view.done, 0)
     tiles = [Tile(label="jobs done", value=f"{done} of {total}")]
     for values in view.figures[:MAX_TILES]:
@@ -87,7 +87,7 @@ def counted(view: BatchView) -> Front:
 
 
 def batch(view: BatchView) -> Section | None:
-    """The other figures over the parameters; None without any."""
+    """Section with plots of the other figures over the parameters; None if there are none."""
     figures = [_figure(view, x) for x in view.figures[1:MAX_FIGURES]] if view.axes else []
     for figure in figures:
         figure.span = 3
@@ -100,7 +100,7 @@ def batch(view: BatchView) -> Section | None:
 
 
 def _figure(view: BatchView, colours: PlotValues) -> Any:
-    """A figure over one parameter, or in colours over two; further parameters overlap."""
+    """Plot of a figure over one parameter, or as colours over two; other parameters overlap."""
     status = np.array(view.status)
     done, failed = status == view.done, status != view.done
     first, second = view.axes[0], view.axes[1] if len(view.axes) > 1 else colours
@@ -109,7 +109,7 @@ def _figure(view: BatchView, colours: PlotValues) -> Any:
     if flat:
         values = colours.drawn[done]
         marker = {"color": values, "colorscale": "Viridis", "size": 7, "showscale": True}
-        # A title above the bar would widen it.
+        # The title is at the side, because a title above the colour bar would widen the bar.
         marker["colorbar"] = {"title": {"text": colours.title, "side": "right"}}
     figure = Figure()
     figure.add_trace(
@@ -142,5 +142,5 @@ def _figure(view: BatchView, colours: PlotValues) -> Any:
 
 
 def _axis(values: PlotValues) -> dict[str, Any]:
-    """Title and scale of an axis."""
+    """Title and type of an axis for plotly.js."""
     return {"title": values.title, "type": "log" if values.log else "linear"}

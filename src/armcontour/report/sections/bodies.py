@@ -1,4 +1,4 @@
-"""Figures in space: curves, equal scales, and bodies of the cell and of the arm's base."""
+"""Figures in space: curves, axes of equal scale, and bodies of the cell and of the arm's base."""
 
 from __future__ import annotations
 
@@ -16,27 +16,28 @@ from armcontour.robot import Arm
 from armcontour.robot.scene import BASE, Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
 LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
-# Shortest side of a scene as a share of the longest.
+# Minimum ratio of the shortest to the longest side of a scene.
 FLATTEST = 0.4
-# Longest side of a scene in units of plotly; it fits in every view.
-SCENE = 1.45
-# The view: parallel projection, so that equal lengths look equal.
+# Length of the longest side of a scene in units of plotly, with which the scene fits in every view.
+SCENE_SIZE = 1.45
+# Camera with parallel projection, so that equal lengths appear equal.
 CAMERA = {
     "eye": {"x": 1.1, "y": -1.5, "z": 0.9},
     "up": {"x": 0, "y": 0, "z": 1},
     "center": {"x": 0, "y": 0, "z": 0},
     "projection": {"type": "orthographic"},
 }
-# Points around a round shape.
-AROUND = 24
-# Number of points up to which the page finds the hull quickly; loading scipy takes 0.3 s.
+# Number of points on the circumference of a round shape.
+CIRCLE_POINTS = 24
+# Maximum number of points of a mesh whose hull the page computes. For more points, scipy computes
+# the hull, although loading scipy takes 0.3 s.
 FEW_POINTS = 1000
-# A half-space is drawn as a plate that is larger than everything else by this factor.
-PLATE = 1.5
+# Size of the plate that represents a half-space, as a factor of the size of all other points.
+PLATE_FACTOR = 1.5
 
 
 def curve(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
-    """A curve in the plane or in space, from points in m."""
+    """Trace of a curve through points [m], (n, 2) or (n, 3)."""
     if points.shape[1] == 2:
         x, y = points.T * 1e3
         return line(x, y, name, colour, **look)
@@ -45,7 +46,7 @@ def curve(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
 
 
 def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
-    """A curve in space from points in mm, rounded to 0.1 µm."""
+    """Trace of a curve in space through points [mm], (n, 3), rounded to 0.1 µm."""
     line = {"color": colour, "width": look.pop("width", 4), "dash": look.pop("dash", "solid")}
     x, y, z = np.round(points, 4).astype(np.float32).T
     hover = "x %{x:.3f} mm<br>y %{y:.3f} mm<br>z %{z:.3f} mm"
@@ -57,15 +58,15 @@ def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> An
 def in_space(
     figure: Any, points: FloatArray, *, title: str, height: int, top: int = 12, span: int = 6
 ) -> None:
-    """Set the layout of a figure in space for points [mm], (n, 3): equal scales, legend left."""
+    """Set the layout of a figure in space for points [mm], (n, 3), with axes of equal scale."""
     finish(figure, title=title, height=height, span=span)
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     size = high - low
     longest = float(size.max())
-    # Ticks of a flat scene would overlap.
+    # A flat scene gets a margin, because the tick labels of its short axis would overlap.
     edge = np.maximum(FLATTEST * longest - size, 0.0) / 2 + 0.03 * longest
     size = size + 2 * edge
-    ratio = size / float(size.max()) * SCENE
+    ratio = size / float(size.max()) * SCENE_SIZE
     axis = {
         "nticks": 6,
         "backgroundcolor": "#FAFAFA",
@@ -99,20 +100,21 @@ def in_space(
 
 
 def base_of(arm: Arm) -> Frame:
-    """The base of an arm in the coordinates of its paths."""
+    """Pose of the arm's base in the work frame, in which its paths are."""
     return Frame() if arm.chain is None else arm.chain.base
 
 
 def seen_from_base(arm: Arm, points: FloatArray) -> FloatArray:
-    """Points in the coordinates of paths [m], in the frame of the arm's base [mm]."""
+    """Transform points from the work frame [m] to the base frame of the arm [mm], (n, 3)."""
     frame = base_of(arm).inverse
     return np.asarray((frame.position + points @ frame.rotation.T) * 1e3)
 
 
 def draw_surroundings(job: Job, points: FloatArray) -> list[tuple[Any, FloatArray]]:
-    """Obstacles or, without any, the plane of the base; and the arm's base; with their points [mm].
+    """Traces of the obstacles and of the arm's base, each with its points [mm], (n, 3).
 
-    `points` are all others in the drawing, in the frame of the arm's base [mm], (n, 3).
+    If there are no obstacles, the plane of the base is drawn. `points`: all other points of the
+    drawing in the base frame [mm], (n, 3).
     """
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     size = float((high - low).max()) / 1e3
@@ -120,19 +122,19 @@ def draw_surroundings(job: Job, points: FloatArray) -> list[tuple[Any, FloatArra
     to_base = base_of(job.arm).inverse
     for obstacle in () if job.scene is None else job.scene.obstacles:
         place = obstacle.place if obstacle.fixed_to == BASE else to_base @ obstacle.place
-        corners = points_of(obstacle.shape, place, PLATE * size)
+        corners = points_of(obstacle.shape, place, PLATE_FACTOR * size)
         bodies.append((draw_body(corners, obstacle.name, OBSTACLE_COLOUR, 0.45), corners))
     if not bodies:
         obstacle, y = (z.ravel() for z in np.meshgrid([low[0], high[0]], [low[1], high[1]]))
         corners = np.column_stack([obstacle, y, 0 * obstacle])
-        # A hull has a thickness [mm].
+        # The plate has a thickness of 1 mm, because a hull requires a volume.
         plate = np.concatenate([corners, corners - [0.0, 0.0, 1.0]])
         bodies.append((draw_body(plate, "plane of the base", OBSTACLE_COLOUR, 0.25), corners))
     return [*bodies, *_base_shapes(job.arm)]
 
 
 def _base_shapes(arm: Arm) -> list[tuple[Any, FloatArray]]:
-    """The shapes of the arm's base."""
+    """Traces of the shapes of the arm's base, each with its points [mm], (n, 3)."""
     if not arm.knows_shapes or arm.shapes is None:
         return []
     shapes = [x for x in arm.shapes.shapes if x.link == 0 and not x.tool]
@@ -144,7 +146,7 @@ def _base_shapes(arm: Arm) -> list[tuple[Any, FloatArray]]:
 
 
 def draw_body(points: FloatArray, name: str, colour: str, opacity: float) -> Any:
-    """The convex hull of points [mm] as a body."""
+    """Trace of the convex hull of points [mm], (n, 3)."""
     x, y, z = np.round(points, 2).T
     return make_trace(
         "mesh3d",
@@ -154,21 +156,21 @@ def draw_body(points: FloatArray, name: str, colour: str, opacity: float) -> Any
 
 
 def points_of(shape: Shape, place: Frame, size: float = 1.0) -> FloatArray:
-    """Points (n, 3) [mm] whose hull is a shape at a place."""
+    """Points whose convex hull is a shape at a pose [mm], (n, 3)."""
     points = _own_points(shape, size)
     return np.asarray((place.position + points @ place.rotation.T) * 1e3)
 
 
 def _own_points(shape: Shape, size: float) -> FloatArray:
-    """Points (n, 3) [m] whose hull is a shape in its frame; a half-space becomes a plate."""
-    turn = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+    """Points whose hull is a shape in its own frame [m], (n, 3); a half-space becomes a plate."""
+    turn = np.linspace(0, 2 * np.pi, CIRCLE_POINTS, endpoint=False)
     circle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     up = np.array([0.0, 0.0, 1.0])
     match shape:
         case Mesh() if len(shape.points) <= FEW_POINTS:
             return shape.points
         case Mesh():
-            # A scan may have a million points.
+            # Only the vertices of the hull are drawn, because a mesh can have a million points.
             from scipy.spatial import ConvexHull
 
             return np.asarray(shape.points[ConvexHull(shape.points).vertices])
@@ -183,10 +185,10 @@ def _own_points(shape: Shape, size: float) -> FloatArray:
             return np.concatenate(ends)
         case Sphere() | Capsule():
             half = shape.length / 2 if isinstance(shape, Capsule) else 0.0
-            tilts = np.linspace(-np.pi / 2, np.pi / 2, AROUND // 2)
+            tilts = np.linspace(-np.pi / 2, np.pi / 2, CIRCLE_POINTS // 2)
             rings = [
                 shape.radius * (np.cos(x) * circle + np.sin(x) * up) + np.sign(x) * half * up
                 for x in tilts
             ]
             return np.concatenate(rings)
-    raise TypeError(f"A shape of the kind {type(shape).__name__} cannot be drawn.")
+    raise TypeError(f"A shape of type {type(shape).__name__} cannot be drawn.")

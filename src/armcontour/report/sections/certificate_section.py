@@ -1,4 +1,4 @@
-"""The section on a certificate: its bounds, model and cost."""
+"""Report of a certificate: parts of the error, derating and cost."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def certified(study: JobResult, certificate: Certificate) -> Front:
-    """The first screen of a certificate."""
+    """First screen of the report of a certificate."""
     data, model = certificate.to_data(), capitalise(certificate.model)
     rows = {x.name: x for x in data.shown()}
     deviation, verdict = rows["off_drawing"], data["kept"]
@@ -46,7 +46,7 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
 
 
 def _change(certificate: Certificate) -> str:
-    """Advice to raise the limit with the largest share of the time; empty if unknown."""
+    """Advice about the limit with the largest share of the time; empty if unknown."""
     explanation = certificate.result.explanation
     shares = () if explanation is None else explanation.shares
     share = next((x for x in shares if x.kind != BETWEEN), None)
@@ -62,7 +62,7 @@ def _change(certificate: Certificate) -> str:
 
 
 def certificate(result: Certificate) -> Section:
-    """The certificate, its cost, and its derating."""
+    """Section with the parts of the error, the derating and the cost of a certificate."""
     data, has_contours = result.to_data(), len(result.contours) > 1
     contours = sorted(result.contours, key=lambda x: x.budget.left)
     worst = [x.to_data() for x in contours[:MAX_ROWS]]
@@ -92,20 +92,20 @@ def certificate(result: Certificate) -> Section:
 
 # Height of the figures [px].
 HEIGHT = 240
-# Smallest range of the axis of derated limits [%].
+# Minimum range of the axis of usable limits [%].
 LEAST_RANGE = 1.0
 OF_PROGRAMS = (
-    "Every contour is certified while the process is on, in the execution of the whole program; "
-    "rapids only satisfy the limits of the joints."
+    "Every contour is certified where the process is on, in the execution of the whole program. "
+    "Rapids are only planned within the joint limits."
 )
 
 
-# Figures of a budget that are drawn.
+# Names of the figures of a budget that are drawn.
 PARTS = ("rounding", "servo", "sampling", "box", "model_error", "left")
 
 
 def _parts(certificate: Certificate) -> Any:
-    """Figure of the parts of the error on a logarithmic axis."""
+    """Bar chart of the parts of the contour error, on a logarithmic axis."""
     budget = certificate.budget.to_data()
     parts = {x.label: abs(x.value) for x in map(budget.__getitem__, PARTS)}
     shown = {name: value * 1e3 for name, value in parts.items() if name and value > 0}
@@ -124,11 +124,11 @@ def _parts(certificate: Certificate) -> Any:
 
 
 def _derating(certificate: Certificate) -> Any:
-    """Figure of the usable share of every joint's acceleration limit along all contours."""
+    """Figure with the usable share of each joint acceleration limit along all contours."""
     figure = Figure()
     starts = np.cumsum([0.0, *(x.path.length for x in certificate.contours)])
     deratings = [x.derating for x in certificate.contours]
-    # A gap after every contour.
+    # The curves have a gap (NaN) after each contour.
     places = [
         np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
         for start, x in zip(starts[:-1], deratings, strict=True)
@@ -145,6 +145,6 @@ def _derating(certificate: Certificate) -> Any:
     figure.update_yaxes(title="usable [%]")
     least = 100 * min(float(x.share.min()) for x in deratings)
     if least > 100 - LEAST_RANGE:
-        # Rounding errors must not fill the height of the figure.
+        # The range is fixed, so that rounding errors do not fill the height of the figure.
         figure.update_yaxes(range=[100 - LEAST_RANGE, 100 + LEAST_RANGE / 10])
     return finish(figure, title="Usable share of the acceleration limits", height=HEIGHT, span=2)

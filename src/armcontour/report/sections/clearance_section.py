@@ -1,4 +1,4 @@
-"""The section on clearance: smallest distances over time, and the posture of the smallest one."""
+"""Section on clearance: smallest distances over time, and the arm at the smallest distance."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Scene
 from armcontour.verification.clearance import Clearance, PairClearance
 
-# Names of the kinds of pairs.
+# Displayed names of the kinds of pairs.
 KINDS = {
     "environment": "links and cell",
     "own": "links among each other",
     "tool": "tool and others",
 }
-# Times of the curves, and rows of the table.
+# Number of points of the curves, and maximum number of rows of the table.
 TIMES, MAX_ROWS = 200, 7
 # Height of the figures [px].
 HEIGHT = 320
 
 
 def clearance(study: JobResult) -> Section | None:
-    """Distances of all runs whose arm has shapes; None without any."""
+    """Section with the clearance of each run that was checked; None if no run was checked."""
     runs = {name: x for name, x in study.runs.items() if x.clearance is not None}
     if not runs:
         return None
@@ -57,15 +57,15 @@ def clearance(study: JobResult) -> Section | None:
         key="clearance",
         title="Clearance",
         summary="least distances of the arm from itself, from its tool and from its cell",
-        text="The clearance is proven: at no time bodies are nearer. Distances at single times are "
-        "computed; dashed lines are margins.",
+        text="The clearance is proven for all times, also between samples. The figure shows "
+        "distances at single times; dashed lines are margins.",
         choices=tuple((name, tuple(_parts(study.job, x))) for name, x in runs.items()),
         notes=(f"Pairs that are not checked: {skipped}.",) if reasons else (),
     )
 
 
 def _parts(job: Job, result: RunResult) -> Iterator[Any]:
-    """Distances over time, the posture of the least distance, and the nearest pairs of a run."""
+    """Yield figures and tables of a run: distances over time, posture, and nearest pairs."""
     assert result.clearance is not None
     nearest = _nearest(job, result.clearance)
     yield _over_time(job, result)
@@ -81,14 +81,14 @@ def _parts(job: Job, result: RunResult) -> Iterator[Any]:
 
 
 def _nearest(job: Job, clearance: Clearance) -> PairClearance | None:
-    """The nearest pair, of those with an obstacle if there are any."""
+    """The nearest pair with an obstacle; without obstacles, the nearest of all pairs; or None."""
     names = {x.name for x in (job.scene or Scene()).obstacles}
     pairs = [x for x in clearance.pairs if {x.first, x.second} & names]
     return min(pairs or clearance.pairs, key=lambda x: x.high, default=None)
 
 
 def _over_time(job: Job, result: RunResult) -> Any:
-    """Figure of the smallest distances of each kind over time, planned and executed."""
+    """Figure with the smallest distance of each kind of pair over time, planned and executed."""
     figure = Figure()
     cell = job.cell
     t = np.linspace(0.0, result.trajectory.duration, TIMES)
@@ -109,7 +109,7 @@ def _over_time(job: Job, result: RunResult) -> Any:
 
 
 def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
-    """Figure of the arm, its tool and its cell in the posture of the smallest distance."""
+    """Figure of arm, tool and cell at the time of the smallest distance."""
     figure = Figure()
     chain, shapes = job.arm.chain, job.arm.shapes
     assert chain is not None
@@ -118,7 +118,7 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     path = seen_from_base(job.arm, outline_points(result.path))
     figure.add_trace(line_in_space(path, "path", PATH_COLOUR, width=6))
     drawn = [path]
-    # The base is one of the surroundings.
+    # The base is skipped, because `draw_surroundings` draws it.
     for shape in () if shapes is None else shapes.shapes:
         if shape.link == 0 and not shape.tool:
             continue

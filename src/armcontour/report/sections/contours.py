@@ -1,4 +1,4 @@
-"""The sections on the contours of a program: times and errors, and shaped paths."""
+"""Sections on the contours of a program (times and errors) and on shaped paths."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from armcontour.report.sections.corner_figures import alike
 from armcontour.report.style import few
 from armcontour.verification import ErrorProfile
 
-# Largest number of rows; of more contours, those with the largest errors are listed.
+# Maximum number of rows. If there are more contours, those with the largest errors are listed.
 MAX_ROWS = 200
-# Share of the assigned velocity from which the velocity counts as reached.
+# Share of the assigned velocity above which the velocity counts as reached.
 REACHED = 0.999
-# Shorter leads are rounding errors [m].
+# Length below which a lead is a rounding error [m].
 ROUNDING = 1e-9
-# A contour, its part of the plan and its error.
+# A contour, its span of the plan, and its contour error (None if not simulated).
 ContourJudgement = tuple[Contour, Span, ErrorProfile | None]
 COLUMNS = (
     Row("contour", None, "", "contour"),
@@ -44,7 +44,7 @@ COLUMNS = (
 
 
 def contours(study: JobResult) -> Section | None:
-    """A table of the contours of a program; None for a single path."""
+    """Section with a table of the contours of a program; None for a single path."""
     if next(iter(study.runs.values())).path.single_path is not None:
         return None
     return Section(
@@ -52,7 +52,8 @@ def contours(study: JobResult) -> Section | None:
         title="Contours",
         summary="length, time, speed and error of each contour",
         text=(
-            'Lengths, times and errors are those at work; "as assigned" is the share of the length '
+            "Lengths, times and errors are for the process on; "
+            '"as assigned" is the share of the length '
             "at the assigned velocity. Rapids between contours satisfy the joint limits, and "
             "rapid_speed and approach_speed of the process if specified."
         ),
@@ -61,7 +62,7 @@ def contours(study: JobResult) -> Section | None:
 
 
 def _table(name: str, result: RunResult) -> TextTable:
-    """A row per contour, or per contour with the largest errors."""
+    """Table with a row per contour; if there are too many, of those with the largest errors."""
     program, limit = result.path, result.run.limits.speed
     errors = () if result.evaluation is None else result.evaluation.contours
     spans, limit_speed = result.trajectory.contour_spans, np.inf if limit is None else limit
@@ -84,7 +85,7 @@ def _table(name: str, result: RunResult) -> TextTable:
 
 
 def _row(k: int, judged: ContourJudgement, limit_speed: float) -> list[Any]:
-    """The values of a contour, by `COLUMNS`."""
+    """Values of a contour in the order of `COLUMNS`."""
     contour, span, error = judged
     assert span.work is not None
     (start, end), pierce = contour.at_work, pierce_length(contour)
@@ -100,7 +101,10 @@ def _row(k: int, judged: ContourJudgement, limit_speed: float) -> list[Any]:
 
 
 def _assigned_share(contour: Contour, span: Span, limit_speed: float) -> float | None:
-    """Share of a contour's length, with the process on, at the assigned velocity."""
+    """Share of a contour's length, with the process on, at the assigned velocity; None without one.
+
+    Only the length that has an assigned velocity counts.
+    """
     assert span.trajectory is not None
     times = span.trajectory.breaks
     s, speeds = span.trajectory.s(times), span.trajectory.s(times, 1)
@@ -119,7 +123,7 @@ STARTS = (ARCS, PARABOLAS, STOPS)
 
 
 def shaping(study: JobResult) -> Section | None:
-    """Durations and distances of shaped paths; None without a shaped path."""
+    """Section with durations and deviations of shaped paths; None without a shaped path."""
     shaped = sorted(_shaped_contours(study), key=lambda x: -_saved(x[1]))
     if not shaped:
         return None
@@ -128,11 +132,11 @@ def shaping(study: JobResult) -> Section | None:
     return Section(
         key="shaping",
         title="Shaped path",
-        summary="least times of each start, and distances from the objective path",
+        summary="durations of each initial shape, and distances from the objective path",
         text=(
             "The shape of the path was optimized together with its timing. The tolerance is "
-            "two-sided: every point of the path is within the tolerance of its place on the "
-            "objective path, and every vertex within the tolerance of the path."
+            "two-sided: every point of the path is within the tolerance of the corresponding point "
+            "of the objective path, and every vertex is within the tolerance of the path."
         ),
         parts=(_shaping_table(shaped),),
         notes=tuple(notes),
@@ -140,12 +144,12 @@ def shaping(study: JobResult) -> Section | None:
 
 
 def _saved(path: ShapedPath) -> float:
-    """Time that a shape saves [s]."""
+    """Time that the optimized shape saves compared with its initial shape [s]."""
     return path.outcome.durations[path.outcome.start] - path.outcome.durations[SHAPED]
 
 
 def _shaped_contours(study: JobResult) -> list[tuple[str, ShapedPath]]:
-    """Names and paths of the shaped contours of all runs; runs with the same shape share one."""
+    """Labels and paths of the shaped contours of all runs; equal paths are listed once."""
     shaped: list[tuple[str, ShapedPath]] = []
     differ = len({x.run.rounding for x in study.runs.values()}) > 1
     for name, result in study.runs.items():
@@ -162,7 +166,7 @@ def _shaped_contours(study: JobResult) -> list[tuple[str, ShapedPath]]:
 
 
 def _shaping_table(shaped: list[tuple[str, ShapedPath]]) -> TextTable:
-    """A row per shaped contour."""
+    """Table with a row per shaped contour."""
     columns = (
         Row("contour", None, "", "contour"),
         *(Row(x, None, "s", x) for x in (*STARTS, SHAPED)),

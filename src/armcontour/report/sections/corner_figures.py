@@ -1,4 +1,4 @@
-"""Figures of enlarged corners, in space in the plane of the corner's two lines."""
+"""Figures of enlarged corners; a corner in space is drawn in the plane of its two lines."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from armcontour.report.style import (
 )
 from armcontour.verification import Evaluation
 
-# Half width of an enlarged corner, in corner errors.
+# Half width of the picture of a corner, as a factor of the corner error.
 ZOOM = 4.0
-# Largest number of enlarged corners.
+# Maximum number of enlarged corners.
 MAX_CORNERS = 4
-# Pictures in a row, the height of a figure with one row, and of every other row [px].
+# Number of pictures in a row, height of a figure with one row, and height of each further row [px].
 COLUMNS = 2
 HEIGHT, MORE_HEIGHT = 350, 250
-# Number of drawn points per executed sample.
+# Number of drawn points per executed sample, and approximate maximum per execution and corner.
 FINER = 6
 MAX_POINTS = 800
-# Number of points of a drawn path.
+# Number of evenly spaced points of a drawn path.
 PLACES = 200
 IN_PLANE = np.eye(2)
 Replaced = RoundedPath | ShapedPath
@@ -46,11 +46,11 @@ DASHES = ("dash", "dot", "dashdot", "longdash")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Corner:
-    """An enlarged corner."""
+    """A corner that is drawn enlarged."""
 
-    # Index among the vertices of the objective path, from 0
+    # Index of the vertex of the objective path, from 0
     vertex: int
-    # [m], (dimension,)
+    # Position of the vertex [m], (dimension,)
     point: FloatArray
     # Half width of the picture [m]
     half: float
@@ -58,7 +58,7 @@ class Corner:
 
 
 def corners(study: JobResult) -> list[Any]:
-    """A figure of enlarged corners; none if no run has rounded or shaped corners."""
+    """List with the figure of enlarged corners; empty if no run has rounded or shaped corners."""
     paths = _replaced_paths(study)
     if not paths:
         return []
@@ -85,7 +85,7 @@ def corners(study: JobResult) -> list[Any]:
 def find_corners(path: Replaced) -> list[Corner]:
     """The corners of a rounded or shaped path in path order."""
     if isinstance(path, ShapedPath):
-        # The first vertex has no turn.
+        # `turns` begins with the second vertex.
         turns = np.append(0.0, path.objective.turns)
         turned = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns < np.pi - TANGENT_TOLERANCE))
         return [
@@ -112,7 +112,7 @@ def find_corners(path: Replaced) -> list[Corner]:
 
 
 def _title(study: JobResult, shown: int, count: int) -> str:
-    """Title of the figure with the numbers of its corners."""
+    """Title of the figure: contour, and the number of shown corners if some are omitted."""
     has_contours = len(study.job.program.contours) > 1
     title = "Corners enlarged" + (f", contour {_shown(study) + 1}" if has_contours else "")
     return title + (f": the first {shown} of {count}" if count > shown else "")
@@ -144,7 +144,7 @@ def tools_of(study: JobResult) -> list[Tool]:
 
 
 def _replaced_paths(study: JobResult) -> dict[str, Replaced]:
-    """The different rounded or shaped paths of the drawn contour, by name."""
+    """Rounded or shaped paths of the drawn contour by name; equal paths of runs occur once."""
     index, paths = _shown(study), dict[str, Replaced]()
     for name, result in study.runs.items():
         path = result.path.contours[index].path
@@ -155,12 +155,12 @@ def _replaced_paths(study: JobResult) -> dict[str, Replaced]:
 
 
 def _kind(path: Path) -> str:
-    """Kind of a path in titles."""
+    """Name of the kind of a path."""
     return "shaped" if isinstance(path, ShapedPath) else "rounded"
 
 
 def _shown(study: JobResult) -> int:
-    """Index of the drawn contour: the first with rounded or shaped corners."""
+    """Index of the drawn contour: the first contour with rounded or shaped corners, or 0."""
     program = next(iter(study.runs.values())).path
     for i, contour in enumerate(program.contours):
         if isinstance(contour.path, Replaced) and find_corners(contour.path):
@@ -178,7 +178,7 @@ def alike(first: Path, second: Path) -> bool:
 def _corner(
     figure: Any, tools: Sequence[Tool], paths: Mapping[str, Replaced], corner: Corner, k: int
 ) -> None:
-    """Draw a corner of all paths and executions in picture k of the figure, from 0."""
+    """Draw all paths and executions near a corner in picture k of the figure, from 0."""
     row, column = divmod(k, COLUMNS)
     path, place = next(iter(paths.values())), {"row": row + 1, "col": column + 1}
     point, half = corner.point, corner.half
@@ -217,7 +217,10 @@ def _corner(
 
 
 def _view(path: Path, vertex: int) -> FloatArray:
-    """Axes of an enlarged corner, (2, dimension): in space the tangent before, and the normal."""
+    """Axes of the picture of a corner, (2, dimension).
+
+    In space, they are the tangent before the corner and the normal in the plane of the corner.
+    """
     if path.dimension == 2:
         return IN_PLANE
     before, after = path(path.breaks[vertex], 1, side="left"), path.tangents[vertex]
@@ -226,14 +229,14 @@ def _view(path: Path, vertex: int) -> FloatArray:
 
 
 def _between(path: Path, start: float, end: float) -> FloatArray:
-    """Points of a path between two arc lengths [m], with its vertices."""
+    """Points of a path between two arc lengths, including its vertices [m], (n, dimension)."""
     low, high = max(start, 0.0), min(end, path.length)
     vertices = path.breaks[(path.breaks > low) & (path.breaks < high)]
     return path(np.union1d(np.linspace(low, high, PLACES), vertices))
 
 
 def _near(done: Execution, corner: FloatArray, distance: float) -> FloatArray:
-    """Tool positions near a corner, interpolated between executed samples; gaps (NaN) elsewhere."""
+    """Executed tool positions near a corner, interpolated [m], (n, dimension), with NaN as gaps."""
     from scipy.interpolate import CubicHermiteSpline
 
     near = np.flatnonzero(np.all(np.abs(done.tool - corner) < distance, axis=1)[:-1])

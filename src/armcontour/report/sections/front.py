@@ -1,4 +1,4 @@
-"""The first screen of runs: drawing, verdict, important figures and sentences."""
+"""First screen of a study: drawing, verdict, important figures and sentences."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
 from armcontour.report.style import few
 
-# Figures in large print; the first three known ones are shown.
+# Names of figures for tiles; the first three known figures are shown.
 TILES = ("duration", "off_drawing", "time_limit", "speed")
-# Columns of the table of several runs, and figures in them.
+# Columns of the table of several runs, and the names of the figures in them.
 COLUMNS = {
     "verdict": "kept",
     "motion": "duration",
     "off the drawing": "off_drawing",
     "time limited by": "time_limit",
 }
-ON_BODIES = "experiment."
-# Number of time shares on the first screen, and limits that a reserve reduces.
+# Prefix of the names of figures from an experiment.
+EXPERIMENT_PREFIX = "experiment."
+# Maximum number of time shares on the first screen, and names of the limits that a reserve reduces.
 MAX_SHARES = 4
 RESERVED_NAMES = (NAMES["joint_acceleration"], NAMES["joint_torque"])
 
 
 def front(study: JobResult) -> Front:
-    """The first screen of a study, with the drawing of one run."""
+    """First screen of a study, with the drawing of one run."""
     name = _shown(study)
     data, result = study.figures[name], study.runs[name]
     alone = len(study.runs) == 1
@@ -45,13 +46,16 @@ def front(study: JobResult) -> Front:
 
 
 def _large(data: Data) -> list[Row]:
-    """The figures in large print."""
-    rows = {x.name.removeprefix(ON_BODIES): x for x in data.shown()}
+    """Rows of the figures that are shown as tiles."""
+    rows = {x.name.removeprefix(EXPERIMENT_PREFIX): x for x in data.shown()}
     return [rows[x] for x in TILES if x in rows][:3]
 
 
 def _shown(study: JobResult) -> str:
-    """The drawn run: the fastest one within its accuracy, or the fastest explained one."""
+    """Name of the drawn run: the fastest run that keeps its accuracy, if any.
+
+    Otherwise the fastest run with an explanation, or the fastest of all runs.
+    """
     runs = study.runs
     accurate = [x for x in runs if runs[x].kept]
     candidates = accurate or [x for x in runs if runs[x].explanation is not None] or list(runs)
@@ -59,29 +63,29 @@ def _shown(study: JobResult) -> str:
 
 
 def _verdict(study: JobResult, data: Data) -> str:
-    """The deviation from the drawing, compared to the accuracy."""
+    """Sentence on the deviation from the drawing, compared with the required accuracy."""
     if not study.simulated:
-        return "Plan only: no servo was simulated, so that there are no errors."
+        return "This report has no errors, because only the plan was computed."
     rows = {x.name: x for x in data.shown()}
     deviation, verdict = rows["off_drawing"], rows.get("kept")
     words = f"{figure(deviation)} {deviation.label}"
     if verdict is None:
-        return f"{words}: the job states no accuracy and no corner tolerance."
+        return f"{words}; the job specifies no accuracy and no corner tolerance."
     note = verdict.note or deviation.note
     return f"{capitalise(figure(verdict))}: {words}" + f" ({note})" * bool(note) + "."
 
 
 def _compared(study: JobResult) -> TextTable:
-    """A row per run."""
+    """Table with a row per run."""
     rows = []
     for name, data in study.figures.items():
-        texts = {x.name.removeprefix(ON_BODIES): figure(x) for x in data.shown()}
+        texts = {x.name.removeprefix(EXPERIMENT_PREFIX): figure(x) for x in data.shown()}
         rows.append((name, *(texts.get(x, "-") for x in COLUMNS.values())))
     return TextTable(header=("run", *COLUMNS), rows=tuple(rows))
 
 
 def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]:
-    """Reasons of the duration, advice, weakest point, and assumptions."""
+    """Yield headings and sentences: active limits, advice, weakest point and assumptions."""
     explanation = result.explanation
     yield from time_sentences(result)
     if result.advice is not None:
@@ -98,7 +102,7 @@ def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]
     elif explanation is not None and study.simulated:
         yield (
             "What to change",
-            "The command run plans changes of a job of this size with --changes.",
+            "For a job of this size, proposals are computed only by armcontour run --changes.",
         )
     warnings = warnings_of([result])
     if warnings:
@@ -108,7 +112,7 @@ def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]
 
 
 def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
-    """The largest shares of the time, then the slowest place."""
+    """Yield a heading and the text on the largest time shares of limits and the slowest point."""
     explanation, reserve = result.explanation, result.run.timing.reserve
     if explanation is None:
         return
@@ -116,29 +120,29 @@ def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
     words = ", ".join(f"{x.name} {number(x.of_time, '1')}" for x in largest)
     text = f"{capitalise(words)} of the time."
     if reserve and any(x.kind in RESERVED_NAMES for x in largest):
-        text += f" Joints are planned for {number(1 - reserve, '1')} of their accelerations."
+        text += f" The plan uses at most {number(1 - reserve, '1')} of the joint accelerations."
     slowest = min(explanation.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
     if slowest is not None:
-        text += f" Slowest place: {slowest.sentence}."
+        text += f" Slowest point: {slowest.sentence}."
     if largest:
         yield "Why it takes this long", text
 
 
 def _assumed(study: JobResult) -> str:
-    """Assumptions of the figures."""
+    """Sentence on the assumptions on which the figures are based."""
     if not study.simulated:
         return "Joints follow the plan exactly."
     servo = study.job.plant_servo
     if servo.order == "unknown":
-        return "Errors are those of the executed tool against its path."
+        return "Errors are deviations of the executed tool position from the path."
     return (
-        f"Simulated servos of {servo} and their acceleration limits. Errors are larger on a robot "
-        "with other gains."
+        f"The servos are simulated with {servo} and with their acceleration limits. Errors are "
+        "larger on a robot with other gains."
     )
 
 
 def all_figures(study: JobResult) -> Section:
-    """All figures of all runs side by side."""
+    """Section with all figures of all runs side by side."""
     table = side_by_side(study.figures)
     return Section(
         key="figures",
@@ -149,7 +153,10 @@ def all_figures(study: JobResult) -> Section:
 
 
 def notes(study: JobResult, warnings: Sequence[str] = ()) -> Section | None:
-    """Warnings, notes and assumptions; `warnings` of a certificate replace those of the runs."""
+    """Section with warnings, notes and assumptions; None if there are none.
+
+    `warnings` of a certificate replace those of the runs.
+    """
     runs = study.runs.values()
     uses_masses = any(
         x.run.experiment is not None or x.run.limits.joint_torque is not None for x in runs

@@ -1,4 +1,4 @@
-"""The section on joints of an arm in space: use of limits; position, velocity, acceleration."""
+"""Section on joints: position, velocity and acceleration over time, and use of limits."""
 
 from __future__ import annotations
 
@@ -26,41 +26,42 @@ from armcontour.robot import Limits
 from armcontour.robot.limit_use import Use, use_of
 
 QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
-# Height of the three plots of a joint [px].
+# Height of the row of plots of a joint [px].
 HEIGHT = 58
-# Points of a curve; a report has many such small figures.
+# Maximum number of points of a curve; it is small because a report has many such plots.
 MAX_POINTS = 400
-# Digits after the decimal point of values in tables, so that numerical noise is 0.
+# Number of decimals of values in tables, so that numerical noise is shown as 0.
 ROUNDED = 6
-# Range of motion [rad], or share of a limit, below which a joint is at rest.
+# Range of values, in the unit of the plot or as a share of the limit, below which a curve is noise.
 AT_REST = 1e-4
-# Relative difference of demand and acceleration above which a joint is shown as saturated.
+# Relative difference of demand and acceleration above which a joint counts as saturated.
 SATURATED = 1e-3
-# Use of a limit from which it is drawn; otherwise it would flatten the curve.
+# Share of a limit above which the limit is drawn; a limit far away would flatten the curve.
 WORTH_SHOWING = 0.3
-# Percentile of an experiment's values that sets the scale, so that spikes do not.
+# Percentile of the values of an experiment that determines the scale, so that spikes are ignored.
 USUAL = 99.5
 
 
 def joints(study: JobResult) -> Section:
-    """Joint motion of every run, with ranges and limits."""
-    executed = ", executed and, with an experiment, on the arm's rigid bodies"
+    """Section with the joint motion of every run, with ranges and limits."""
+    executed = ", executed and, with an experiment, simulated with rigid bodies"
     executed = executed if study.simulated else ""
     return Section(
         key="joints",
         title="Joints",
         summary="position, velocity and acceleration with their limits",
         text=(
-            f"Planned{executed}. Black lines are limits; a limit of which less than a third is "
-            "used is in the table only. Shaded: the joint is saturated, so that its acceleration "
-            "differs from the demand of its servo by more than a thousandth."
+            f"Planned{executed}. Black lines are limits; a limit of which less than "
+            f"{WORTH_SHOWING:.0%} is used is listed only in the table. In shaded intervals, the "
+            "joint is saturated: its acceleration differs from the demand of its servo by more "
+            "than 0.1 %."
         ),
         choices=tuple((k, (draw_joints(k, x), _table(x))) for k, x in study.runs.items()),
     )
 
 
 def draw_joints(name: str, result: RunResult) -> Any:
-    """Figure of position, velocity and acceleration of every joint of a run."""
+    """Figure with position, velocity and acceleration of every joint of a run."""
     names = result.arm.joint_names
     n = len(names)
     figure = make_subplots(
@@ -87,7 +88,7 @@ def draw_joints(name: str, result: RunResult) -> Any:
         motion = result.motion
         for span in find_saturation(motion.t, motion.demand[:, j], motion.ddq[:, j]):
             figure.add_vspan(span, SATURATION_COLOUR, row=j + 1, col=3)
-        # Names are in the table, because they are longer than the height of a plot.
+        # The axis shows the joint number, because joint names are longer than the plot is high.
         title = {"text": f"joint {j + 1}", "font": {"size": 11}}
         figure.update_yaxes(title=title, row=j + 1, col=1)
     for column in range(3):
@@ -102,7 +103,7 @@ def draw_joints(name: str, result: RunResult) -> Any:
 def _curves(
     result: RunResult, order: int
 ) -> dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]]:
-    """Times, values and line options of one quantity, by the names of the curves."""
+    """Times, values and line options of the curves of a derivative (`order`), by name."""
     t = np.linspace(0, result.trajectory.duration, 4 * MAX_POINTS)
     curves: dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]] = {}
     if result.experiment is not None:
@@ -121,7 +122,7 @@ def _curves(
 
 
 def _bounds(result: RunResult, dof: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Lower and upper bound of every joint's position, velocity and acceleration."""
+    """Lower and upper bounds of position, velocity and acceleration, (dof,) each."""
     limits = result.run.limits
     return [limits.joint_range(dof), limits.velocity_bounds(dof), limits.acceleration_bounds(dof)]
 
@@ -129,7 +130,7 @@ def _bounds(result: RunResult, dof: int) -> list[tuple[FloatArray, FloatArray]]:
 def _range(
     curves: list[tuple[str, FloatArray]], low: float, high: float, order: int
 ) -> list[float]:
-    """Range of an axis: curves without the spikes of an experiment, and limits nearby."""
+    """Range of an axis that shows the curves without spikes of an experiment, and near limits."""
     ends: list[float] = []
     for name, values in curves:
         if name == "experiment":
@@ -137,7 +138,7 @@ def _range(
         else:
             ends += [float(values.min()), float(values.max())]
     bottom, top = min(ends), max(ends)
-    # The noise of a joint at rest is not enlarged.
+    # The range has a minimum size, so that the noise of a joint at rest is not enlarged.
     noise = max(AT_REST, AT_REST * high) if np.isfinite(high) else AT_REST
     edge = 0.12 * (top - bottom) if top - bottom > noise else 0.01
     bottom, top = bottom - edge, top + edge
@@ -150,7 +151,7 @@ def _range(
 def find_saturation(
     t: Any, commanded_acceleration: Any, acceleration: Any
 ) -> list[tuple[float, float]]:
-    """Times in which a joint does not reach its commanded acceleration; close ones are joined."""
+    """Intervals [s] in which a joint does not reach its demand; close intervals are joined."""
     over = np.abs(commanded_acceleration - acceleration) > SATURATED * np.abs(acceleration)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(int), [0]])))
     joined: list[tuple[float, float]] = []
@@ -164,7 +165,7 @@ def find_saturation(
 
 
 def _table(result: RunResult) -> TextTable:
-    """Used range and largest values of every joint, and their limits."""
+    """Table with the range and the largest values of every joint, and the used limits."""
     done, arm, limits = result.motion, result.arm, result.run.limits
     plan = result.torques
     amounts = [
@@ -192,7 +193,7 @@ def _table(result: RunResult) -> TextTable:
 
 
 def _worst(name: str, limits: Limits, values: FloatArray) -> Use:
-    """The largest use of a limit by each joint, or the largest value without a limit."""
+    """Largest use of a limit by each joint; for a joint without the limit, the largest value."""
     use = use_of(name, limits, values)
     rows = np.where(np.isinf(use.limit), use.value, use.ratio).argmax(axis=0)
     return use_of(name, limits, values[rows, np.arange(values.shape[1])])

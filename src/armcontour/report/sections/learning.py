@@ -1,4 +1,4 @@
-"""The section on learning: errors of tool and joints from run to run."""
+"""Report of learning: errors of tool and joints from run to run."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 # Height of the figures [px].
 HEIGHT = 360
-# Smallest error on a logarithmic axis [mm].
+# Minimum error on a logarithmic axis [mm]; smaller errors are drawn at this value.
 SMALLEST_ERROR = 1e-6
-# Marks distinguish joints with the same colour.
+# Marker symbols, which distinguish joints with the same colour.
 MARKS = ("circle", "square", "diamond", "triangle-up", "cross", "x", "star", "pentagon")
 
 
 def learned(study: LearningStudy) -> Front:
-    """The first screen: the error from run to run, and the next step."""
+    """First screen: the verdict with the next step, and the error from run to run."""
     data = study.result
     return Front(
         verdict=study.notes[0],
@@ -47,8 +47,8 @@ def learned(study: LearningStudy) -> Front:
 
 
 def learning(study: LearningStudy) -> Section:
-    """The joints' parts of the error, contour error over time, and a table of the runs."""
-    figures = [_of_joints(study), *([_over_time(study)] if study.has_path else [])]
+    """Section with the errors of the joints, the contour error over time, and a table of runs."""
+    figures = [_joints_over_runs(study), *([_over_time(study)] if study.has_path else [])]
     return Section(
         key="learning",
         title="Runs",
@@ -59,17 +59,17 @@ def learning(study: LearningStudy) -> Section:
 
 
 def _introduction(study: LearningStudy) -> str:
-    """Definition of the errors of this section."""
+    """Text that defines the errors in the figures."""
     error = "contour error" if study.has_path else "distance of the tool from its planned position"
     return (
-        f"The {error} that the robot's logs show, from run to run, without measurement noise. Each "
-        "run executes the set-points learned from the previous runs. Deviations that the encoders "
-        "do not measure, such as those of bending links, are not included."
+        f"The error is the {error} according to the logs of the robot, without measurement noise. "
+        "Each run executes the set-points learned from the previous runs. The error does not "
+        "include deviations that the encoders do not measure, such as bending of links."
     )
 
 
 def _over_runs(study: LearningStudy) -> Any:
-    """Figure of RMS and largest error over runs, with predictions and noise."""
+    """Figure with RMS and largest error against the run number, with predictions and noise."""
     lesson, count = study.lesson, len(study.lesson.runs)
     errors = np.array([study.errors(k) for k in range(count)])
     numbers = range(1, count + 1)
@@ -83,30 +83,32 @@ def _over_runs(study: LearningStudy) -> Any:
     run_numbers, predicted = zip(*predictions, strict=True) if predictions else ((), ())
     name, last = "RMS that was predicted", count if lesson.finished else count + 1
     drawn = Figure(
-        _marked(numbers, errors[:, 1], "largest", PLANNED_COLOUR, "diamond"),
-        _marked(numbers, errors[:, 0], "RMS", EXECUTED_COLOUR, "circle"),
-        _marked(run_numbers, predicted, name, LIMIT_COLOUR, "circle-open", mode="markers"),
+        _error_trace(numbers, errors[:, 1], "largest", PLANNED_COLOUR, "diamond"),
+        _error_trace(numbers, errors[:, 0], "RMS", EXECUTED_COLOUR, "circle"),
+        _error_trace(run_numbers, predicted, name, LIMIT_COLOUR, "circle-open", mode="markers"),
     )
     if lesson.noise > 0:
         level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))
         drawn.add_trace(line([1, last], level, "does not repeat", PATH_COLOUR, dash="dash"))
-    return _over_numbers(drawn, last, "error of the tool [mm]", "Error of the tool from run to run")
+    return _lay_out_over_runs(
+        drawn, last, "error of the tool [mm]", "Error of the tool from run to run"
+    )
 
 
-def _of_joints(study: LearningStudy) -> Any:
-    """Figure of the RMS error of every joint over runs."""
+def _joints_over_runs(study: LearningStudy) -> Any:
+    """Figure with the RMS error of every joint against the run number."""
     runs, drawn = study.lesson.runs, Figure()
     for j, name in enumerate(study.job.arm.joint_names):
         colour, mark = RUN_COLOURS[j % len(RUN_COLOURS)], MARKS[j % len(MARKS)]
         values = [x.joint_rms[j] for x in runs]
-        drawn.add_trace(_marked(range(1, len(runs) + 1), values, name, colour, mark))
-    return _over_numbers(drawn, len(runs), "RMS error [mrad]", "The joints' parts", 3)
+        drawn.add_trace(_error_trace(range(1, len(runs) + 1), values, name, colour, mark))
+    return _lay_out_over_runs(drawn, len(runs), "RMS error [mrad]", "The joints' parts", 3)
 
 
-def _marked(
+def _error_trace(
     x: Sequence[int], y: Any, name: str, colour: str, symbol: str, mode: str = "lines+markers"
 ) -> Any:
-    """Trace of errors [m, rad] over the numbers of runs, drawn in mm or mrad."""
+    """Trace of errors [m or rad] against the run number, plotted in mm or mrad."""
     return make_trace(
         "scatter",
         x=list(x),
@@ -118,15 +120,15 @@ def _marked(
     )
 
 
-def _over_numbers(drawn: Figure, last: int, unit: str, title: str, span: int = WHOLE) -> Any:
-    """The layout of a figure over numbers of runs."""
+def _lay_out_over_runs(drawn: Figure, last: int, unit: str, title: str, span: int = WHOLE) -> Any:
+    """Set the layout of a figure whose horizontal axis is the run number."""
     drawn.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
     drawn.update_yaxes(title=unit, type="log")
     return finish(drawn, title=title, height=HEIGHT, span=span)
 
 
 def _over_time(study: LearningStudy) -> Any:
-    """Figure of the contour error over time in the first run and in the best."""
+    """Figure with the contour error over time in the first and in the best run."""
     drawn = Figure()
     best = study.lesson.best
     shown = {0: PLANNED_COLOUR, best: EXECUTED_COLOUR} if best else {0: PLANNED_COLOUR}

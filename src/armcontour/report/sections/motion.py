@@ -1,4 +1,4 @@
-"""The section on the motion over time: tool speed, active limits, contour error, time stamps."""
+"""Sections on the motion over time (tool speed, active limits, error) and on switching points."""
 
 from __future__ import annotations
 
@@ -31,19 +31,20 @@ from armcontour.report.style import (
     thin,
 )
 
-# Smallest error on the logarithmic axis [mm].
+# Minimum error on the logarithmic axis [mm]; smaller errors are drawn at this value.
 SMALLEST_ERROR = 1e-6
-# Share of the fastest rapid's speed below which the axis is scaled to contours.
+# If the largest speed on contours is below this share of the largest speed (of a rapid), the speed
+# axis is scaled to the contours.
 SQUEEZED = 0.5
-# Largest number of visible bars of a plan.
+# Maximum number of bars of a plan.
 MAX_BARS = 1200
-# Number of points of assigned velocities.
-PLACES = 4000
-# Largest number of listed places below the assigned velocity per plan.
+# Number of points of the curve of assigned velocities.
+ASSIGNED_POINTS = 4000
+# Maximum number of listed points below the assigned velocity per plan.
 MAX_PLACES = 50
-# Heights of plots, of the bars of a plan, and of everything else in a figure [px].
-HEIGHT, BARS, AROUND = 150, 28, 125
-# Start and end of a part of a plan [s], the kind of its active limit, and the limit's name.
+# Height of a plot, of the bars of a plan, and of the other parts of a figure [px].
+HEIGHT, BARS, OTHER_HEIGHT = 150, 28, 125
+# Start and end of a part of a plan [s], and kind and name of its active limit.
 Bar = tuple[float, float, str, str]
 
 
@@ -52,21 +53,21 @@ class Panel:
     """One plot of a figure over time."""
 
     traces: list[Any]
-    # Vertical axis
+    # Options of the vertical axis
     axis: dict[str, Any]
-    # [px]
+    # Height [px]
     height: int = HEIGHT
 
 
 def over_time(study: JobResult) -> Section:
-    """Tool speed, active limits, and contour error over time."""
+    """Section with tool speed, active limits and contour error over time."""
     text, marked = "", marked_run(study)
     if _is_squeezed(study):
-        text += "Rapids are cut off at the top; a double click shows all of them. "
+        text += "Speeds of rapids are cut off at the top; double-click the plot to show them. "
     if marked is not None:
-        text += f"Dotted lines are the switching points of the run {marked.run.name}. "
+        text += f"Dotted lines mark the switching points of the run {marked.run.name}. "
     if any(x.experiment is not None for x in study.runs.values()):
-        text += "Dotted curves are experiments on the arm's rigid bodies. "
+        text += "Dotted curves are experiments: simulations with rigid bodies. "
     tables, places = [], []
     for name, result in _plans(study).items():
         explanation, run = result.explanation, f"{name}: " if len(study.runs) > 1 else ""
@@ -75,7 +76,7 @@ def over_time(study: JobResult) -> Section:
         worst = sorted(explanation.shortfalls, key=lambda x: x.speed / x.assigned)[:MAX_PLACES]
         places += [(f"{run}{x.sentence} ({x.kind})",) for x in worst]
     if places:
-        header = (f"{len(places)} slowest places below the assigned velocity",)
+        header = (f"{len(places)} slowest points below the assigned velocity",)
         tables.append(TextTable(header=header, rows=tuple(places)))
     return Section(
         key="time",
@@ -88,7 +89,7 @@ def over_time(study: JobResult) -> Section:
 
 
 def draw_over_time(study: JobResult, *made: Any) -> Any:
-    """A figure of those panels over time that a study has."""
+    """Figure with plots over time; `made`: functions that return the panel of a study or None."""
     panels = [x for x in (make(study) for make in made) if x is not None]
     height = sum(x.height for x in panels)
     figure = make_subplots(
@@ -101,7 +102,7 @@ def draw_over_time(study: JobResult, *made: Any) -> Any:
     shown: set[str] = set()
     for row, panel in enumerate(panels, start=1):
         for trace in panel.traces:
-            # One entry of the legend for all bars of a limit and all curves of a name.
+            # All bars of a kind of limit and all curves of a name share one entry of the legend.
             group = trace.legendgroup or trace.name
             trace.merge({"legendgroup": group, "showlegend": trace.name not in shown})
             shown.add(trace.name)
@@ -112,11 +113,11 @@ def draw_over_time(study: JobResult, *made: Any) -> Any:
         switching_labels(figure, marked.trajectory.switching_points)
     figure.update_layout(barmode="overlay", bargap=0.1)
     figure.update_xaxes(len(panels), 1, title="time [s]")
-    return finish(figure, title="Motion over time", height=height + AROUND)
+    return finish(figure, title="Motion over time", height=height + OTHER_HEIGHT)
 
 
 def speed(study: JobResult) -> Panel:
-    """Executed or planned tool speed of every run, with the assigned velocity."""
+    """Panel with the executed or planned tool speed of every run and the assigned velocity."""
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     traces = []
     for name, result in study.runs.items():
@@ -130,7 +131,7 @@ def speed(study: JobResult) -> Panel:
 
 
 def limits(study: JobResult) -> Panel | None:
-    """Bars of the active limits of every plan; None without an explanation."""
+    """Panel with bars of the active limits of every plan; None if no plan has an explanation."""
     bars: defaultdict[str, list[tuple[Bar, str]]] = defaultdict(list)
     plans = _plans(study)
     for name, result in plans.items():
@@ -144,7 +145,7 @@ def limits(study: JobResult) -> Panel | None:
 
 
 def _bars(kind: str, bars: list[tuple[Bar, str]]) -> Any:
-    """Bars of the intervals in which limits of one kind are active."""
+    """Trace with the intervals in which limits of one kind are active."""
     return make_trace(
         "bar",
         name=word_of(kind),
@@ -152,7 +153,7 @@ def _bars(kind: str, bars: list[tuple[Bar, str]]) -> Any:
         y=[y for _, y in bars],
         base=[x[0] for x, _ in bars],
         x=[x[1] - x[0] for x, _ in bars],
-        # Edges would cover thin bars, also of few.
+        # Bars have no edges, because edges would cover thin bars.
         marker={"color": LIMITS.get(kind, LIMITS["other"])["light"], "line": {"width": 0}},
         customdata=[[x[0], x[1], x[3]] for x, _ in bars],
         hovertemplate=(
@@ -162,10 +163,10 @@ def _bars(kind: str, bars: list[tuple[Bar, str]]) -> Any:
 
 
 def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
-    """Intervals of time with their active limits, in order.
+    """Time intervals with their active limits, in order; adjacent intervals of a limit are joined.
 
-    Of too many intervals, each of equal parts has the limit of its longest interval. Neighbouring
-    intervals with one limit are joined.
+    If there are more than MAX_BARS intervals, the motion is divided into equal parts, and each part
+    has the limit of its longest interval.
     """
     bars = [(*x.t, kind_of(x.limit), x.name) for x in bindings]
     ends = np.array([x[:2] for x in bars])
@@ -174,7 +175,7 @@ def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
         order = np.lexsort((ends[:, 0] - ends[:, 1], cell))
         chosen = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
         bars = [bars[k] for k in chosen.tolist()]
-        # Every bar ends where the next bar starts.
+        # The bars are extended, so that each bar ends where the next bar starts.
         starts = [*ends[chosen, 0], ends[-1, 1]]
         starts[0] = ends[0, 0]
         bars = [(a, b, *x[2:]) for x, a, b in zip(bars, starts, starts[1:], strict=False)]
@@ -188,7 +189,7 @@ def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
 
 
 def error(study: JobResult) -> Panel | None:
-    """The contour error of every run, and its limit; None if nothing was simulated."""
+    """Panel with the contour error of every run and its tolerance; None without a simulation."""
     if not study.simulated:
         return None
     colours, traces, allowed = run_colours(study.runs), [], set()
@@ -214,7 +215,7 @@ def error(study: JobResult) -> Panel | None:
 
 
 def _plans(study: JobResult) -> dict[str, RunResult]:
-    """Every explained plan once, by the names of its runs."""
+    """One run for each different explained plan, by the names of all runs that share the plan."""
     names_of_plan: dict[int, list[str]] = {}
     for name, result in study.runs.items():
         if result.explanation is not None:
@@ -223,20 +224,20 @@ def _plans(study: JobResult) -> dict[str, RunResult]:
 
 
 def _is_squeezed(study: JobResult) -> bool:
-    """True if contours are much slower than rapids."""
+    """True if contours are much slower than rapids, so that the axis is scaled to contours."""
     fastest = max(float(x.motion.tool_speed.max()) for x in study.runs.values())
     return _largest_on_contours(study) < SQUEEZED * fastest
 
 
 def _largest_on_contours(study: JobResult) -> float:
-    """The largest planned tool speed along contours [m/s]; infinite without paths."""
+    """Largest planned tool speed along contours [m/s]; infinite if no contour has a path."""
     motions = [y.trajectory for x in study.runs.values() for y in x.trajectory.contour_spans]
     speeds = [x.s(x.breaks, 1).max() for x in motions if x is not None and x.path is not None]
     return float(max(speeds, default=np.inf))
 
 
 def _assigned(study: JobResult) -> Iterator[Any]:
-    """Curves of assigned velocities; runs with the same constant velocity share one."""
+    """Yield curves of assigned velocities; runs with the same constant velocity share a curve."""
     steps: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name, result in study.runs.items():
         t, value = _assigned_speeds(result)
@@ -254,12 +255,12 @@ def _assigned(study: JobResult) -> Iterator[Any]:
 
 
 def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
-    """Times and assigned velocities; NaN after each contour and without an assigned one."""
+    """Times [s] and assigned velocities [m/s], (n,) each; NaN between contours or if unassigned."""
     limit = np.inf if result.run.limits.speed is None else result.run.limits.speed
     parts, count = [np.empty((0, 2))], len(result.path.contours)
     for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
         if span.trajectory is not None:
-            times = np.linspace(*span.t, 2 + PLACES // count)
+            times = np.linspace(*span.t, 2 + ASSIGNED_POINTS // count)
             s = span.trajectory.s(times - span.t[0])
             value = np.fmin(contour.path.speeds[contour.path.locate(s)], limit)
             parts += [np.column_stack([times, value]), np.full((1, 2), np.nan)]
@@ -268,23 +269,23 @@ def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
 
 
 def marked_run(study: JobResult) -> RunResult | None:
-    """The run whose switching points are drawn: the last one with any."""
+    """Run whose switching points are drawn: the last run that has some; None if there is none."""
     switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
     return switched[-1] if switched else None
 
 
 def time_stamps(study: JobResult) -> Section | None:
-    """Switching points with time, position, rule and joint demand."""
+    """Section with time, arc length, rule and demand of switching points; None without any."""
     runs = {name: x for name, x in study.runs.items() if x.trajectory.stretches}
     if not runs:
         return None
     return Section(
         key="time-stamps",
         title="Switching points",
-        summary="where one rule hands over to the next",
+        summary="points at which the rule that determines the speed changes",
         text=(
-            "MAC, maximum joint acceleration; AVC, assigned velocity; MDC, maximum deceleration; "
-            "corner, one speed on an arc."
+            "MAC: maximum joint acceleration; AVC: assigned velocity; MDC: maximum deceleration; "
+            "corner: constant speed on an arc."
         ),
         choices=tuple((name, (_stamps(name, x),)) for name, x in runs.items()),
     )

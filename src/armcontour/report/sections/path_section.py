@@ -1,4 +1,4 @@
-"""The section on the tool path: executed path, enlarged corners, and animated arm."""
+"""Section on the tool path: executed path, enlarged corners, and animated arm."""
 
 from __future__ import annotations
 
@@ -23,41 +23,42 @@ from armcontour.report.sections.corner_figures import Tool, corners, tools_of
 from armcontour.report.sections.motion import marked_run
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, run_colours
 
-# Largest number of points of an executed path, and number of evenly spaced ones.
+# Maximum number of points of an executed path, and number of evenly spaced points among them.
 MAX_POINTS, EVEN = 6000, 800
 # Number of drawn tool axes, and their length as a share of the size of the path.
 STICKS = 32
 STICK_LENGTH = 0.09
 # Height of the figures [px], and number of frames of the animation.
 HEIGHT, FRAMES = 350, 50
-# Largest number of visible arms; the others can be shown in the legend.
+# Maximum number of arms that are visible at first; the user can show others in the legend.
 MAX_ARMS = 2
+# Font of the time in the animation.
 SHOWN = {"size": 13, "color": "#222222"}
 
 
 def paths(study: JobResult) -> Section:
-    """Objective and executed paths, enlarged corners, and in space the animated arm."""
+    """Section with objective and executed paths, enlarged corners and, in space, the moving arm."""
     figures = [draw_path(study), *corners(study)]
     text = "The executed path of the tool" if study.simulated else "The planned path of the tool"
     if study.job.program.dimension == 3:
         figures.append(_arm(study))
         text += (
-            ". Sticks are the tool in the first run: its axis, and shorter its x axis where that "
-            "is given. The arm moves in the coordinates of its base"
+            ". Sticks show the tool in the first run: its axis and, if the x axis is specified, a "
+            "shorter stick along it. The arm is drawn in the base frame"
         )
     for figure in figures:
         figure.span = 6 // len(figures)
     return Section(
         key="paths",
         title="Path of the tool",
-        summary="to zoom and turn" + (", with enlarged corners" if len(figures) > 1 else ""),
+        summary="interactive figure" + (" and enlarged corners" if len(figures) > 1 else ""),
         text=f"{text}.",
         parts=tuple(figures),
     )
 
 
 def draw_path(study: JobResult) -> Any:
-    """Figure of the objective path and of the executed paths."""
+    """Figure with the objective path and the executed paths."""
     first = next(iter(study.runs.values()))
     objective = outline_points(first.objective)
     figure = Figure(curve(objective, "objective path", PATH_COLOUR, width=6, opacity=0.5))
@@ -77,9 +78,9 @@ def draw_path(study: JobResult) -> Any:
 
 
 def executed_points(tool: Tool) -> FloatArray:
-    """Executed points along contours, with that of the largest error, (n, dimension) [m].
+    """Executed points along contours [m], (n, dimension), including the one with the largest error.
 
-    Rapids have no path, so NaN separates contours.
+    NaN separates contours, because rapids are not drawn.
     """
     execution, points = tool.execution, tool.execution.tool
     peak = -1.0 if tool.evaluation is None else tool.evaluation.contour_error.t_max
@@ -94,7 +95,7 @@ def executed_points(tool: Tool) -> FloatArray:
 
 
 def executed_contours(execution: Execution) -> list[tuple[int, int]]:
-    """Indices of the first and after the last executed sample of each contour.
+    """Index of the first executed sample of each contour, and index after the last sample.
 
     Samples before and after the motion belong to the first and last contour.
     """
@@ -102,7 +103,7 @@ def executed_contours(execution: Execution) -> list[tuple[int, int]]:
     indices = []
     for span in trajectory.contour_spans:
         start, end = np.searchsorted(execution.t, span.t).tolist()
-        # At least two samples.
+        # Each contour has at least two samples.
         start = 0 if span.t[0] <= 0 else min(start, last - 2)
         end = last if span.t[1] >= trajectory.duration else max(end + 1, start + 2)
         indices.append((start, end))
@@ -110,7 +111,7 @@ def executed_contours(execution: Execution) -> list[tuple[int, int]]:
 
 
 def _switching_points(result: RunResult, colour: str) -> Any:
-    """The switching points P0, P1, ... on the tool path."""
+    """Trace with the switching points P0, P1, ... on the tool path."""
     t = result.trajectory.switching_points
     q = result.trajectory(np.minimum(t, result.trajectory.duration))
     x, y = result.arm.tool_position(q).T * 1e3
@@ -127,7 +128,7 @@ def _switching_points(result: RunResult, colour: str) -> Any:
 
 
 def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
-    """Tool axes at points along the path of the first run [mm]."""
+    """Points [m], name and colour of lines that show the tool axes along the first run."""
     result = next(iter(study.runs.values()))
     arm = result.arm
     if result.path.dimension == 2 or not hasattr(arm, "pose"):
@@ -135,7 +136,7 @@ def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
     points, axes = arm.pose(_along(result))
     outline = outline_points(result.path)
     length = STICK_LENGTH * float((np.nanmax(outline, axis=0) - np.nanmin(outline, axis=0)).max())
-    # The tool axis points from the arm to the work, so that the tool is on its negative side.
+    # The tool axis points from the arm to the work, so the sticks are on its negative side.
     sticks = [(_separate(points, points - length * axes[:, :, 2]), "tool axis", RUN_COLOURS[5])]
     path = result.path.contours[0].path
     if path.orientation is not None and not path.orientation.axis_only:
@@ -145,7 +146,7 @@ def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
 
 
 def _along(result: RunResult) -> FloatArray:
-    """Joint positions along each contour, or along some of many, (n, dof)."""
+    """Joint positions at times along contours, or along every k-th of many [rad], (n, dof)."""
     spans = result.trajectory.contour_spans
     every = -(-len(spans) // STICKS)
     each = max(2, STICKS * every // len(spans))
@@ -154,12 +155,12 @@ def _along(result: RunResult) -> FloatArray:
 
 
 def _separate(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Lines from start points to end points, with gaps (NaN) between."""
+    """Points of the lines from start to end points, with NaN after each line, (3 n, 3)."""
     return np.stack([start, end, np.full_like(start, np.nan)], axis=1).reshape(-1, 3)
 
 
 def _arm(study: JobResult) -> Any:
-    """Animation of the arm along the executed motions."""
+    """Figure with an animation of the arm along the executed motions."""
     colours = run_colours(study.runs)
     last = max(float(x.motion.t[-1]) for x in study.runs.values())
     ends = [x.evaluation.end_time for x in study.runs.values() if x.evaluation is not None]
@@ -217,9 +218,9 @@ def _playing(times: FloatArray) -> dict[str, Any]:
         "pad": {"t": 10, "b": 10},
         "len": 1.0,
         "ticklen": 0,
-        "font": {"color": "rgba(0,0,0,0)"},  # fifty labels would hide each other
+        "font": {"color": "rgba(0,0,0,0)"},  # transparent, because the labels would overlap
     }
-    # Above the scene; places are in pixels, so that buttons fit narrow screens.
+    # The buttons are above the scene. Their padding is in pixels, so that they fit narrow screens.
     menu = {
         "type": "buttons",
         "direction": "right",
@@ -237,13 +238,13 @@ def _playing(times: FloatArray) -> dict[str, Any]:
 
 
 def _arm_points(execution: Execution, times: FloatArray) -> FloatArray:
-    """Points of the arm's links at some times [mm], (n, points, 3)."""
+    """Points of the arm's links at times, in the base frame [mm], (n, points, 3)."""
     q = np.column_stack([np.interp(times, execution.t, x) for x in execution.q.T])
     return np.round(seen_from_base(execution.arm, execution.arm.links(q)), 2).astype(np.float32)
 
 
 def _at_once(duration: float = 0.0) -> dict[str, Any]:
-    """Options of an animation without transitions; a scene needs a redraw."""
+    """Options of an animation without transitions; `duration`: time per frame [ms]."""
     return {
         "mode": "immediate",
         "fromcurrent": True,

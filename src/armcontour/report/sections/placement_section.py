@@ -1,4 +1,4 @@
-"""The section on a placement: maps of figures and refusals of all places."""
+"""Report of a placement search: maps of the figures and rejections of all candidates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 # Height of a map [px].
 HEIGHT = 460
-# Grey tones of refused places, by the kinds of refusals.
+# Grey tones of rejected candidates, by the reason of the rejection.
 GREYS = {
     "reach": "#4d4d4d",
     "joint range": "#737373",
@@ -27,7 +27,7 @@ GREYS = {
     "limits": "#c2c2c2",
     "other": "#d9d9d9",
 }
-# A scale whose order does not depend on colour vision.
+# Colour scale whose order is visible regardless of colour vision.
 SCALE = "Viridis"
 OBJECTIVES = {
     "duration": "shortest duration",
@@ -38,7 +38,7 @@ OBJECTIVES = {
 
 
 def placed(result: Placement) -> Front:
-    """The first screen: the map of the objective, and the best place."""
+    """First screen: the best placement and the first map."""
     rows, maps = result.to_data().shown(VERDICT), _maps(result)
     sentences = [("The map", _text(result))]
     sentences += [("Weakest point", x) for x in result.notes[:1]]
@@ -51,7 +51,7 @@ def placed(result: Placement) -> Front:
 
 
 def placement(result: Placement) -> Section:
-    """The other maps, the figures of the best place, and the refusals."""
+    """Section with the other maps, the figures of the best placement, and the rejections."""
     rows = tuple((kind, str(n)) for kind, n in result.refusals.items())
     refused = TextTable(header=("refused by", "places"), rows=rows)
     return Section(
@@ -65,7 +65,7 @@ def placement(result: Placement) -> Section:
 
 
 def _maps(result: Placement) -> list[tuple[str, tuple[Any, ...]]]:
-    """Maps of the known figures, by label."""
+    """Label and map of each figure that has known values."""
     return [
         (x.label, (_figure(result, x, values),))
         for x in result.own.to_data().rows
@@ -74,31 +74,37 @@ def _maps(result: Placement) -> list[tuple[str, tuple[Any, ...]]]:
 
 
 def _text(result: Placement) -> str:
-    """Description of the maps."""
+    """Text that describes the maps."""
     best = OBJECTIVES[result.objective]
     parts = [
-        f"Every point is a place of the {result.moved}; sought is the {best}. Refused places are "
-        "grey, with a tone per reason; the cross is the best place."
+        f"Every point is a placement of the {result.moved}. The search maximizes or minimizes for "
+        f"the {best}. Rejected placements are grey, with a tone per reason. The cross marks the "
+        "best placement."
     ]
     if result.planned < len(result.verdicts) - sum(result.refusals.values()):
         parts.append(
-            "Most places were not planned, as a lower bound on the duration already rules them "
-            "out: for them the map has that bound."
+            "Placements whose lower bound of the duration exceeds the best duration were not "
+            "planned; for them, the map shows the lower bound."
         )
     if len(_varied(result)) > 2:
-        parts.append("Each point shows the best over the other axes.")
+        parts.append("Each point shows the best value over the other axes.")
     if result.uncertainty:
-        parts.append("All figures are those of the worst of a place and of the corners around it.")
+        parts.append(
+            "All figures are the worst values of a placement and of the corners of its uncertainty."
+        )
     return " ".join(parts)
 
 
 def _varied(result: Placement) -> list[Axis]:
-    """The axes with more than one place, at least one axis."""
+    """Axes with more than one value; if there is none, the first axis."""
     return [x for x in result.axes if len(x.values) > 1] or [result.axes[0]]
 
 
 def _values(result: Placement, row: Row) -> FloatArray:
-    """Values of a map; NaN for refused places and unknown values."""
+    """Values of a figure in the displayed unit; NaN for rejected candidates and unknown values.
+
+    Unknown durations are replaced by their lower bounds.
+    """
     values = result.values(row.name)
     if row.name == "duration":
         bounds = result.values("bound")
@@ -109,11 +115,11 @@ def _values(result: Placement, row: Row) -> FloatArray:
 
 
 def _figure(result: Placement, row: Row, values: FloatArray) -> Any:
-    """A heat map over the first two axes that vary, or a line over the only one."""
+    """Figure with a heat map over the first two axes that vary, or a line over the only one."""
     axes = _varied(result)[:2]
     varied = [k for k, a in enumerate(result.axes) if any(a is b for b in axes)]
     others = tuple(k for k in range(len(result.axes)) if k not in varied)
-    # Times are best if short, other figures if large.
+    # The best duration is the smallest; the best value of other figures is the largest.
     small = row.unit == "s"
     worst = np.inf if small else -np.inf
     filled = np.where(np.isnan(values), worst, values)
@@ -121,7 +127,8 @@ def _figure(result: Placement, row: Row, values: FloatArray) -> Any:
     best = np.where(np.isinf(best), np.nan, best)
     numbers = {kind: k for k, kind in enumerate(GREYS)}
     kinds = np.array([numbers.get(v.refusal, -1) for v in result.verdicts])
-    # Places refused for all values of the other axes show the last kind of the list.
+    # A point is grey if its candidates are rejected for all values of the other axes. Of several
+    # reasons, the last one of GREYS is shown.
     refused = kinds.reshape(result.shape)
     refused = np.where((refused >= 0).all(axis=others), refused.max(axis=others), -1)
     return (_map if len(axes) == 2 else _line)(result, row, axes, best, refused)
@@ -130,7 +137,7 @@ def _figure(result: Placement, row: Row, values: FloatArray) -> Any:
 def _map(
     result: Placement, row: Row, axes: list[Axis], values: FloatArray, refused: FloatArray
 ) -> Any:
-    """A heat map; refused places in tones of grey, with a legend."""
+    """Figure with a heat map; rejected candidates are grey and have entries in the legend."""
     coordinates = [a.values / scale(a.unit)[1] for a in axes]
     drawn = Figure()
     for k, kind in enumerate(GREYS):
@@ -180,7 +187,7 @@ def _map(
 
 
 def _key(kind: str, colour: str) -> Any:
-    """An entry of the legend for a kind of refusals."""
+    """Trace that is only an entry of the legend for a reason of rejection."""
     marker = {"symbol": "square", "size": 12, "color": colour}
     return make_trace(
         "scatter", x=[None], y=[None], mode="markers", name=f"refused by {kind}", marker=marker
@@ -190,7 +197,7 @@ def _key(kind: str, colour: str) -> Any:
 def _line(
     result: Placement, row: Row, axes: list[Axis], values: FloatArray, refused: FloatArray
 ) -> Any:
-    """Values along the only axis that varies; refused places as squares below."""
+    """Figure with values over the only axis that varies; rejected candidates are grey squares."""
     coordinates, drawn = axes[0].values / scale(axes[0].unit)[1], Figure()
     drawn.add_trace(
         make_trace(
@@ -215,5 +222,5 @@ def _line(
 
 
 def _title(label: str, unit: str) -> str:
-    """The title of an axis."""
+    """Title of an axis: label and displayed unit."""
     return f"{label} [{scale(unit)[0]}]"

@@ -1,7 +1,7 @@
-"""The nominal robot: drives with position and velocity loops that move an arm's bodies."""
+"""Nominal robot: drives with position and velocity loops that move the bodies of an arm."""
 
-# Compensation, learning, identification and certification use it; plants, which verify their
-# results, do not.
+# Compensation, learning, identification and certification use the nominal robot. Plants, which
+# verify their results, do not use it.
 
 from armcontour.core.lazy import lazy_names
 

@@ -13,8 +13,9 @@ from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
 
-# Below this speed Coulomb friction is proportional to the speed [rad/s]: a joint that rests in the
-# plan has rounding errors of either sign. A reversing joint passes this range in less than a cycle.
+# Below this speed [rad/s] Coulomb friction is proportional to the speed, because a joint at rest
+# has velocities of either sign due to rounding. A reversing joint passes this range in less than a
+# cycle.
 CREEP = 1e-3
 
 
@@ -23,19 +24,19 @@ class Drives:
     """The drives of an arm with masses: `tau = J K_v (K_p (u - q) - dq) + g(q)`.
 
     With an integrator, K_v is `K_v (1 + k_i / s)`. u is the command after dead time and
-    interpolation, g the gravity torque that the controller feeds forward, computed from its own
-    model of the arm.
+    interpolation. g is the gravity torque that the controller feeds forward; it is computed from
+    the controller's model of the arm.
 
     Args:
         arm: The nominal arm, with masses.
         servo: Servo of order "second".
         gravity_feedforward: Whether the controller adds the gravity torque.
-        controller: The controller's model of the arm, for g and J: for example without a payload
-            that was identified later. By default the arm itself.
+        controller: The controller's model of the arm, used for g and J, for example without a
+            payload that was identified later. By default the arm itself.
 
     Attributes:
-        inertia: J, the servo's inertia, or else the nominal inertia of the known arm [kg m²],
-            (dof,).
+        inertia: J: the inertia of the servo if known, otherwise the nominal inertia of
+            `controller_arm` [kg m²], (dof,).
         damping: J K_v [N m s/rad], (dof,).
         stiffness: J K_v K_p [N m/rad], (dof,).
 
@@ -57,8 +58,8 @@ class Drives:
         assert servo.kv is not None
         if self.controller is not None and self.controller.dof != self.arm.dof:
             raise InvalidInput(
-                f"The arm {self.arm.name} has {self.arm.dof} joints, but the arm that its "
-                f"controller knows has {self.controller.dof}."
+                f"The arm {self.arm.name} has {self.arm.dof} joints, but the controller's model of "
+                f"the arm has {self.controller.dof}."
             )
         inertia = nominal_inertia(self.controller_arm) if servo.inertia is None else servo.inertia
         object.__setattr__(self, "servo", servo)
@@ -77,7 +78,7 @@ class Drives:
         """Command u for which the drives execute a motion [rad], (n, dof)."""
         # `u = q + dq / K_p + tau / (J K_v K_p)`. tau is the torque without gravity feed-forward and
         # without the output of an integrator, which holds the arm at the first time. Integrators
-        # need the time `step` between two rows [s]; without it the rows are steady states.
+        # need the time `step` between two rows [s]; if it is infinite, the rows are steady states.
         torque = self.moving_torque(q, dq, ddq)
         if self.servo.ki.any():
             from scipy.signal import lfilter
@@ -89,16 +90,16 @@ class Drives:
 
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """The torque of the loops for a motion, without gravity feed-forward [N m], (n, dof)."""
-        # It includes inertia, coupling, Coriolis and centrifugal torques, payload, friction, and
-        # the gravity torque that the controller does not feed forward. Coulomb friction is
-        # `coulomb sign(dq)`, except for joints slower than `CREEP`.
+        # The torque includes inertia, coupling, Coriolis and centrifugal torques, payload,
+        # friction, and the gravity torque that the controller does not feed forward. Coulomb
+        # friction is `coulomb sign(dq)`, except for joints slower than `CREEP`.
         chain = self.arm.dynamics.chain
         torque = self.inertial_torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
         torque += np.asarray(chain.coulomb) * np.clip(dq / CREEP, -1.0, 1.0)
         return torque
 
     def inertial_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """`moving_torque` without friction [N m], (n, dof)."""
+        """The torque of `moving_torque` without friction [N m], (n, dof)."""
         torque = self.arm.dynamics.torque(q, dq, ddq)
         return (
             torque - self.controller_arm.dynamics.gravity(q) if self.gravity_feedforward else torque
@@ -107,8 +108,8 @@ class Drives:
     def linear(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Mass, damping (also viscous) and stiffness of the closed loops, (n, dof, dof)."""
-        # The gravity torque that the controller feeds forward cancels.
+        """Mass, damping (with viscous friction) and stiffness of the loops, (n, dof, dof) each."""
+        # The gravity torque that the controller feeds forward cancels the arm's gravity torque.
         fed, differs = self.gravity_feedforward, self.controller is not None
         stiffness, damping, mass = self.arm.dynamics.derivatives(
             q, dq, ddq, gravity=differs or not fed
@@ -122,7 +123,8 @@ class Drives:
 
 def nominal_inertia(arm: Arm) -> FloatArray:
     """Nominal inertia of each joint with its drive [kg m²], (dof,)."""
-    # It is the diagonal of the mass matrix in the middle of the joint ranges, without payload.
+    # The inertia is the diagonal of the mass matrix in the middle of the joint ranges, without
+    # payload.
     from armcontour.robot.dynamics import Dynamics
 
     chain = arm.dynamics.chain
@@ -131,7 +133,7 @@ def nominal_inertia(arm: Arm) -> FloatArray:
     if (inertia <= 0).any():
         j = int(np.argmin(inertia))
         raise InvalidInput(
-            f"Joint {j + 1} ({chain.joints[j]}) turns no inertia: give the link after it a mass "
-            "and an inertia, or its drive an armature."
+            f"Joint {j + 1} ({chain.joints[j]}) moves no inertia. Specify mass and inertia of the "
+            "link after the joint, or the armature of its drive."
         )
     return inertia

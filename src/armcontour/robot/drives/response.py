@@ -22,37 +22,48 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
 # Friction torques of coupled joints are computed joint by joint until none changes by more than
-# this fraction of the largest; a few iterations suffice because the drives dominate the coupling.
+# this fraction of the largest Coulomb torque. A few iterations suffice because the drives dominate
+# the coupling.
 EXACT = 1e-10
 ROUNDS = 60
 
 
+class LinearLoops(NamedTuple):
+    """Closed loops `M x'' + D x' + K x` of all joints at n times, (n, dof, dof) each."""
+
+    mass: FloatArray  # M [kg m²]
+    damping: FloatArray  # D [N m s/rad]
+    stiffness: FloatArray  # K [N m/rad]
+
+
 @compiled()
-def spread(
-    mass: FloatArray,
-    damping: FloatArray,
-    stiffness: FloatArray,
+def simulate_deviations(
+    loops: LinearLoops,
     step: float,
     torque: FloatArray,
     hold: FloatArray,
     moved: FloatArray,
     coulomb: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Deviations from a motion under torques, from rest, and the dry friction torques."""
-    # Newmark's method with constant mean acceleration, second order and unconditionally stable:
-    # `M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]` with
-    # `mean(x) = (x[k+1] + 2 x[k] + x[k-1]) / 4`. Friction brakes with the Coulomb torque, or holds
-    # a joint at rest with any torque up to that.
-    # mass, damping, stiffness: M, D, K at the times, (n, dof, dof); step: h [s]; torque: f, means
-    # about the times [N m], (n, dof, cases); hold: additional stiffness of a sticking joint in each
-    # step, as a multiple of M / h² + D / 2h + K / 4, (n, dof), 0 for others; moved: displacement of
-    # the motion in each step [rad], (n - 1, dof); coulomb (dof,) [N m].
-    # Returns deviations [rad], and friction torques in each step [N m], (n, dof, cases) each.
+    """Simulate deviations from a motion under torques, starting at rest, with dry friction."""
+    # Newmark's method with constant mean acceleration (second order, unconditionally stable):
+    #
+    #     M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]
+    #     mean(x) = (x[k+1] + 2 x[k] + x[k-1]) / 4
+    #
+    # Friction brakes a moving joint with the Coulomb torque, and
+    # holds a joint at rest with a torque of at most this size.
+    # step: h [s]. torque: f, averaged around the times [N m], (n, dof, cases). hold: additional
+    # stiffness of a sticking joint in each step, as a multiple of M / h² + D / 2h + K / 4, (n,
+    # dof); 0 for other joints. moved: displacement of the motion in each step [rad], (n - 1, dof).
+    # coulomb: Coulomb torques [N m], (dof,).
+    # Returns deviations [rad] and friction torques in each step [N m], (n, dof, cases) each.
     n, dof, cases = torque.shape
     deviations, friction = np.zeros((n, dof, cases)), np.zeros((n, dof, cases))
     right, free, enough = np.zeros(dof), np.zeros(dof), EXACT * coulomb.max()
     for k in range(n - 1):
-        m, d, s = mass[k] / step**2, damping[k] / (2 * step), stiffness[k] / 4
+        m, d = loops.mass[k] / step**2, loops.damping[k] / (2 * step)
+        s = loops.stiffness[k] / 4
         ahead, present, before = m + d + s, 2 * m - 2 * s, m - d + s
         for i in range(dof):
             extra = hold[k, i] * ahead[i, i]
@@ -94,18 +105,18 @@ def spread(
     return deviations, friction
 
 
-# The motion is linearized at times this far apart [s], with interpolation between them: the
-# dynamics hardly change.
+# The motion is linearized at times this far apart [s], with interpolation between them, because the
+# dynamics change slowly.
 APART = 10e-3
 # A motion: joint positions, velocities or accelerations (order 0, 1, 2) at times, (n, dof).
 Motion = Callable[[FloatArray, int], FloatArray]
 
 
 class Equations(NamedTuple):
-    """Equations `A x = S u + U a` of deviations; vectors cover all times, time first."""
+    """Equations `A x = S u + U a` of deviations; vectors are ordered by time, then by joint."""
 
-    # u are commands, and a commands that bypass the integrators, such as acceleration feed-forward;
-    # without an integrator, S = U. The first rows of A are the equilibrium at the first command. A
+    # u: commands. a: commands that bypass the integrators, such as acceleration feed-forward;
+    # without an integrator, S = U. The first rows of A express equilibrium at the first command. A
     # is lower triangular except for blocks of (dof, dof) on its diagonal. S averages over
     # neighbouring times.
 
@@ -118,18 +129,18 @@ class Equations(NamedTuple):
 class Response(Checked):
     """The closed loop, linearized around a motion: `M x'' + D x' + K x = G u + f`.
 
-    x is the deviation of the joints, u that of the command at the drives, f additional torque. The
-    joints are at rest at the first time. Time is discrete, as in `spread`, and torques are averaged
-    over neighbouring times with the weights 1/4, 1/2 and 1/4. Only `equations` includes integrators
-    and the drive cycle.
+    x is the deviation of the joints, u the deviation of the command at the drives, f an additional
+    torque. The joints are at rest at the first time. Time is discrete, as in `simulate_deviations`,
+    and torques are averaged over neighbouring times with the weights 1/4, 1/2 and 1/4. Only
+    `equations` includes integrators and the drive cycle.
 
     Args:
         t: Regular times [s], (n,).
         mass: M at the times [kg m²], (n, dof, dof).
-        damping: D at the times, with that of the velocity loops [N m s/rad], (n, dof, dof).
-        stiffness: K at the times, with that of the position loops [N m/rad], (n, dof, dof).
+        damping: D at the times, including the velocity loops [N m s/rad], (n, dof, dof).
+        stiffness: K at the times, including the position loops [N m/rad], (n, dof, dof).
         gain: Diagonal of G, the torque per command [N m/rad], (dof,).
-        servo: The servo of these loops, with values per joint.
+        servo: The servo of these loops, with one value per joint.
     """
 
     t: FloatArray
@@ -145,7 +156,7 @@ class Response(Checked):
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def of_drives(self, drives: Drives, others: Drives, every: int) -> Response:
-        """Response with other drives of the same arm, from the response with these drives."""
+        """Response with other drives of the arm instead of `drives`, at each `every`-th time."""
         return replace(
             self,
             t=self.t[::every],
@@ -157,15 +168,16 @@ class Response(Checked):
         )
 
     def to_torque(self, torque: FloatArray) -> FloatArray:
-        """Deviations of the joints [rad] under additional torque [N m], (n, dof[, cases])."""
+        """Deviations of the joints [rad] under an additional torque [N m], (n, dof[, cases])."""
         cases = torque if torque.ndim == 3 else torque[:, :, None]
         padded = np.concatenate([cases[:1], cases, cases[-1:]])
         means = (padded[:-2] + 2 * cases + padded[2:]) / 4
         free = np.zeros(self.mass.shape[:2])
-        # Writable copies: the kernel would be compiled again for read-only arrays.
-        loops = (self.mass, self.damping, self.stiffness)
-        mass, damping, stiffness = (np.array(x, order="C") for x in loops)
-        deviations, _ = spread(mass, damping, stiffness, self.step, means, free, free[1:], free[0])
+        # The copies are writable, because Numba would compile the kernel again for read-only
+        # arrays.
+        arrays = (self.mass, self.damping, self.stiffness)
+        loops = LinearLoops(*(np.array(x, order="C") for x in arrays))
+        deviations, _ = simulate_deviations(loops, self.step, means, free, free[1:], free[0])
         return deviations.reshape(torque.shape)
 
     def equations(self) -> Equations:
@@ -177,7 +189,7 @@ class Response(Checked):
         servo, delay = self.servo, self.servo.drive_cycle / 2
         lags = np.isfinite(servo.kp)
         loop = np.zeros_like(servo.kp) if servo.kv is None else np.isfinite(servo.kv) * 1.0
-        # Torque of the loops, and its delay as a fraction of a step.
+        # Damping and stiffness of the loops divided by the gain; delay as a fraction of a step.
         loops = loop / np.where(lags, servo.kp, 1.0), lags * 1.0
         fraction = lags * delay / self.step
         before, after = (np.diag(0.25 + x * fraction / 2) for x in (1, -1))
@@ -202,7 +214,7 @@ class Response(Checked):
         return Equations(alone @ bodies + both @ driven, both @ means, alone @ means)
 
     def _filters(self, weights: FloatArray) -> csc_array:
-        """Matrix of the filter of each joint, from the weights of a value and of the one before."""
+        """Matrix of the joint filters, from the weights of the present and the previous value."""
         from scipy.sparse import csc_array, diags_array
 
         now, before = np.tile(weights.T[:, None], (1, len(self.t), 1))
@@ -212,7 +224,7 @@ class Response(Checked):
         return csc_array(diags_array([now.ravel(), before[1:].ravel()], offsets=[0, -dof]))
 
     def _steps(self, mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> csc_array:
-        """Matrix of `M x'' + D x' + K x` at all times; `K x` at the first."""
+        """Matrix of `M x'' + D x' + K x` at all times, but of `K x` alone at the first time."""
         m, d, k = mass[:-1] / self.step**2, damping[:-1] / (2 * self.step), stiffness[:-1] / 4
         return _banded(stiffness[0], np.stack([m - d + k, 2 * k - 2 * m, m + d + k], axis=1))
 
@@ -236,7 +248,7 @@ def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
 def linear_along(
     drives: Drives, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray
 ) -> list[FloatArray]:
-    """Mass, damping and stiffness along a motion, interpolated, (n, dof, dof) each."""
+    """Mass, damping and stiffness at all times of a motion, (n, dof, dof) each."""
     rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
     position = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
     before = np.minimum(position.astype(np.intp), len(rows) - 2)
@@ -262,9 +274,9 @@ def respond_along(
 ) -> Response:
     """Response of the nominal robot around a motion.
 
-    With masses and second-order servos the robot responds as `Drives`, with viscous friction.
-    Otherwise every joint responds as its servo, (6), and torques are in units of acceleration
-    (order "first": velocity; "delay" and "unknown": position).
+    If the arm has masses and the servos are of second order, the robot responds as `Drives`, with
+    viscous friction. Otherwise every joint responds as its servo, (6), and torques are in units of
+    acceleration (order "first": velocity; "delay" and "unknown": position).
 
     Args:
         motion: Joint positions, velocities and accelerations of the motion at times, by order.
@@ -299,14 +311,14 @@ def respond_along(
     )
 
 
-# Corrections below this [rad], less than the best encoder resolves, end the iteration. The
-# remaining error is about a thousandth.
+# The iteration ends with a correction below this [rad], which is less than the best encoder
+# resolves. The remaining error is about a thousandth of the correction.
 SMALLEST_CORRECTION = 1e-9
-# Each correction is about a thousandth of the one before.
+# Maximum number of corrections. Each correction is about a thousandth of the previous one.
 CORRECTIONS = 40
 # Stiffness of a sticking joint relative to inertia and drive.
 HELD = 1e6
-# A correction above this means that the joint runs away [rad].
+# A correction above this means that the simulation diverges [rad].
 AWAY = 1e3
 
 
@@ -320,7 +332,7 @@ class NominalMotion:
         dq: Joint velocities, central differences [rad/s], (n, dof).
         ddq: Joint accelerations, second differences [rad/s²], (n, dof).
         friction: Torque of dry friction [N m], (n, dof).
-        held: Whether a joint sticks in each step, (n, dof).
+        held: True if a joint sticks in a step, (n, dof).
         mass: M at the times [kg m²], (n, dof, dof).
         damping: D at the times [N m s/rad], (n, dof, dof).
         stiffness: K at the times [N m/rad], (n, dof, dof).
@@ -342,12 +354,12 @@ class NominalMotion:
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def to_torque(self, torque: FloatArray) -> FloatArray:
-        """Deviations [rad] from the first time on under small torques [N m], (n, dof, cases)."""
-        # Sticking joints remain at rest, and friction keeps its direction.
+        """Deviations of the joints [rad] under small torques [N m], (n, dof, cases) each."""
+        # Sticking joints remain at rest, and friction does not change its direction.
         n, dof, _ = torque.shape
-        loops, still = (self.mass, self.damping, self.stiffness), np.zeros((n - 1, dof))
+        loops, still = LinearLoops(self.mass, self.damping, self.stiffness), np.zeros((n - 1, dof))
         hold = np.where(self.held, HELD, 0.0)
-        return spread(*loops, self.step, torque, hold, still, np.zeros(dof))[0]
+        return simulate_deviations(loops, self.step, torque, hold, still, np.zeros(dof))[0]
 
 
 def simulate(
@@ -376,13 +388,13 @@ def simulate(
             constants of the loops.
 
     Raises:
-        ExecutionError: A joint runs away, or friction has no solution.
+        ExecutionError: The iteration diverges, or friction has no solution.
     """
     step = float((t[-1] - t[0]) / (len(t) - 1))
     chain = drives.arm.dynamics.chain
     coulomb = np.array(chain.coulomb)
     brake = np.asarray(chain.viscous) if viscous is None else viscous
-    # The delay reduces inertia and damping.
+    # The delay of the loop torque reduces inertia and damping.
     lost_mass, lost_damping = drives.damping * lag, drives.stiffness * lag
     before = guess[0] - step * (np.zeros(drives.arm.dof) if speed is None else speed)
     demanded = drives.stiffness * _mean(command, command[0])
@@ -396,10 +408,10 @@ def simulate(
         lacking = demanded - drives.stiffness * _mean(q, before)
         lacking -= (drives.damping + brake - lost_damping) * dq - lost_mass * ddq
         lacking -= drives.inertial_torque(q, dq, ddq)
-        loops, moved = (mass, damping, stiffness), np.diff(q, axis=0)
+        loops, moved = LinearLoops(mass, damping, stiffness), np.diff(q, axis=0)
         correction, friction = (
             found[:, :, 0]
-            for found in spread(*loops, step, lacking[:, :, None], free, moved, coulomb)
+            for found in simulate_deviations(loops, step, lacking[:, :, None], free, moved, coulomb)
         )
         q = q + correction
         size = float(np.abs(correction).max())
@@ -413,8 +425,8 @@ def simulate(
                 mass=mass, damping=damping, stiffness=stiffness,
             )  # fmt: skip
     raise ExecutionError(
-        f"The motion of {drives.arm.name} cannot be simulated with its servo gains and inertias: "
-        f"corrections of {size:.2g} rad remain; look at gains, inertias and units."
+        f"The motion of {drives.arm.name} cannot be simulated, because the iteration does not "
+        f"converge (last correction {size:.2g} rad). Check servo gains, inertias and units."
     )
 
 
@@ -425,7 +437,7 @@ def _mean(values: FloatArray, before: FloatArray) -> FloatArray:
 
 
 def _rates(q: FloatArray, before: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """Central first and second differences, the last ones repeated, (n, dof) each."""
+    """Central first and second differences over time, the last ones repeated, (n, dof) each."""
     around = np.concatenate([before[None], q, q[-1:]])
     dq = (around[2:] - around[:-2]) / (2 * step)
     ddq = (around[2:] - 2 * around[1:-1] + around[:-2]) / step**2

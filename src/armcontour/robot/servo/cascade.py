@@ -1,9 +1,9 @@
 """Compiled response of a joint whose velocity loop has an integrator (P-PI cascade)."""
 
 # The joint follows `ddq = clip(z, lower, upper)`, `z = kv (kp (u - q) - dq + ki x)`,
-# `dx = kp (v - q) - dq - (z - ddq) / kv`, whose last term stops the integrator in saturation. The
-# command v excludes friction and acceleration feed-forward. Within a step the motion is a Taylor
-# series, exact up to rounding errors.
+# `dx = kp (v - q) - dq - (z - ddq) / kv`. The last term of dx stops the integrator in saturation. z
+# is the demand, x the integral. The command v excludes friction and acceleration feed-forward.
+# Within a step the motion is a Taylor series, exact up to rounding errors.
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from armcontour.robot.servo.joint_response import MAX_PHASES, MAX_STEPS, ROUNDIN
 
 # Times [s] that differ by less than this are equal, as in `march`.
 NEAR = 4e-12
-# Largest number of Taylor terms, length of a step in bounds of the fastest time constant, and
-# relative size of negligible terms.
+# Largest number of Taylor terms, longest step in shortest time constants, and relative size below
+# which terms are negligible.
 TERMS, LENGTH, NOTHING = 24, 0.5, 1e-17
-# Number of cached maps; inputs of a map: position less second command, velocity, integral, first
-# less second command, slopes of both commands; its terms and largest step.
+# Number of cached maps; number of inputs of a map (position minus second command, velocity,
+# integral, first minus second command, slopes of both commands); number of its terms, and its
+# longest step.
 KEPT, INPUTS, MAP_TERMS, MAP_LENGTH = 4, 6, 16, 0.25
 
 
@@ -54,7 +55,7 @@ def curvature_of(a: FloatArray, t: float) -> float:
 
 @compiled(inner=True, fastmath=FUSED)
 def find_passage(a: FloatArray, low: float, high: float, level: float, slopes: bool) -> float:
-    """Time at which a polynomial, or its slope, crosses a level between two times."""
+    """Time at which a polynomial, or its slope, crosses `level` between two times."""
     rises = (slope_of(a, high) if slopes else evaluate(a, high)) > level
     tolerance, t = 1e-15 * high, 0.5 * (low + high)
     for _ in range(100):
@@ -74,7 +75,7 @@ def find_passage(a: FloatArray, low: float, high: float, level: float, slopes: b
 
 @compiled(inner=True, fastmath=FUSED)
 def count_terms(x: float) -> int:
-    """Number of Taylor terms for terms that decrease like `x^k / k!`."""
+    """Number of Taylor terms if the terms decrease like `x^k / k!`."""
     term, n = 1.0, 0
     while term > NOTHING and n < TERMS - 6:
         n += 1
@@ -86,9 +87,10 @@ def count_terms(x: float) -> int:
 def expand(
     servo: Servo, u: FloatArray, side: float, q: FloatArray, x: FloatArray, z: FloatArray
 ) -> None:
-    """Complete Taylor coefficients of position, integral and demand, from the first ones."""
-    # u (8,): both commands; q (n,) with two coefficients; x (n,) with one; z (n,): output, the
-    # demand. `side` is 1 at the upper bound of the acceleration, -1 at the lower one, else 0.
+    """Compute the remaining Taylor coefficients of position, integral and demand."""
+    # u: coefficients of both commands, (8,). q: (n,), the first two are input. x: (n,), the first
+    # is input. z: demand, (n,), output. `side` is 1 at the upper bound of the acceleration, -1 at
+    # the lower bound, otherwise 0.
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     for k in range(len(q) - 2):
         p, v = (u[k], u[4 + k]) if k < 4 else (0.0, 0.0)
@@ -105,7 +107,7 @@ def expand(
 def move_command(
     pieces: FloatArray, starts: FloatArray, piece: int, now: float, u: FloatArray
 ) -> None:
-    """Write the coefficients of both commands from time `now` [s] on, (8,)."""
+    """Write the coefficients of both commands with the time origin at `now` [s], (8,)."""
     t = now - starts[piece - 1] if 0 < piece < len(starts) else 0.0
     for i in (0, 4):
         a, b, c, d = (
@@ -121,7 +123,7 @@ def move_command(
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def series_of_map(servo: Servo) -> FloatArray:
     """Taylor coefficients of the map of a free motion under linear commands, (MAP_TERMS, 18)."""
-    # The map has the outputs position, velocity and integral, with INPUTS columns each.
+    # The map has the outputs position, velocity and integral, each with INPUTS columns.
     coefficients, series = np.empty((MAP_TERMS, 3 * INPUTS)), np.zeros((3, TERMS))
     for i in range(INPUTS):
         unit, u = np.zeros(INPUTS), np.zeros(8)
@@ -140,8 +142,8 @@ def series_of_map(servo: Servo) -> FloatArray:
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def write_map(series: FloatArray, rate: float, span: float, out: FloatArray) -> None:
-    """Write the map of a free motion over a time span [s], and the span, (19,)."""
-    # rate [1/s].
+    """Write the map of a free motion over a time span [s] and the span into `out`, (19,)."""
+    # rate: bound of the inverse of the shortest time constant [1/s].
     halvings, h = 0, span
     while h * rate > MAP_LENGTH:
         h, halvings = h / 2, halvings + 1
@@ -175,7 +177,7 @@ def march_lines(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """Variant of `march_cascade` for linear commands without saturation; writes positions only."""
+    """Variant of `march_cascade` for linear commands without saturation; outputs positions only."""
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     q, w, z, saturated, lowest, highest = motion
     rate = max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
@@ -222,8 +224,9 @@ def march_cascade(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """Simulate one joint from times[0] on; as `march`, with two commands per piece, (n + 1, 8)."""
-    # `held` is the demand [rad/s²] at the start and at the end. The integral follows from it.
+    """Simulate one joint from times[0] on, as `march` with two commands per piece, (n + 1, 8)."""
+    # `held` is the demand [rad/s²] at the start and at the end. The initial integral follows from
+    # it.
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     q, w, z, saturated, lowest, highest = motion
     u, series = np.empty(8), np.zeros((3, TERMS))
@@ -257,7 +260,7 @@ def march_cascade(
                 position, integral, demand = series[0, :n], series[1, :n], series[2, :n]
                 series[2] = 0.0
             move_command(pieces, starts, piece, now, u)
-            # Relative to the command, to avoid cancellation at large positions.
+            # Positions are relative to the command, to avoid cancellation if they are large.
             origin = u[4]
             u[0] -= origin
             u[4] = 0.0
@@ -268,7 +271,7 @@ def march_cascade(
                 side = 1.0
             elif side == 0.0 and z < servo.lower - tolerance:
                 side = -1.0
-            if abs(side) == 2.0:  # The joint has just left a bound.
+            if abs(side) == 2.0:  # The joint left a bound in the previous step.
                 side = 0.0
             expand(servo, u, side, position, integral, demand)
             extremum = h

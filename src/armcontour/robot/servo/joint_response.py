@@ -12,36 +12,36 @@ from typing import NamedTuple
 
 from armcontour.core.kernels import FUSED, compiled
 
-# Largest length of a free motion, in shortest time constants of the servo: the slope of the demand
-# then has at most one extremum, and the series below converge to rounding errors.
+# Longest step of a free motion, in shortest time constants of the servo. Within it, the slope of
+# the demand has at most one extremum, and the series below converge up to rounding errors.
 LARGEST_STEP = 0.5
-# Largest number of terms of these series, the inverse numbers in them, and the relative size below
-# which terms are negligible.
+# Largest number of terms of the series in `_integrals`, the factors 1 / n in them, and the relative
+# size below which terms are negligible.
 TERMS = 20
 INVERSE = tuple(1.0 / n for n in range(1, TERMS + 5))
 NOTHING = 1e-18
-# For arguments below this the hyperbolic functions are series; seven terms are exact to 1e-15.
+# Argument below which hyperbolic functions are computed by series; seven terms are exact to 1e-15.
 SERIES = 0.1
 C = tuple(1 / math.factorial(n) for n in range(2, 14, 2))
 S = tuple(1 / math.factorial(n) for n in range(3, 15, 2))
 # Saturation shorter than this fraction of a time span is ignored.
 SHORTEST_STAY = 1e-9
-# The demand is kp kv times a difference of positions. An excess over its bound below this fraction
-# of kp kv times the command is a rounding error and does not saturate.
+# The demand is kp kv times a difference of positions. If its excess over a bound is below this
+# fraction of kp kv times the command, the excess is a rounding error and not saturation.
 ROUNDING = 1e-14
-# Newton's method ends at a step below this fraction of the interval: the next step would be below
-# 1e-12.
+# Newton's method ends with a step below this fraction of the interval, because the next step would
+# be below 1e-12 of it.
 NEAR = 1e-6
-# Factor of `kp kv t²` in `_bound_free`. It is more than 1/2, as 1 / (1 - x) is more than 1 + x; 0.6
-# covers that for steps up to LARGEST_STEP.
+# Factor of `kp kv t²` in `_bound_free`. It must exceed 1/2, because 1 / (1 - x) exceeds 1 + x; 0.6
+# suffices for steps up to LARGEST_STEP.
 FALL = 0.6
-# Largest number of free motions per time span; no servo is that fast.
+# Largest number of free motions per time span; the gains of no servo require more.
 MAX_STEPS = 1e5
-# Largest number of phases (free, or at a bound) per step; with more, their durations round to 0.
+# Largest number of phases (free or saturated) per step; with more, their durations round to 0.
 MAX_PHASES = 100_000
 
 
-# Functions of every step are inlined: a call would double their time.
+# Functions that every step calls are inlined, because a call would double their time.
 
 
 class Cubic(NamedTuple):
@@ -55,7 +55,7 @@ class Cubic(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def shift(u: Cubic, t: float) -> Cubic:
-    """The same command with the time origin moved to t."""
+    """The same command with its time origin moved to t."""
     value = u.value + t * (u.rate + t * (u.second + t * u.third))
     rate = u.rate + t * (2 * u.second + t * 3 * u.third)
     return Cubic(value, rate, u.second + 3 * u.third * t, u.third)
@@ -64,7 +64,7 @@ def shift(u: Cubic, t: float) -> Cubic:
 class Servo(NamedTuple):
     """Gains [1/s] and acceleration bounds [rad/s²] of one joint."""
 
-    # kv = 0 means first order, and ki = 0 no integrator.
+    # kv = 0 means first order, ki = 0 means no integrator.
 
     kp: float
     kv: float
@@ -74,11 +74,11 @@ class Servo(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """State of a joint, and accumulated results."""
+    """State of a joint, and results accumulated during its motion."""
 
-    # Position q [rad] and velocity w [rad/s]; the acceleration [rad/s²] or velocity that a drive
-    # with a cycle holds, or with an integrator the demand; time in saturation [s], and lowest and
-    # highest demand [rad/s²].
+    # q: position [rad]. w: velocity [rad/s]. held: the acceleration [rad/s²] or velocity that a
+    # drive with a cycle holds; with an integrator the demand. saturated: time in saturation [s].
+    # lowest, highest: extremes of the demand [rad/s²].
 
     q: float
     w: float
@@ -89,11 +89,11 @@ class Motion(NamedTuple):
 
 
 class FreeMotionMap(NamedTuple):
-    """Linear map of a free motion over a time span: from state and command to the final state."""
+    """Linear map of a free motion over a time span, from state and command to the final state."""
 
-    # In q - u at the end, `qq, qw` are the factors of q - u and dq at the start, and `q1, q2, q3`
-    # those of the command's coefficients; `wq, ww, w1, w2, w3` are the same factors in dq at the
-    # end.
+    # In the final q - u, `qq` and `qw` are the factors of the initial q - u and dq, and `q1`, `q2`,
+    # `q3` are the factors of the command's coefficients. `wq`, `ww`, `w1`, `w2` and `w3` are the
+    # corresponding factors in the final dq.
 
     time: float
     qq: float
@@ -124,8 +124,9 @@ class Signal(NamedTuple):
 class Phase(NamedTuple):
     """A motion between two events."""
 
-    # Its time [s]; the bound at which it is saturated (1 upper, -1 lower, 0 none); the bound of the
-    # next phase; position q and velocity w at its end; lowest and highest demand [rad/s²].
+    # time: duration [s]. side: bound at which the joint is saturated (1 upper, -1 lower, 0 none).
+    # following: bound of the next phase. q, w: final position and velocity. lowest, highest:
+    # extremes of the demand [rad/s²].
 
     time: float
     side: float
@@ -138,7 +139,7 @@ class Phase(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def fastest_rate(kp: float, kv: float) -> float:
-    """Inverse of the shortest time constant [1/s], or slightly more."""
+    """Upper bound of the inverse of the shortest time constant [1/s]."""
     if kv == 0.0:
         return kp
     return kv if kv >= 4 * kp else math.sqrt(kp * kv)
@@ -165,8 +166,8 @@ def modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
 
 @compiled(inner=True, fastmath=FUSED)
 def transition(kp: float, kv: float, t: float, straight: bool) -> FreeMotionMap:
-    """The map of the free motion over time t [s], at most about `LARGEST_STEP` time constants."""
-    # A straight command needs no factors of t² and t³.
+    """Map of the free motion over time t [s], at most about `LARGEST_STEP` time constants."""
+    # A straight command has no terms in t² and t³, so their factors are not computed.
     if kv == 0.0:
         a = math.exp(-kp * t)
         y1, y2, y3 = _integrals(kp, 0.0, t)
@@ -184,8 +185,9 @@ def transition(kp: float, kv: float, t: float, straight: bool) -> FreeMotionMap:
 @compiled(inner=True, fastmath=FUSED)
 def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
     """Responses from rest to the commands t, t² and t³ at time t, by Taylor series."""
-    # Closed forms have differences of terms in `1 / kp³`, which lose digits if cycles are short.
-    # Series of t times the impulse response; each term follows from the two before.
+    # Closed forms contain differences of terms in `1 / kp³`, which lose digits if cycles are short.
+    # `term` is a term of the series of t times the impulse response; each follows from the two
+    # previous terms.
     if kv == 0.0:
         damping, stiffness = kp * t, 0.0
         term, following = damping, -damping * damping
@@ -250,7 +252,7 @@ def _find_root(servo: Servo, f: Signal, low: float, high: float, t: float) -> fl
             high = t
         step = value / slope if slope > 0.0 else math.inf
         if abs(step) <= tolerance:
-            # Newton's method converges quadratically, so this step is the last one.
+            # Newton's method converges quadratically, so no further step is necessary.
             return min(max(t - step, low), high)
         t = t - step
         if not low < t < high:
@@ -262,7 +264,7 @@ def _find_root(servo: Servo, f: Signal, low: float, high: float, t: float) -> fl
 
 @compiled(inner=True, fastmath=FUSED)
 def _find_extremum(servo: Servo, y: float, dy: float) -> float:
-    """First time after 0 at which the slope of a free motion is 0; infinity if there is none."""
+    """First time after 0 at which the slope of a free motion is 0; infinity if it never is."""
     kp, kv = servo.kp, servo.kv
     slope = -kv / 2 * dy - kp * kv * y
     if slope == 0.0:
@@ -281,12 +283,12 @@ def _find_extremum(servo: Servo, y: float, dy: float) -> float:
 
 @compiled(inner=True, fastmath=FUSED)
 def _find_cubic_extrema(f: Signal, end: float) -> tuple[float, float]:
-    """Times in (0, end) at which the slope of a cubic is 0; `end` for a missing one."""
+    """Times in (0, end) at which the slope of a cubic is 0, in order; `end` if there is none."""
     a, b, d = 3 * f.c3, f.c2, f.c1  # slope = a t² + 2 b t + d
     square = b * b - a * d
     if square < 0.0:
         return end, end
-    # Roots of the slope without cancellation; one of them is at infinity if the slope is linear.
+    # Roots of the slope without cancellation. One root is infinite if the slope is linear.
     s = -(b + math.copysign(math.sqrt(square), b))
     one = s / a if a != 0.0 else end
     two = d / s if s != 0.0 else end
@@ -299,10 +301,10 @@ def _find_cubic_extrema(f: Signal, end: float) -> tuple[float, float]:
 
 @compiled(inner=True, fastmath=FUSED)
 def _find_extrema(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
-    """Times in (0, end) at which a signal has an extremum; `end` for a missing one."""
-    # The signal is linear plus a free motion. The slope of a free motion is a free motion, too, and
-    # has at most one extremum in a short time; the signal has at most one extremum before and one
-    # after it.
+    """Times in (0, end) at which a signal has an extremum, in order; `end` if there is none."""
+    # The signal is linear plus a free motion. The slope of a free motion is also a free motion and
+    # has at most one extremum in a short time, so the signal has at most one extremum before and
+    # one after this time.
     if f.c1 == 0.0:
         return min(_find_extremum(servo, f.free, f.slope), end), end
     curvature = -servo.kv * f.slope - servo.kp * servo.kv * f.free
@@ -323,7 +325,7 @@ def _find_extrema(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
 
 @compiled(inner=True, fastmath=FUSED)
 def demand(servo: Servo, u: Cubic, q: float, w: float) -> float:
-    """The demand: acceleration of the servo before saturation [rad/s²]."""
+    """Demand: acceleration of the servo before saturation [rad/s²]."""
     if servo.kv == 0.0:
         return servo.kp * (u.rate - w)
     return servo.kv * (servo.kp * (u.value - q) - w)
@@ -341,7 +343,7 @@ def _saturated_side(servo: Servo, z: float, u: Cubic) -> float:
 
 @compiled(inner=True, fastmath=FUSED)
 def _excess_in_saturation(servo: Servo, u: Cubic, q: float, w: float, side: float) -> Signal:
-    """Excess of the demand over a bound while the joint accelerates at that bound."""
+    """Excess of the demand over a bound, while the joint accelerates at the bound."""
     kp, kv = servo.kp, servo.kv
     bound = servo.upper if side > 0.0 else servo.lower
     return Signal(
@@ -356,7 +358,7 @@ def _excess_in_saturation(servo: Servo, u: Cubic, q: float, w: float, side: floa
 
 @compiled(inner=True, fastmath=FUSED)
 def _time_until_negative(servo: Servo, over: Signal, end: float) -> float:
-    """First time in [0, end] at which a nonnegative cubic falls below 0, or `end`."""
+    """First time in [0, end] at which a nonnegative cubic becomes negative; otherwise `end`."""
     if over.c3 == 0.0:
         square = over.c1 * over.c1 - 4.0 * over.c2 * over.c0
         if square < 0.0 or (over.c1 >= 0.0 and over.c2 >= 0.0):
@@ -379,7 +381,7 @@ def _time_until_negative(servo: Servo, over: Signal, end: float) -> float:
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
 def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: float) -> Phase:
-    """The saturated motion for time t, while the demand exceeds a bound."""
+    """Saturated motion of duration t, during which the demand exceeds a bound."""
     bound = servo.upper if side > 0.0 else servo.lower
     last = over.c0 + t * (over.c1 + t * (over.c2 + t * over.c3))
     lowest, highest = min(over.c0, last), max(over.c0, last)
@@ -395,7 +397,7 @@ def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: fl
 
 @compiled(inner=True, fastmath=FUSED)
 def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float) -> float:
-    """Fraction of a step at which the demand approximately reaches a bound, by a cubic."""
+    """Fraction of a step at which the demand reaches a bound, approximated by a cubic."""
     if last == z:
         return 0.0
     second, third = 3 * (last - z) - 2 * dz - dlast, dz + dlast - 2 * (last - z)
@@ -413,7 +415,7 @@ def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float
 def _move_freely(
     servo: Servo, u: Cubic, q: float, w: float, z: float, step: FreeMotionMap, span: float
 ) -> Phase:
-    """The free motion up to the start of saturation, or over the whole step."""
+    """Free motion up to the start of saturation, or over the whole step."""
     kp, kv, t = servo.kp, servo.kv, step.time
     straight = u.second == 0.0 and u.third == 0.0
     c1 = 6 * u.third
@@ -457,8 +459,8 @@ def next_phase(
     step: FreeMotionMap,
 ) -> Phase:
     """Motion of a second-order joint under command u up to the next event."""
-    # `side` is the bound that the last phase reached: 1 upper, -1 lower, 0 none. The phase ends
-    # after `remaining` [s]. `step` is the free motion over the largest step.
+    # `side` is the bound that the previous phase reached: 1 upper, -1 lower, 0 none. The phase
+    # lasts at most `remaining` [s]. `step` is the map of the free motion over the longest step.
     z = demand(servo, u, q, w)
     active_side = side if side != 0.0 else _saturated_side(servo, z, u)
     if active_side != 0.0:
@@ -503,10 +505,10 @@ def _respond_by_events(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion) -
 def _bound_free(
     servo: Servo, z: float, dz: float, last: float, dlast: float, t: float
 ) -> tuple[float, float]:
-    """Lower and upper bound on a free motion within a step, from values and slopes at both ends."""
-    # If it has an extremum inside, the extremum exceeds the start value or 0 by at most t times the
-    # start slope. After the extremum, where the slope is 0, it falls by at most the fraction
-    # `kp kv t² / 2` of the extremum.
+    """Bounds on a free motion within a step, from its values and slopes at both ends."""
+    # If the motion has an extremum within the step, the extremum exceeds the start value or 0 by at
+    # most t times the start slope. After the extremum, where the slope is 0, the motion falls by at
+    # most the fraction `kp kv t² / 2` of the extremum.
     low, high = min(z, last), max(z, last)
     if dz * dlast < 0.0:
         factor = 1 + FALL * servo.kp * servo.kv * t * t
@@ -521,7 +523,7 @@ def _bound_free(
 def _bound_demand(
     servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
 ) -> tuple[float, float]:
-    """Lower and upper bound on the demand within a step without saturation, by `_bound_free`."""
+    """Bounds on the demand within a step without saturation, by `_bound_free`."""
     if u.second == 0.0 and u.third == 0.0:
         return _bound_free(servo, z, dz, last, dlast, t)
     rate = 6 * u.third
@@ -536,8 +538,8 @@ def _demand_extremum(
     servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
 ) -> float:
     """Extremum of the demand within a step with slopes of opposite sign at its ends."""
-    # The time is that of the extremum of a cubic through both ends, improved by one step of
-    # Newton's method. The value is more exact than the time, as the slope there is 0.
+    # The time is the extremum of a cubic through both ends, improved by one step of Newton's
+    # method. The value is more accurate than the time, because the slope is 0 at the extremum.
     a, b = t * dz, t * dlast
     second, third = 3 * (last - z) - 2 * a - b, 3 * (2 * (z - last) + a + b)
     root = math.sqrt(max(second * second - third * a, 0.0))
@@ -576,7 +578,7 @@ def _respond_first_order(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion)
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
 def respond(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion) -> Motion:
-    """Simulate a joint over a step under the command u; not finite if the step does not end."""
+    """Simulate a joint over a step under the command u; not finite if the steps do not end."""
     kp, kv, t = servo.kp, servo.kv, step.time
     if kv == 0.0:
         return _respond_first_order(servo, step, u, m)
@@ -589,7 +591,7 @@ def respond(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion) -> Motion:
     dz, dlast = kv * (kp * (u.rate - m.w) - z), kv * (kp * (end.rate - w) - last)
     low, high = min(m.lowest, z, last), max(m.highest, z, last)
     bottom, top = _bound_demand(servo, u, z, dz, last, dlast, t)
-    # Most steps return here: no saturation, and no new extreme of the demand.
+    # Most steps return here, without saturation and without a new extreme of the demand.
     if max(servo.lower, low) <= bottom and top <= min(servo.upper, high):
         return Motion(q, w, 0.0, m.saturated, low, high)
     if dz * dlast < 0.0:

@@ -1,4 +1,4 @@
-"""Compiled simulation of joints from command to command."""
+"""Compiled simulation of joints under piecewise polynomial commands."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from armcontour.robot.servo.joint_response import (
     transition,
 )
 
-# Steps may exceed their largest length by rounding errors.
+# Factor for the number of steps in a time span, so that rounding errors do not add a step.
 SLACK = 1 - 1e-9
-# Times and time spans [s] that differ by less than this are equal; rounding of times is less.
+# Times and time spans [s] that differ by less than this are equal; rounding errors are smaller.
 NEAR = 4e-12
-# Number of cached free motions, and columns of one: span, repeats and the step.
+# Number of cached free motions, and number of columns of one: span, repetitions, and map of a step.
 KEPT, COLUMNS = 4, 13
 
 
@@ -46,9 +46,10 @@ class Joints(NamedTuple):
 class JointMotions(NamedTuple):
     """Simulated motion of all joints."""
 
-    # `states` are position, velocity and demand at n results, (rows, n, 3). Per row: time in
-    # saturation, lowest and highest demand, the acceleration or velocity that a drive with a cycle
-    # holds at the end (with an integrator the demand), and whether the simulation failed.
+    # states: position, velocity and demand at n results, (rows, n, 3). saturated: time in
+    # saturation [s]. lowest, highest: extremes of the demand. held: the acceleration or velocity
+    # that a drive with a cycle holds at the end; with an integrator the demand. stuck: True if the
+    # simulation failed. (rows,) each except for states.
 
     states: FloatArray
     saturated: FloatArray
@@ -60,7 +61,7 @@ class JointMotions(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def piece_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -> Cubic:
-    """Command from time `now` [s] on, in its piece `piece`."""
+    """Command in its piece `piece`, with the time origin at `now` [s]."""
     u = Cubic(pieces[piece, 0], pieces[piece, 1], pieces[piece, 2], pieces[piece, 3])
     # The command is constant before the first set-point and after the last one.
     return shift(u, now - starts[piece - 1]) if 0 < piece < len(starts) else u
@@ -68,7 +69,7 @@ def piece_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -> 
 
 @compiled(inner=True, fastmath=FUSED)
 def write_step(kp: float, kv: float, span: float, straight: bool, row: FloatArray) -> bool:
-    """Write the free motion over a time span into an array, (COLUMNS,); False if it is too long."""
+    """Write the map of a free motion over a span, (COLUMNS,); False if it has too many steps."""
     if not progresses(kp, kv, span):
         return False
     repeats = max(int(math.ceil(span * fastest_rate(kp, kv) / LARGEST_STEP * SLACK)), 1)
@@ -89,9 +90,9 @@ def march_held(
     piece: int,
     out: FloatArray,
 ) -> Motion:
-    """Simulate a joint whose acceleration or velocity is held in each piece; as `march`."""
+    """Simulate a joint whose drive holds acceleration or velocity in each piece; as `march`."""
     # `piece` is the number of pieces that have begun at times[0]. The integral changes once per
-    # piece, as in `march_cascade`, before the demand is computed.
+    # piece, by the equation in `cascade.py`, before the demand is computed.
     q, w, held, saturated, lowest, highest = m
     first, last, now = servo.kv == 0.0, len(starts), times[0]
     kp, kv, ki = servo.kp, servo.kv, servo.ki
@@ -99,7 +100,7 @@ def march_held(
         piece -= 1
     z, x, drive_cycle = held, 0.0, starts[1] - starts[0] if last > 1 else 0.0
     if ki > 0.0 and piece > 0:
-        # From the demand of the last cycle and the position at its start.
+        # The integral follows from the demand of the last cycle and the position at its start.
         held = min(max(z, servo.lower), servo.upper)
         t = now - starts[piece - 1]
         v = w - t * held
@@ -145,15 +146,15 @@ def march(
 ) -> Motion:
     """Simulate one joint from times[0] on; not finite if short steps make no progress."""
     # kind 0: held or linear commands; 1: cubics; 2: a drive holds its acceleration in each piece;
-    # 3: as 0, without saturation, with positions as the only results. An infinite kp is a pure
-    # delay.
-    # pieces (n + 1, 4), the first and the last constant; with an integrator also those of v,
-    # (n + 1, 8). starts (n,): times at which all pieces but the first reach the joint [s]. times
-    # (m + 1,): start and results [s]. out (m, 3): position, velocity and demand.
+    # 3: as 0, without saturation, with positions as the only results. An infinite kp means a pure
+    # delay. pieces: coefficients of the command, (n + 1, 4), of which the first and the last are
+    # constant; with an integrator also of the command v of `cascade.py`, (n + 1, 8). starts: times
+    # at which all pieces but the first reach the joint [s], (n,). times: start, and times of the
+    # results [s], (m + 1,). out: position, velocity and demand, (m, 3).
     if servo.ki > 0.0 and kind != 2:
         return march_cascade(servo, pieces, starts, times, motion, out)
     m, delays, last, now = motion, math.isinf(servo.kp), len(starts), times[0]
-    # The number of pieces that have begun, by bisection.
+    # Number of pieces that have begun, by bisection.
     piece, high = 0, last
     while piece < high:
         middle = (piece + high) // 2
@@ -217,10 +218,10 @@ def run_joints(
     times: FloatArray,
     states: FloatArray,
 ) -> JointMotions:
-    """Simulate all joints, or one joint with different parameters, row by row."""
-    # kind and pieces as in `march`: commands (rows, n + 1, 4 or 8), starts (rows, n) [s], times
-    # (m + 1,) [s]. states (3, rows): position [rad], velocity [rad/s] and value that a drive holds
-    # at the start.
+    """Simulate all joints, or one joint with several sets of parameters, row by row."""
+    # kind and pieces as in `march`. commands: (rows, n + 1, 4 or 8). starts: (rows, n) [s]. times:
+    # (m + 1,) [s]. states: initial position [rad], velocity [rad/s] and value that a drive holds,
+    # (3, rows).
     rows = len(joints.kp)
     out = np.empty((rows, len(times) - 1, 3))
     saturated, lowest, highest, held = np.empty((4, rows))

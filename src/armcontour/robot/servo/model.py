@@ -17,28 +17,29 @@ from armcontour.core.quantities import DEAD_TIME, About, AtLeast, Choice, OwnAcc
 
 INTERPOLATIONS = ("linear", "step", "cubic")
 ORDERS = ("second", "first", "delay", "unknown")
-# Smallest and largest gain [1/s], for time constants from a microsecond to a quarter of an hour: no
+# Smallest and largest gain [1/s], for time constants from a microsecond to a quarter of an hour. No
 # robot joint is faster or slower, and no result overflows.
 GAINS = (1e-3, 1e6)
-# Smallest and largest inertia of a joint [kg m²]: from a milligram at 1 cm to ten tonnes at 10 m.
+# Smallest and largest inertia of a joint [kg m²], from a milligram at 1 cm to ten tonnes at 10 m.
 INERTIAS = (1e-10, 1e6)
-# Largest feed-forward: no drive commands three times the velocity of its set-points.
+# Largest feed-forward factor; no drive commands three times the velocity of its set-points.
 MAX_FEEDFORWARD = 3.0
 # Longest cycle of a drive's loop [s].
 LONGEST_CYCLE = 0.02
-# Largest dry friction, as a position error [rad], and the command velocity at which it has 71 % of
-# its size [rad/s].
+# Largest dry friction, as a position error [rad], and command velocity at which friction has 71 %
+# of its full value [rad/s].
 MAX_FRICTION = 0.1
 SLIDING = 5e-3
-# Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
+# Largest dead time [s]. Set-points are sent earlier by the dead time, so the robot waits for it.
 LONGEST_DEAD_TIME = 60.0
 # Largest number of time constants in a cycle. With more, the joint comes to rest long before the
 # next set-point, and the simulation needs a step for each half of a time constant.
 MAX_TIME_CONSTANTS = 1000.0
-# If compensation leaves a larger fraction of the contour error on validation data, it may be worse
-# than none on other programs.
+# RMS contour error with compensation over the error without it on validation data, above which
+# compensation may be worse than none on other programs.
 TRUSTED = 0.5
-# Range of logged velocities and accelerations [rad/s, rad/s²], and the ratio that is exceeded.
+# Range of logged velocities and accelerations [rad/s, rad/s²]; ratio to the logged value above
+# which a warning is given.
 LOGGED, EXCEEDED = (0.0, 1e6), 1.02
 PER_JOINT = (
     *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
@@ -54,7 +55,7 @@ AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, n
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ServoModel(Checked):
-    """The joint servos: response of each joint to its command u, with dead time `tau`.
+    """Model of the joint servos: response of each joint to its command u, with dead time `tau`.
 
     - order "second": `ddq = K_v (K_p (u - q) + f du - dq) + g ddu`, a velocity loop inside a
       position loop; with f = g = 0 it is (6) of the paper. An integral gain k_i makes it the P-PI
@@ -65,30 +66,31 @@ class ServoModel(Checked):
     - order "unknown": dead time only. Compensation uses the plan as set-points, and the simulated
       joint follows the set-points exactly, both with the dead time.
 
-    u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`; in a P-PI cascade
-    it is the acceleration `-K_p K_v c sign(du)`, which bypasses the integrator. Anti-windup: in
-    saturation the integrator integrates the velocity error less the excess of the demand over K_v
-    (back-calculation with the gain k_i). Between two set-points the command is, by interpolation,
+    u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`. In a P-PI cascade
+    friction is the acceleration `-K_p K_v c sign(du)`, which bypasses the integrator. In saturation
+    the integrator integrates the velocity error minus the excess of the demand over K_v
+    (anti-windup by back-calculation with the gain k_i). Between two set-points the command is, by
+    interpolation,
 
     - "linear": the straight line;
     - "step": the earlier set-point (zero-order hold);
     - "cubic": the cubic with slopes `(u[k + 1] - u[k - 1]) / (2 T)` at set-points, and 0 at the
       first and the last one (Catmull-Rom spline: continuously differentiable, and local).
 
-    Before the first set-point the command equals the first set-point, and after the last one the
-    last, and du and ddu are 0. The rates of the command are, by interpolation,
+    Before the first set-point, the command equals the first set-point, and after the last one it
+    equals the last set-point; du and ddu are 0. The rates of the command are, by interpolation,
 
     - "linear": du is the slope of the line, and ddu the second difference of the set-points that
       end it, `(u[k] - 2 u[k - 1] + u[k - 2]) / T²`;
-    - "step": du is the difference to the set-point before, over the cycle; ddu is not available;
+    - "step": du is the difference from the previous set-point over the cycle; ddu is unavailable;
     - "cubic": the derivatives of the cubic.
 
-    With a drive cycle, the loop is computed once per cycle, from command and state at its start:
-    the acceleration (order "second") or velocity ("first") is constant in the cycle, and du and ddu
+    With a drive cycle, the loop is computed once per cycle, from command and state at its start.
+    The acceleration (order "second") or velocity ("first") is constant in the cycle, and du and ddu
     are differences of u over cycles. The integral then includes the velocity error of that cycle.
 
-    The command passes each set-point at its time. A controller needs the next set-point for a line,
-    and the one after it for the cubic; this delay is part of the dead time.
+    The command passes each set-point at its time. A controller must know the next set-point for a
+    line, and also the set-point after it for the cubic; this delay is part of the dead time.
 
     >>> model = ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
     >>> model.replace(velocity_feedforward=1.0).kp
@@ -100,13 +102,13 @@ class ServoModel(Checked):
         kv: Velocity loop gain [1/s], one for all joints or one per joint; infinite for joints of
             another order than "second", and None if all are.
         interpolation: Interpolation between set-points: "linear", "step" or "cubic".
-        dead_time: Time from a set-point's time until it reaches the joint's servo [s], one for all
+        dead_time: Delay from the time of a set-point until it reaches the servo [s], one for all
             joints or one per joint; need not be a multiple of the cycle.
         order: "second", "first", "delay" or "unknown", one for all joints or one per joint.
         inertia: Inertia J by which the controller scales the velocity loop [kg m²], one for all
-            joints or one per joint: its torque is J times the acceleration that the model of order
-            "second" demands. Only for rigid bodies and for servos of order "second". None is the
-            arm's own nominal inertia.
+            joints or one per joint. The torque is J times the acceleration that the model of order
+            "second" demands. Only for rigid bodies and servos of order "second". None is the
+            nominal inertia of the arm.
         ki: Integral gain k_i of the velocity loop [1/s], one for all joints or one per joint; 0
             without an integrator. Only for order "second".
         velocity_feedforward: Factor f of the command velocity that is added to the velocity loop,
@@ -194,26 +196,26 @@ class ServoModel(Checked):
         lagged = second | np.array([x == "first" for x in orders])
         if (self.kv is None) == bool(second.any()):
             raise InvalidInput(
-                "A servo of order second needs the velocity loop gain kv [1/s] in addition to kp."
+                "A servo of order second requires the velocity loop gain kv [1/s] and kp."
                 if self.kv is None
-                else f"A servo of order {orders[0]} has no velocity loop: remove its gain kv."
+                else f"A servo of order {orders[0]} has no velocity loop, so remove its gain kv."
             )
         if self.inertia is not None and not second.all():
             lagging = orders[int(np.argmin(second))]
             raise InvalidInput(
-                f"A servo of order {lagging} has no velocity loop: remove its inertia."
+                f"A servo of order {lagging} has no velocity loop, so remove its inertia."
             )
         feed = self.acceleration_feedforward
         _check_integrator(self.ki, second, self.interpolation, feed)
         if feed.any() and self.interpolation == "step":
             raise InvalidInput(
-                "A servo with held set-points has no acceleration of the command: remove "
+                "A servo with held set-points has no acceleration of the command. Remove "
                 "acceleration_feedforward."
             )
         if ((feed > 0) & (self.velocity_feedforward == 0)).any():
             raise InvalidInput(
-                "acceleration_feedforward without velocity_feedforward would swing for a long "
-                "time: give velocity_feedforward, too, such as 1."
+                "acceleration_feedforward without velocity_feedforward would cause long "
+                "oscillations. Specify velocity_feedforward too, such as 1."
             )
         object.__setattr__(self, "order", orders[0] if same else orders)
         object.__setattr__(self, "kp", _check_gain("kp", self.kp, lagged, same))
@@ -238,7 +240,7 @@ class ServoModel(Checked):
         return ", ".join(parts)
 
     def for_joints(self, dof: int) -> ServoModel:
-        """Return the servo with one gain, dead time and feed-forward per joint.
+        """Return the servo with one value per joint for each parameter that may vary by joint.
 
         Args:
             dof: Number of joints.
@@ -256,13 +258,14 @@ class ServoModel(Checked):
             if values is None:
                 continue
             if values.ndim:
-                # Infinity means none; `per_joint` checks the number of values.
+                # `per_joint` checks the number of values, but rejects infinite values, which are
+                # valid here.
                 checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof)
             changes[name] = np.full(dof, values)
         if not isinstance(self.order, str) and len(self.order) != dof:
             raise InvalidInput(
-                f"order of the servo has {len(self.order)} values, but the arm has {dof} joints: "
-                f"give one for all joints or {dof}."
+                f"order of the servo has {len(self.order)} values, but the arm has {dof} joints. "
+                f"Specify one value for all joints or {dof} values."
             )
         return self.replace(**changes)
 
@@ -273,31 +276,31 @@ class ServoModel(Checked):
             changes: New values by the names of the constructor's parameters.
 
         Raises:
-            InvalidInput: As the constructor raises it, or an unknown name.
+            InvalidInput: A name is unknown, or a value is invalid for the constructor.
         """
         values = {x.name: getattr(self, x.name) for x in fields(self)}
         return ServoModel(**{**values, **changes})
 
     @property
     def doubt(self) -> str:
-        """Warning that compensation may be worse than none, or empty for a trusted model."""
+        """Warning that compensation may be worse than none; empty for a trusted model."""
         reasons = []
         if self.contour_ratio is not None and self.contour_ratio > TRUSTED:
             reasons.append(
-                f"where the servo was not fitted, {self.contour_ratio:.0%} of the contour error "
-                f"remain, above {TRUSTED:.0%}"
+                f"{self.contour_ratio:.0%} of the contour error remain on data to which the servo "
+                f"was not fitted (more than {TRUSTED:.0%})"
             )
         if self.programs == 1:
-            reasons.append("the servo was judged on one program only")
+            reasons.append("the servo was evaluated on one program only")
         if not reasons:
             return ""
         return (
-            f"Compensation may be worse than none: {', and '.join(reasons)}. Identify the servo "
-            "from more programs, or take the compensation none."
+            f"Compensation may be worse than none, because {' and '.join(reasons)}. Identify the "
+            "servo from more programs, or use the compensation none."
         )
 
     def describe_excess(self, dq: FloatArray, ddq: FloatArray) -> str:
-        """Warning that a motion exceeds the one that determined `model_error`, or empty.
+        """Warning that a motion exceeds the motion that determined `model_error`; empty if not.
 
         Args:
             dq: Joint velocities [rad/s], (n, dof).
@@ -319,8 +322,9 @@ class ServoModel(Checked):
         if not excesses:
             return ""
         return (
-            "The error bound of the servo model is valid for motion as in its logs only, but "
-            f"{', and '.join(excesses)} there: plan slower, or identify from logs of this motion."
+            "The error bound of the servo model is valid only for motion as in its logs, but "
+            f"{' and '.join(excesses)} in the logs. Plan slower, or identify from logs of this "
+            "motion."
         )
 
     @property
@@ -350,8 +354,8 @@ class ServoModel(Checked):
     def slowest(self) -> float:
         """Smallest decay rate of any joint [1/s]; infinite if all joints are pure delays."""
         kp, kv = np.broadcast_arrays(self.kp, self._loops)
-        # Rates are the negative real parts of the roots of s² + kv s + kp kv. For real roots the
-        # sum of the rates is kv and their product kp kv.
+        # The rates are the negative real parts of the roots of s² + kv s + kp kv. If the roots are
+        # real, the sum of the rates is kv and their product is kp kv.
         loop = np.isfinite(kv)
         if not loop.any():
             return float(kp.min())
@@ -365,11 +369,11 @@ class ServoModel(Checked):
         return float(min(rate.min(), alone))
 
     def saturate(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Acceleration bounds of the joints [rad/s²], (dof,) each; infinite without velocity loop.
+        """Acceleration bounds [rad/s²], (dof,) each; infinite without a velocity loop.
 
         Args:
-            lower: Lower bounds of the robot [rad/s²], (dof,), used without acceleration_limit.
-            upper: Its upper bounds [rad/s²], (dof,).
+            lower: Lower bounds of the robot [rad/s²], (dof,), used if acceleration_limit is None.
+            upper: Upper bounds of the robot [rad/s²], (dof,).
         """
         if self.acceleration_limit is not None:
             upper = np.broadcast_to(self.acceleration_limit, upper.shape)
@@ -390,16 +394,16 @@ class ServoModel(Checked):
 
         Args:
             who: Name of the feature that requires this, which begins the message.
-            integrator: Whether integrators are valid.
+            integrator: True if integrators are allowed.
 
         Raises:
-            InvalidInput: The servo has one of these.
+            InvalidInput: The servo does not have these properties.
         """
         if not self.is_plain("second") or (self.ki.any() and not integrator):
             suffix = "" if integrator else ", and without integrator"
             raise InvalidInput(
-                f"{who} needs joint servos of order second without friction and cycle{suffix}, but "
-                f"the servo has {self}: take the compensation inverse and independent joints."
+                f"{who} requires joint servos of order second without friction and cycle{suffix}, "
+                f"but the servo has {self}. Use the compensation inverse and independent joints."
             )
 
     def check_gains(self, cycle: float) -> None:
@@ -414,11 +418,11 @@ class ServoModel(Checked):
         for name, values in (("kp", self.kp), ("kv", self._loops), ("ki", self.ki)):
             largest = float(np.max(values, initial=0.0, where=np.isfinite(values)))
             if largest * cycle > MAX_TIME_CONSTANTS:
-                suffix = ", or take a servo of order first" if name == "kv" else ""
+                suffix = ", or use a servo of order first" if name == "kv" else ""
                 raise InvalidInput(
                     f"servo gain {name} is {largest:g} 1/s, which is {largest * cycle:.3g} time "
                     f"constants in a cycle of {cycle:g} s, but at most "
-                    f"{MAX_TIME_CONSTANTS:g} are simulated: lower {name} to "
+                    f"{MAX_TIME_CONSTANTS:g} can be simulated. Reduce {name} to "
                     f"{MAX_TIME_CONSTANTS / cycle:g} 1/s, shorten the cycle{suffix}.",
                     limit=name,
                     needed=largest,
@@ -449,14 +453,14 @@ class ServoModel(Checked):
             raise InvalidInput("q, dq and ddq must have one column per joint.") from None
         command = np.asarray(position + rate / self.kp + self.friction * sliding(rate))
         loops = self._loops
-        # A velocity that is held for a cycle, and differences over a cycle, are delayed by half a
+        # A velocity that is held for a cycle, and a difference over a cycle, are delayed by half a
         # cycle.
         delay = self.drive_cycle / 2 * (np.isinf(loops) + self.velocity_feedforward)
         factor = np.asarray((1 / loops + delay) / self.kp)
         if not factor.any():
             return command
         if ddq is None:
-            raise InvalidInput("A servo of order second needs joint accelerations, too: give ddq.")
+            raise InvalidInput("A servo of order second requires the joint accelerations ddq.")
         return command + factor * acceleration
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
@@ -496,8 +500,8 @@ def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatAr
 
 
 def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator, in z, of `s / (s + ki)` between means over cycles."""
-    # With a drive cycle, the integral is a sum; the filter is exact if both cycles are equal.
+    """Numerator and denominator, in z, of the filter `s / (s + ki)` for means over cycles."""
+    # With a drive cycle, the integral is a sum; the filter is exact if `cycle` is the drive cycle.
     decay = np.log1p(ki * drive_cycle) / drive_cycle if drive_cycle else ki
     mean = -np.expm1(-decay * cycle) / (ki * cycle)
     return mean * np.array([1.0, -1.0]), np.array([1.0, -np.exp(-decay * cycle)])
@@ -507,8 +511,8 @@ def without_integral(
     dq: FloatArray, ddq: FloatArray, servo: ServoModel, cycle: float
 ) -> FloatArray:
     """Part of mean accelerations that the integrators do not supply [rad/s²], (n, dof)."""
-    # The loop output is `K_v (1 + k_i / s)` times the velocity error, from rest, also against
-    # friction. dq and ddq are means over intervals of length `cycle`.
+    # The loop output is `K_v (1 + k_i / s)` times the velocity error, starting at rest, and also
+    # overcomes friction. dq and ddq are means over intervals of length `cycle`.
     if not servo.ki.any():
         return ddq
     from scipy.signal import lfilter
@@ -526,7 +530,7 @@ def without_integral(
 
 
 def sliding(rate: FloatArray) -> FloatArray:
-    """Direction of dry friction at command velocities [rad/s], smooth at rest."""
+    """Factor of dry friction at command velocities [rad/s], from -1 to 1, smooth at rest."""
     return np.asarray(rate / np.hypot(rate, SLIDING))
 
 
@@ -538,13 +542,13 @@ def _join_texts(texts: str | Sequence[str]) -> str:
 
 
 def _check_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) -> FloatArray:
-    """Gains as a read-only array, for all joints or per joint; infinite where not needed."""
+    """Gains as a read-only array for all joints or per joint; infinite for unused gains."""
     if not same:
         array = np.array(np.broadcast_to(array, needed.shape))
     used = np.broadcast_to(needed, array.shape) if array.ndim else needed[0]
     if (np.isinf(array) & used).any():
         raise InvalidInput(
-            f"servo gain {name} is missing: give one for all joints or one per joint."
+            f"servo gain {name} is missing. Specify one value for all joints or one per joint."
         )
     return checks.frozen_array(np.where(used, array, np.inf))
 
@@ -558,11 +562,11 @@ def _check_integrator(
     fits = ki.size == 1 or second.size in (1, ki.size)
     if fits and (ki * ~second).any():
         raise InvalidInput(
-            "ki is the integral gain of a velocity loop, which only order second has: write 0 for "
-            "joints of another order."
+            "ki is the integral gain of the velocity loop, which only order second has. Specify 0 "
+            "for joints of another order."
         )
     if interpolation == "cubic" and np.any(feed):
         raise InvalidInput(
-            "acceleration_feedforward with ki is for linear set-points only: remove one of them "
-            "or use the interpolation linear."
+            "acceleration_feedforward with ki is available only for linear set-points. Remove one "
+            "of them, or use the interpolation linear."
         )

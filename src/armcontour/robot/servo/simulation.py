@@ -1,4 +1,4 @@
-"""ServoSimulation of joint servos: over cycles, at any times, and over logs."""
+"""Simulation of joint servos over cycles, at any times, and over logs."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from armcontour.core.errors import ExecutionError
 from armcontour.robot.servo.march import JointMotions, Joints, run_joints
 from armcontour.robot.servo.model import ServoModel, lead_of, sliding
 
-# Kinds of commands, as in `march`.
+# Kinds of commands, as in `march`: held or linear, cubic, held by drives, linear without
+# saturation.
 STRAIGHT, CUBIC, HELD, LINES = range(4)
-# Times within this distance of a set-point, in cycles, count as its time.
+# Times within this distance of a set-point, in cycles, are equal to its time.
 SNAP = 1e-9
 
 
 class ServoSimulation:
-    """Response of all joints to set-points q, exact between the events of saturation."""
+    """Simulation of all joints that follow set-points, exact between events of saturation."""
 
-    # `servo` has values per joint; lower and upper acceleration bounds (dof,) [rad/s²], by default
-    # none; `steps` results per interval.
+    # q: set-points [rad], (n, dof). `servo` has values per joint. lower, upper: acceleration bounds
+    # [rad/s²], (dof,), infinite by default. `steps`: number of results per interval.
 
     def __init__(
         self,
@@ -44,7 +45,7 @@ class ServoSimulation:
             self.kind = HELD
             self.commands = command_and_rates(q, cycle, servo.interpolation)[0]
             return
-        self.commands = with_integrated(servo, lambda x: polynomials(q, cycle, x))
+        self.commands = add_integrator_pieces(servo, lambda x: polynomials(q, cycle, x))
         self.starts = np.arange(len(q)) * cycle + servo.dead_time[:, None]
 
     def run(
@@ -56,10 +57,10 @@ class ServoSimulation:
         bounds: tuple[FloatArray, FloatArray] | None = None,
         held: FloatArray | None = None,
     ) -> JointMotions:
-        """Simulate all joints from interval `begin` to before `end`."""
-        # q (dof,) [rad] and dq (dof,) [rad/s] at the start. held (dof,): values that drives with a
-        # cycle hold there: accelerations [rad/s²], for order "first" velocities; with an integrator
-        # the demand.
+        """Simulate all joints from the start of interval `begin` to the start of `end`."""
+        # q [rad] and dq [rad/s], (dof,): initial state. held: initial values that drives with a
+        # cycle hold, (dof,): accelerations [rad/s²], for order "first" velocities, with an
+        # integrator demands.
         results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
         return self.run_at(results * (self.cycle / self.steps), q, dq, bounds, held)
 
@@ -86,14 +87,14 @@ class ServoSimulation:
             gains = f"kp = {self.servo.kp[j]:g}" + ("" if kv is None else f" and kv = {kv[j]:g}")
             raise ExecutionError(
                 f"Joint {j + 1} cannot be simulated with {gains} 1/s and a cycle of "
-                f"{self.cycle:g} s: time steps as short as the servo needs make no progress, so "
-                "lower the gains.",
+                f"{self.cycle:g} s, because the time steps that the servo requires are too short. "
+                "Reduce the gains.",
                 joint=j,
             )
         return run
 
     def velocities_after(self, t: FloatArray, q: FloatArray) -> FloatArray:
-        """Velocities of joints just after times t [rad/s], (m, dof); nan for order "second"."""
+        """Velocities just after times t [rad/s], (m, dof); NaN for joints of order "second"."""
         velocities = np.full(q.shape, np.nan)
         for j in np.flatnonzero(self.joints.kv == 0):
             k = np.searchsorted(self.starts[j], t + SNAP * self.cycle, side="right")
@@ -108,20 +109,22 @@ class ServoSimulation:
         return velocities
 
     def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
-        """Held commands of the drives between two times, and the start times of the cycles."""
+        """Held commands of the drives between two times, and start times of the cycles [s]."""
         drive_cycle, pieces, cycle = self.servo.drive_cycle, self.commands, self.cycle
-        # The initial integral follows from the cycle before.
+        # The initial integral follows from the previous cycle.
         first = int(np.floor(begin / drive_cycle + SNAP)) - 1
         count = int(np.ceil(end / drive_cycle - SNAP)) - first + 1
         starts = (first + np.arange(max(count, 2), dtype=np.float64)) * drive_cycle
 
         def commands(servo: ServoModel) -> FloatArray:
-            # Feed-forward needs two earlier cycles.
+            # Feed-forward is computed from two earlier cycles.
             times = np.asarray((first + np.arange(-2, len(starts))) * drive_cycle, np.float64)
             u = sample_command(pieces, cycle, servo.dead_time, times).T
-            return hold(cycle_feedforward(u, drive_cycle, servo), starts, self.joints.kp)
+            return make_held_pieces(
+                cycle_feedforward(u, drive_cycle, servo), starts, self.joints.kp
+            )
 
-        return with_integrated(self.servo, commands), np.tile(starts, (len(pieces), 1))
+        return add_integrator_pieces(self.servo, commands), np.tile(starts, (len(pieces), 1))
 
 
 def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
@@ -131,8 +134,8 @@ def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
     return np.where(np.isinf(kv), 0.0, kv)
 
 
-def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
-    """Pieces of commands, followed by those for integrators, as in `run_joints`."""
+def add_integrator_pieces(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
+    """Pieces of commands, followed by the pieces of the command for integrators, if any."""
     pieces = commands(servo)
     if not np.any(servo.ki):
         return pieces
@@ -141,8 +144,8 @@ def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatA
     return np.concatenate([pieces, commands(integrated)], axis=2)
 
 
-def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
-    """Pieces of held commands; joints with a pure delay follow lines."""
+def make_held_pieces(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
+    """Pieces of held commands; for joints with a pure delay, pieces of lines."""
     pieces = np.zeros((len(values), values.shape[1] + 1, 4))
     pieces[:, 1:, 0] = values
     lines = np.isinf(kp)
@@ -159,16 +162,16 @@ def respond_within(
     times: FloatArray,
     state: tuple[FloatArray, FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Response of all joints at increasing times within interval k, by the same formulas."""
+    """Response of all joints at increasing times within interval k."""
     # state: positions [rad], velocities [rad/s] and held values at the first time, (dof,) each.
-    # Returns the times, including those at which a set-point reaches a joint [s], (m,); positions
-    # [rad], and velocities just before and just after [rad/s], (m, dof) each.
+    # Returns the times with those at which a set-point reaches a joint [s], (m,); positions [rad],
+    # and velocities just before and just after each time [rad/s], (m, dof) each.
     phase = servo.dead_time % cycle
     tolerance = SNAP * cycle
     times = np.union1d(
         times, phase[(phase > times[0] + tolerance) & (phase < times[-1] - tolerance)]
     )
-    # The active set-points, and their neighbours, which determine the interpolation.
+    # Only the active set-points are simulated, with the neighbours for their interpolation.
     delay = np.floor(servo.dead_time / cycle + SNAP).astype(np.intp)
     first = max(min(k - int(delay.max()) - 3, len(q) - 4), 0) if not servo.drive_cycle else 0
     active_points = q[first : max(k - int(delay.min()) + 4, first + 4)]
@@ -191,9 +194,9 @@ def follow(
     ddq0: float | FloatArray = 0.0,
 ) -> FloatArray:
     """Positions of a joint over its log [rad], (n,), exact between the breaks of its command."""
-    # Several servos have rows: (rows, n). q0 [rad], dq0 [rad/s] and, with an integrator, the demand
-    # ddq0 [rad/s²] are those at the first time. A cycle of the drive begins at the first set-point.
-    # Not finite if steps as short as the servo needs make no progress.
+    # If the servo has arrays, (rows,), the result is (rows, n). q0 [rad], dq0 [rad/s] and, with an
+    # integrator, the demand ddq0 [rad/s²] are the initial state. A drive cycle begins at the first
+    # set-point. The result is not finite if the time steps that the servo requires are too short.
     shape = np.broadcast_shapes(*(np.shape(x) for x in (*servo, q0, dq0, ddq0)))
     rows = int(np.prod(shape))
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
@@ -209,14 +212,14 @@ def follow(
         u = np.stack([command.evaluate(times - delay) for delay in each.dead_time])
 
         def held_pieces(shifted: JointServo) -> FloatArray:
-            return hold(cycle_feedforward(u, drive_cycle, shifted), times[2:], each.kp)
+            return make_held_pieces(cycle_feedforward(u, drive_cycle, shifted), times[2:], each.kp)
 
-        pieces, starts = with_integrated(each, held_pieces), np.tile(times[2:], (rows, 1))
+        pieces, starts = add_integrator_pieces(each, held_pieces), np.tile(times[2:], (rows, 1))
     else:
-        # Earlier set-points reach the joint before the motion.
+        # Set-points before the first simulated one reach the joint before the motion.
         early = command.t[0] - np.max(each.dead_time)
         first = max(int(np.searchsorted(command.knots, early)) - 1, 0)
-        pieces = with_integrated(each, lambda x: command.for_servo(x, rows, first))
+        pieces = add_integrator_pieces(each, lambda x: command.for_servo(x, rows, first))
         starts = command.knots[first:] + each.dead_time[:, None]
     states = np.zeros((3, rows))
     states[0], states[1], states[2] = q0, dq0, ddq0
@@ -227,9 +230,9 @@ def follow(
 
 
 def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """The command in each cycle, a cubic in the time since its start, (dof, n + 1, 4)."""
+    """Command in each cycle as a cubic in the time since its start, (dof, n + 1, 4)."""
     # The command includes feed-forward and friction, so that a servo without them responds in the
-    # same way. Interval k lies between set-points k - 1 and k. Before the first and after the last
+    # same way. Interval k is between set-points k - 1 and k. Before the first and after the last
     # set-point the command is constant.
     command, first, second = command_and_rates(q, cycle, servo.interpolation)
     if servo.has_feedforward:
@@ -252,7 +255,7 @@ def cycle_feedforward(
 
 
 class JointServo(NamedTuple):
-    """Parameters of the servo of one joint, as in `ServoModel`; numbers, or arrays (rows,)."""
+    """Parameters of one joint's servo, as in `ServoModel`: numbers, or arrays (rows,)."""
 
     kp: Any
     kv: Any = np.inf
@@ -265,16 +268,16 @@ class JointServo(NamedTuple):
 
     @property
     def lead(self) -> tuple[FloatArray, FloatArray]:
-        """See `ServoModel.lead`."""
+        """Factors by which feed-forward changes the command, as `ServoModel.lead`."""
         feed = self.velocity_feedforward, self.acceleration_feedforward
         return lead_of(self.kp, self.kv, *feed)
 
 
 class LoggedCommand:
-    """Command of one joint in a log, evaluated at any times."""
+    """Command of one joint in a log, which can be evaluated at any time."""
 
-    # t (n,) [s] and u (n,) [rad] are those of the motion, which begins at set-point `begin`;
-    # earlier ones arrive during the motion. `knots` are the times of all set-points.
+    # t [s] and u [rad], (n,): all set-points. The motion begins at set-point `begin`; earlier
+    # set-points may arrive during the motion. `knots` are the times of all set-points.
 
     def __init__(
         self, t: FloatArray, u: FloatArray, interpolation: str = "linear", begin: int = 0
@@ -294,7 +297,7 @@ class LoggedCommand:
         self.slide = sliding(self.rate)
 
     def for_servo(self, servo: JointServo, rows: int, first: int) -> FloatArray:
-        """Pieces from index `first` on, with feed-forward and friction of some servos."""
+        """Pieces from index `first` on, with feed-forward and friction of the servos."""
         lead, acceleration, slide = (
             np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction)
         )
@@ -307,7 +310,7 @@ class LoggedCommand:
         return pieces
 
     def evaluate(self, t: FloatArray) -> FloatArray:
-        """The command at some times [rad]."""
+        """The command at times t [rad], (n,)."""
         if self.linear:
             return np.interp(t, self.knots, self.every)
         k = np.searchsorted(self.knots, t + SNAP * 1e-3, side="right") - 1
@@ -353,7 +356,7 @@ def sample_command(
     for j, joint_pieces in enumerate(pieces):
         phase = (t - dead_time[j]) / cycle
         k = np.clip(np.floor(phase + SNAP), -1, len(joint_pieces) - 2).astype(np.intp)
-        # The command is constant in the first and the last interval.
+        # The command is constant in the first and in the last interval.
         elapsed = np.where(
             (k < 0) | (k > len(joint_pieces) - 3), 0.0, np.maximum(phase - k, 0.0) * cycle
         )
@@ -365,7 +368,7 @@ def sample_command(
 def command_weights(
     count: int, cycle: float, interpolation: str, t: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Indices and weights of the 2 or 4 set-points in the command at times t, (n, 2 or 4)."""
+    """Indices and weights of the set-points that determine the command at times t, (n, 2 or 4)."""
     phase = np.clip(t / cycle, 0.0, count - 1)
     k = np.minimum(np.floor(phase + SNAP), max(count - 2, 0)).astype(np.intp)
     fraction = np.clip(phase - k, 0.0, 1.0)

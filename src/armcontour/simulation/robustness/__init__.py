@@ -1,4 +1,4 @@
-"""Robustness: contour errors of set-points on robots that differ from the model."""
+"""Robustness: contour errors of set-points on robots that differ from the nominal model."""
 
 from armcontour.core.lazy import lazy_names
 

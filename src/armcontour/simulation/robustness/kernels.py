@@ -1,4 +1,4 @@
-"""Compiled simulation of one robot with its contour error; joints respond by `march`."""
+"""Compiled simulation of one robot and its contour error; `march` simulates the joints."""
 
 from __future__ import annotations
 
@@ -14,90 +14,85 @@ from armcontour.robot.kernels import tool_point
 from armcontour.robot.servo.joint_response import Motion, Servo
 from armcontour.robot.servo.march import march
 
-# Number of cycles per block: their results fit in the processor's cache.
+# Number of cycles per block, so that the results of a block fit in the processor's cache.
 CHUNK = 64
-# The tool is at rest below the first speed [m/s], as in `evaluation`; below the second one it no
-# longer moves.
+# The RMS error ends when the tool is slower than this [m/s], as in `contour_errors`.
 REST_SPEED = 1e-3
+# The execution ends when the tool is slower than this [m/s].
 STILL_SPEED = 1e-9
-# Between two results next to a corner of the path the contour error has a sharp peak, so it is
-# evaluated at this many finer steps, as it is next to results near the largest squared error. A
-# vertex that turns by less than CORNER [rad] is no corner.
-FINER = 16
-CORNER = 1e-3
-NEAR_PEAK = 0.96
-# Approximate largest factor by which a joint with an integrator accelerates before it rests.
-OVERSHOOT = 10.0
-# Times that differ by less than this many intervals between results are equal.
+# The contour error is evaluated at FINE_STEPS steps between two results if it can have a peak
+# there, at a corner of the path or next to a result whose squared error exceeds the share
+# PEAK_SHARE of the largest one. A vertex is a corner if the tangent turns by more than LEAST_CORNER
+# [rad].
+FINE_STEPS = 16
+LEAST_CORNER = 1e-3
+PEAK_SHARE = 0.96
+# Approximate bound of the factor by which the speed of a joint with an integrator can grow.
+SPEED_GROWTH = 10.0
+# Times that differ by less than this share of the time between results are equal.
 SNAP = 1e-9
 
 
 class SearchedPath(NamedTuple):
-    """The path."""
+    """The path, and the range of arc lengths in which the nearest point is searched."""
 
-    rows: FloatArray  # The segments, as `nearest.pack` packs them
-    corners: FloatArray  # Turn at the vertex before each segment [rad], (segments,)
-    around: float  # Length of a closed path [m]; 0 for an open one
-    # low, high: smallest and largest possible arc length of the tool, per cycle [m].
-    low: FloatArray
-    high: FloatArray
+    rows: FloatArray  # The segments in the form of `pack_arcs`, (segments, 15)
+    corners: FloatArray  # Angle of the tangent at the start of each segment [rad], (segments,)
+    around: float  # Length of a closed path [m]; 0 for an open path
+    low: FloatArray  # Smallest possible arc length of the tool in each cycle [m]
+    high: FloatArray  # Largest possible arc length of the tool in each cycle [m]
 
 
 class Clock(NamedTuple):
-    """The times of an execution."""
+    """Times of an execution and of the evaluation of errors."""
 
     start: float  # Time of the first set-point [s]
-    cycle: float  # Cycle [s]
+    cycle: float  # Time between two set-points [s]
     steps: int  # Number of results per cycle
-    begin: float  # Start of the time over which errors are evaluated [s]
-    finish: float  # End of that time [s]
-    # True if this end is fixed; otherwise largest errors are evaluated until the joints rest, and
-    # root mean squares until the tool is slower than `REST_SPEED`.
+    begin: float  # Start of the evaluation of errors [s]
+    finish: float  # End of the evaluation, or if not `fixed` its earliest end [s]
+    # fixed: if False, the largest error is evaluated until the joints are at rest, and the RMS
+    # until the tool is slower than REST_SPEED.
     fixed: bool
-    patience: float  # Time at which an execution ends that does not come to rest [s]
+    patience: float  # Time at which an execution ends if it has not come to rest [s]
 
 
 class Setting(NamedTuple):
-    """Data shared by all robots."""
+    """Data that all robots have in common."""
 
-    robot: FloatArray  # Numbers of the links, as `arm.link_table` has them
+    robot: FloatArray  # Parameters of the links, `link_table` of the arm
     reach: float  # Largest distance of the tool from a joint [m]
     line: SearchedPath
     clock: Clock
-    kind: int  # Kind of the commands, as in `march`
-    # Inertia of 1 kg at the tool relative to the joint's inertia, (dof, n) [1/kg].
+    kind: int  # Kind of interpolation of the commands, see `march`
+    # inertia: inertia of 1 kg at the tool divided by the inertia of each joint [1/kg], (dof, n).
     inertia: FloatArray
-    # lower, upper: acceleration bounds [rad/s²], (dof,).
-    lower: FloatArray
-    upper: FloatArray
+    lower: FloatArray  # Lower acceleration bounds [rad/s²], (dof,)
+    upper: FloatArray  # Upper acceleration bounds [rad/s²], (dof,)
 
 
 class Sample(NamedTuple):
     """The parameters of one robot."""
 
-    # kp, kv, ki: servo gains [1/s], (dof,); kv is 0 for a servo of first order, and ki without
-    # integrator.
-    kp: FloatArray
-    kv: FloatArray
-    ki: FloatArray
+    kp: FloatArray  # Gains of the position loops [1/s], (dof,)
+    kv: FloatArray  # Gains of the velocity loops [1/s], (dof,); 0 for order "first"
+    ki: FloatArray  # Integral gains [1/s], (dof,); 0 without an integrator
     load: float  # Additional mass at the tool [kg]
-    commands: FloatArray  # Polynomials of the commands, as in `march`, (dof, n + 1, 4 or 8)
-    starts: FloatArray  # Times of the set-points at the joints [s], (dof, n)
+    commands: FloatArray  # Polynomials of the commands, see `march`, (dof, n + 1, 4 or 8)
+    starts: FloatArray  # Times at which the set-points reach the joints [s], (dof, n)
 
 
 class Errors(NamedTuple):
     """Accumulated contour errors of one execution."""
 
     integral: float  # Integral of the squared error over time [m² s]
-    # square, peak: last and largest squared error [m²].
-    square: float
-    peak: float
-    tool: Point  # Last tool point [m]
-    moved: Point  # Last displacement of the tool [m]
-    end: float  # End of the time over which errors are evaluated [s]
-    # end_integral, end_peak: integral and largest squared error at that time.
-    end_integral: float
-    end_peak: float
+    square: float  # Squared error at the last result [m²]
+    peak: float  # Largest squared error [m²]
+    tool: Point  # Tool point at the last result [m]
+    moved: Point  # Displacement of the tool from the result before it [m]
+    end: float  # End of the evaluation of errors [s]
+    end_integral: float  # `integral` at this end [m² s]
+    end_peak: float  # `peak` at this end [m²]
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
@@ -110,13 +105,13 @@ def _measure(
     anchors: FloatArray,
     e: Errors,
 ) -> tuple[int, Errors]:
-    """Accumulate the contour errors of some cycles."""
-    # Returns segment of the last nearest point, and the accumulated errors.
-    # Tuples of arrays are unpacked outside of the loop because unpacking is slow.
+    """Accumulate contour errors over `size` cycles; returns the nearest segment and the errors."""
+    # segment: segment of the last nearest point, at which the search starts.
+    # Tuples of arrays are unpacked outside of the loop, because unpacking is slow.
     line, clock = setting.line, setting.clock
     rows, corners, around, low, high = line
     h, q = clock.cycle / clock.steps, np.empty(len(results))
-    # A result at the start of the evaluated time belongs to the time before, despite rounding.
+    # Results up to this time are not evaluated; the tolerance allows for rounding errors.
     counted = clock.begin + SNAP * h
     for row in range(size * clock.steps):
         for j in range(len(q)):
@@ -127,14 +122,17 @@ def _measure(
         t = clock.start + (begin * clock.steps + row + 1) * h
         dx, dy, dz = p[0] - e.tool[0], p[1] - e.tool[1], p[2] - e.tool[2]
         far2, last, peak = dx * dx + dy * dy + dz * dz, e.square, max(e.peak, d2)
-        # The distance to the path grows at most as fast as the tool moves.
+        # The distance to the path grows at most as fast as the tool moves, so between the results
+        # it is at most half of this sum.
         higher = math.sqrt(last) + math.sqrt(d2) + math.sqrt(far2) > 2 * math.sqrt(peak)
-        turned = now != segment and (abs(now - segment) > 1 or corners[max(now, segment)] > CORNER)
-        passed = last >= d2 and last > NEAR_PEAK * e.peak and t - 2 * h > counted
+        turned = now != segment and (
+            abs(now - segment) > 1 or corners[max(now, segment)] > LEAST_CORNER
+        )
+        passed = last >= d2 and last > PEAK_SHARE * e.peak and t - 2 * h > counted
         if higher and (turned or passed):
-            # Between the results the tool follows the parabola through the last three results.
-            for i in range(1 - FINER if passed else 1, FINER):
-                a = i / FINER
+            # Between the results, the tool is on the parabola through the last three tool points.
+            for i in range(1 - FINE_STEPS if passed else 1, FINE_STEPS):
+                a = i / FINE_STEPS
                 b = a * (a - 1) / 2
                 between = (
                     e.tool[0] + a * dx + b * (dx - e.moved[0]),
@@ -146,7 +144,7 @@ def _measure(
         segment, moved = now, (dx, dy, dz)
         end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
         if t <= counted:
-            # Errors before the evaluated time are ignored.
+            # Errors before the start of the evaluation are discarded.
             e = Errors(0.0, d2, 0.0, p, moved, end, end_integral, end_peak)
             continue
         width = h
@@ -173,15 +171,15 @@ def _measure(
 def _advance_joints(
     setting: Setting, sample: Sample, begin: int, size: int, states: FloatArray, results: FloatArray
 ) -> float:
-    """Simulate all joints of a robot over cycles."""
-    # Returns A bound on the sum of all later joint velocities once the command is constant [rad/s];
-    # NaN if the simulation makes no progress.
+    """Simulate all joints over `size` cycles; returns a bound of the later joint speeds [rad/s]."""
+    # The bound of the sum of all later joint speeds is valid if the command is constant. NaN is
+    # returned if the simulation makes no progress.
     clock, total = setting.clock, 0.0
     steps, count = clock.steps, size * clock.steps
     times = np.empty(count + 1)
     for i in range(len(times)):
         times[i] = begin * clock.cycle + i * (clock.cycle / steps)
-    # A payload adds inertia at the same torque, which reduces gain and limits in every cycle.
+    # Because a payload adds inertia, K_v and the acceleration limits are reduced in every cycle.
     chunk = count if sample.load == 0.0 else steps
     for j in range(len(states)):
         kp, kv, ki, scale = sample.kp[j], sample.kv[j], sample.ki[j], 1.0
@@ -209,12 +207,12 @@ def _advance_joints(
             states[j, 0], states[j, 1], states[j, 2] = m.q, m.w, m.saturated
             states[j, 4] = m.held / scale
             states[j, 3] = max(m.lowest / servo.lower, m.highest / servo.upper) if limited else 0.0
-        # The energy of a joint decreases, whether the joint is saturated or not.
+        # The energy of a joint decreases with and without saturation, which bounds its speed.
         offset, w = states[j, 0] - sample.commands[j, -1, 0], states[j, 1]
         if ki > 0.0:
-            # An integrator supplies energy, too.
+            # An integrator can supply energy, so the bound is larger.
             rate = max(kv, math.sqrt(kv * (kp + ki)))
-            total += OVERSHOOT * (abs(w) + rate * abs(offset) + abs(states[j, 4]) / rate)
+            total += SPEED_GROWTH * (abs(w) + rate * abs(offset) + abs(states[j, 4]) / rate)
         elif kv > 0.0:
             total += math.sqrt(w * w + kp * kv * offset * offset)
         elif offset != 0.0:
@@ -225,9 +223,9 @@ def _advance_joints(
 @compiled(fastmath=FUSED)
 def simulate_sample(setting: Setting, sample: Sample) -> tuple[float, float, float, float, float]:
     """Execute set-points: RMS and largest contour error [m], end [s], saturation, demand."""
-    # The end is that of the time over which errors are evaluated; saturation is a fraction of this
-    # time, and the demand the largest one over its limit. The RMS is NaN if time steps as short as
-    # the servo needs make no progress.
+    # Other results: end of the evaluation of errors, share of this time in saturation, and largest
+    # ratio of demand to its limit. The RMS is NaN if the simulation makes no progress, because the
+    # servo requires time steps that are too short.
     line, clock, dof = setting.line, setting.clock, len(sample.commands)
     cycle, knots = clock.cycle, sample.commands.shape[1] - 1
     anchors, states = np.zeros((dof, 3)), np.zeros((dof, 5))
@@ -239,7 +237,7 @@ def simulate_sample(setting: Setting, sample: Sample) -> tuple[float, float, flo
     p = tool_point(setting.robot, results[:, 0, 0], anchors)
     d2, segment = search_along(p, line.rows, line.around, 0, line.low[0], line.high[0])
     e = Errors(0.0, d2, d2, p, (0.0, 0.0, 0.0), clock.finish, 0.0, 0.0)
-    # From this cycle on all commands are constant.
+    # quiet: cycle from which all commands are constant.
     quiet = knots + int(math.ceil(delay / cycle)) + 1
     fixed = int(math.ceil((clock.finish - clock.start) / cycle))
     stop = fixed if clock.fixed else np.iinfo(np.int64).max
@@ -257,9 +255,9 @@ def simulate_sample(setting: Setting, sample: Sample) -> tuple[float, float, flo
             break
         if done == stop or now > clock.patience:
             break
-    # A tool that rests before the end of the time keeps its error.
+    # If the tool rests before the end of the evaluation, its error remains constant.
     integral = e.integral + resting * e.square if resting > 0.0 else e.end_integral
-    # A tool that is slower than REST_SPEED can still leave the path.
+    # The largest error includes the time after `end`, because a slow tool can still leave the path.
     peak = e.end_peak if clock.fixed and resting == 0.0 else e.peak
     rms = math.sqrt(integral / (e.end - max(clock.begin, 0.0)))
     return rms, math.sqrt(peak), e.end, states[:, 2].max() / e.end, states[:, 3].max()

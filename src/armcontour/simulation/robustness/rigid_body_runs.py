@@ -27,23 +27,23 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyRuns:
-    """Executes set-points on robots of an uncertainty set with `RigidBodyPlant`; callable."""
+    """Callable that executes set-points on a robot of a box with `RigidBodyPlant`."""
 
     set_points: SetPoints
     path: Path  # The path that the tool must follow
-    unknowns: Unknowns  # The unknowns of the box
-    limits: Limits  # Limits with the joint torques that saturate
-    options: dict[str, Any]  # Further options of `RigidBodyPlant`
+    unknowns: Unknowns  # The varying parameters of the box
+    limits: Limits  # Limits with the joint torques at which drives saturate
+    options: dict[str, Any]  # Other options of `RigidBodyPlant`
 
     def plant(self, errors: FloatArray) -> RigidBodyPlant:
-        """A robot of the box with errors (k,) of the unknowns."""
-        arm, controller, servo = self.unknowns.robot(errors)
+        """Robot of the box with errors of the unknowns, (k,)."""
+        arm, controller, servo = self.unknowns.make_robot(errors)
         return RigidBodyPlant(arm, servo, self.limits, controller=controller, **self.options)
 
     def trace(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | str:
-        """Execute on one robot, with results over time."""
-        # Returns times [s], contour errors in both directions [m], (n,), and tool points [m],
-        # (n, dimension); or a sentence if there is no execution.
+        """Execute on one robot: times [s], contour errors [m], (n,), and tool points [m]."""
+        # Contour errors are the larger of both directions. Tool points have the shape
+        # (n, dimension). If the execution fails, its message is returned.
         plant = self.plant(errors)
         try:
             executed = simulate(self.set_points, plant, resolution=max(RESOLUTION, plant.step))
@@ -53,9 +53,10 @@ class BodyRuns:
         return executed.t, np.maximum(followed.distance, followed.coverage_error), executed.tool
 
     def __call__(self, errors: FloatArray) -> tuple[float, float, float, float, float] | str:
-        """Execute on one robot."""
-        # Returns largest and RMS contour error [m], end [s], share of time in saturation, and
-        # largest torque over its limit; or a sentence if there is no execution.
+        """Execute on one robot: largest and RMS contour error [m], and three more figures."""
+        # The other figures are the end of the execution [s], the share of time in saturation, and
+        # the largest ratio of required torque to its limit. If the execution fails, its message is
+        # returned.
         plant = self.plant(errors)
         try:
             executed = simulate(self.set_points, plant, resolution=max(RESOLUTION, plant.step))
@@ -77,7 +78,7 @@ class BodyRuns:
 def trace_on_bodies(
     runs: BodyRuns, errors: FloatArray, *, executor: Executor | None = None
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Execute set-points on robots with specified errors (n, k), with results over time."""
+    """Results of `BodyRuns.trace` for robots with these errors, (n, k)."""
     rows = list(errors)
     return _require_results(
         runs, rows, map_in_processes(runs.trace, rows, processes=1, executor=executor)
@@ -85,11 +86,11 @@ def trace_on_bodies(
 
 
 def _require_results(runs: BodyRuns, rows: list[FloatArray], results: list[R | str]) -> list[R]:
-    """Results of all robots; an error if one is the message of a failed execution."""
+    """Results of all robots; raises an error if a result is the message of a failed execution."""
     for row, result in zip(rows, results, strict=True):
         if isinstance(result, str):
-            robot = describe(runs.unknowns, row) if row.any() else "no errors"
-            raise ExecutionError(f"The robot with {robot}: {result}")
+            robot = describe_errors(runs.unknowns, row) if row.any() else "no errors"
+            raise ExecutionError(f"The execution on the robot with {robot} failed: {result}")
     return cast(list[R], results)
 
 
@@ -102,15 +103,15 @@ def spread_on_bodies(
     executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> MonteCarloResult:
-    """Execute set-points on robots with specified errors (n, k), as rigid bodies."""
-    # The seed is that of the errors; None for corners. `done` is called with the number of robots
-    # that are done.
+    """Execute set-points on rigid-body robots with these errors, (n, k)."""
+    # seed: seed with which the errors were drawn; None for corners. done: called with the number of
+    # robots that have been executed.
     unknowns = runs.unknowns
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
     results = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
     results = _require_results(runs, rows, results)
     largest, rms, end_time, saturated, ratio = np.array(results).T
-    servos = [unknowns.robot(x)[2] for x in errors]
+    servos = [unknowns.make_robot(x)[2] for x in errors]
     return MonteCarloResult(
         max=largest[1:],
         rms=rms[1:],
@@ -129,8 +130,8 @@ def spread_on_bodies(
     )
 
 
-def describe(unknowns: Unknowns, errors: FloatArray) -> str:
-    """Description of the errors (k,) of a robot; equal values of several joints appear once."""
+def describe_errors(unknowns: Unknowns, errors: FloatArray) -> str:
+    """Text with the errors of a robot, (k,); equal values of several joints are listed once."""
     units = {"payload": " kg", "dead time": " s"}
     values_by_kind: dict[str, list[float]] = {}
     for kind, error in zip(unknowns.kinds, errors.tolist(), strict=True):

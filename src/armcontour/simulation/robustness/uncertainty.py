@@ -1,4 +1,4 @@
-"""`Uncertainty`: error ranges of a robot's parameters; `Unknowns`: those of rigid bodies."""
+"""`Uncertainty`: error ranges of the parameters; `Unknowns`: parameters of rigid-body robots."""
 
 from __future__ import annotations
 
@@ -29,38 +29,38 @@ from armcontour.robot.servo import ServoModel
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Uncertainty(Checked):
-    """The uncertainty set: ranges of the errors of a robot's parameters.
+    """The uncertainty set (box): ranges of the errors of a robot's parameters.
 
     Errors are distributed uniformly over their ranges. Friction and armature apply to rigid bodies
     only.
 
     Args:
-        gains: Relative error of the servo gains, plus and minus, 0.1 for 10 %: one number; one per
-            joint, for kp and kv; or two rows for kp and for kv, (2, dof) or (2, 1). The errors of
+        gains: Relative error of the servo gains, plus and minus, 0.1 for 10 %: one number, one per
+            joint (for kp and kv), or two rows for kp and for kv, (2, dof) or (2, 1). The errors of
             all joints and loops are independent.
         dead_time: Error of the dead time, plus and minus [s], one number or one per joint.
-        dead_time_shared: Whether the dead times of all joints have the same error, in proportion to
-            `dead_time`; otherwise their errors are independent.
+        dead_time_shared: If true, the dead times of all joints have the same error, in proportion
+            to `dead_time`; otherwise their errors are independent.
         payload: Error of the payload's mass [kg]: one number for plus and minus, or the smallest
-            and the largest error, such as 0 and 2 for up to 2 kg of unknown payload. It is a point
-            mass at the tool, or at the centre of the payload of rigid bodies.
-        payload_known: Whether the controller knows the true payload and uses it for the gravity
-            torque; for rigid bodies only.
+            and the largest error, such as 0 and 2 for up to 2 kg of unknown payload. The mass is at
+            the tool, or for rigid bodies at the centre of the payload.
+        payload_known: If true, the controller uses the true payload for the gravity torque; for
+            rigid bodies only.
         jitter: Error of the arrival time of a set-point, plus and minus [s], less than half a
-            cycle. It is independent for each set-point but the first one, and the same
-            for all joints.
+            cycle. The errors of the set-points are independent, except for the first set-point,
+            which has none. All joints have the same error.
         viscous: Unknown viscous friction of the joints [N m s/rad], one number or one per joint.
         coulomb: Unknown Coulomb friction of the joints [N m], one number or one per joint.
         friction: Smallest and largest fraction of `viscous` and `coulomb` that a joint has in
-            addition to the friction of the arm's model.
-        friction_shared: Whether all joints have the same fraction; otherwise the fractions are
+            addition to the friction of the nominal arm.
+        friction_shared: If true, all joints have the same fraction; otherwise the fractions are
             independent.
         armature: Relative error of the drives' inertias, plus and minus, one number or one per
             joint; independent for each joint.
 
     Raises:
         InvalidInput: A largest error is negative, the relative error of a gain or an armature is
-            not below 1, or a range is not in order.
+            not below 1, or the ends of a range are not in ascending order.
     """
 
     gains: Annotated[FloatArray | float, GAIN_ERROR, Axes(...)] = 0.0
@@ -79,87 +79,89 @@ class Uncertainty(Checked):
         shape = np.shape(self.gains)
         if len(shape) > 2 or 0 in shape:
             raise InvalidInput(
-                f"gains of a box must have shape (), (dof,) or (2, dof), not {shape}."
+                f"gains of a box must have the shape (), (dof,) or (2, dof), but have {shape}."
             )
         for name in ("payload", "friction"):
             object.__setattr__(self, name, _range(name, getattr(self, name)))
 
     def gains_of(self, dof: int) -> FloatArray:
-        """Largest errors of kp and of kv, (2, dof)."""
+        """Largest relative errors of kp and kv, (2, dof)."""
         try:
             return np.broadcast_to(np.asarray(self.gains), (2, dof))
         except ValueError:
             raise InvalidInput(
-                f"gains of the box have the shape {np.shape(self.gains)}, but the arm has {dof} "
-                f"joints: give one number, {dof} of them, or two rows for kp and kv."
+                f"gains of the box must be one number, {dof} numbers (one per joint), or two rows "
+                f"for kp and kv, but have the shape {np.shape(self.gains)}."
             ) from None
 
     def dead_time_of(self, servo: ServoModel, dof: int) -> FloatArray:
-        """Largest errors of the dead times [s], (dof,); the dead times stay positive."""
+        """Largest errors of the dead times [s], (dof,), which must not exceed the dead times."""
         error = checks.per_joint("dead_time of the box", self.dead_time, dof, "s")
         if (servo.dead_time < error).any():
             j = int(np.argmin(servo.dead_time - error))
             raise InvalidInput(
-                f"The dead time of joint {j + 1} is {servo.dead_time[j]:g} s and its error "
-                f"{error[j]:g} s, but a dead time cannot be negative: give the servo a larger one "
-                "(the same for all joints changes no contour), or the box a smaller error."
+                f"The error of a dead time must not exceed the dead time, but joint {j + 1} has a "
+                f"dead time of {servo.dead_time[j]:g} s and an error of {error[j]:g} s. Specify a "
+                "longer dead time of the servo (an equal change for all joints does not change "
+                "contours), or a smaller error of the box."
             )
         return error
 
     def check_payload(self, arm: Arm) -> None:
-        """Check that the payload cannot become negative."""
+        """Raise an error if the payload can become negative."""
         load = None if arm.chain is None else arm.chain.payload
         lowest, highest = np.asarray(self.payload).tolist()
         carried, reduction = 0.0 if load is None else load.mass, -lowest
         if reduction > carried:
             raise InvalidInput(
-                f"The payload of the box may be {reduction:g} kg less than the arm's, but the arm "
-                f"{arm.name} carries only {carried:g} kg: give it the payload in the middle of the "
-                f"range, or the box a range, such as 0 kg to {highest:g} kg more.",
+                f"The error of the payload may reduce it by at most the {carried:g} kg that the "
+                f"arm {arm.name} carries, but the box reduces it by {reduction:g} kg. Specify the "
+                "payload in the middle of the range for the arm, or a range for the box, such as 0 "
+                f"kg to {highest:g} kg.",
                 needed=reduction,
                 allowed=carried,
             )
 
     @property
     def of_bodies(self) -> tuple[str, ...]:
-        """Names of the specified errors that apply to rigid bodies only."""
+        """Names of the specified fields that apply only to rigid bodies."""
         errors = {"viscous": self.viscous, "coulomb": self.coulomb, "armature": self.armature}
         names = [name for name, values in errors.items() if np.any(values)]
         return (*names, "payload_known") if self.payload_known else tuple(names)
 
 
 def _range(name: str, values: FloatArray) -> FloatArray:
-    """Smallest and largest error, (2,), from both or from one number for plus and minus."""
+    """Smallest and largest error, (2,), from two values or from one value for plus and minus."""
     ends = np.array([-values, values]) if values.ndim == 0 else values
     if ends.shape != (2,) or ends[0] > ends[1]:
         raise InvalidInput(
-            f"{name} of a box must be one number that is not negative, for plus and minus, or the "
-            f"least and the largest error, but is {values.tolist()}."
+            f"{name} of a box must be one nonnegative number for plus and minus, or the smallest "
+            f"and the largest error, but is {values.tolist()}."
         )
     return checks.frozen_array(ends)
 
 
-# Kinds of unknowns, in the order of their columns.
+# Kinds of varying parameters, in the order of their columns.
 KINDS = ("payload", "friction", "kp", "kv", "armature", "dead time")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Unknowns:
-    """The varying parameters of rigid-body robots; errors have one column per parameter."""
+    """The k varying parameters of rigid-body robots; errors have one column per parameter."""
 
     box: Uncertainty
     arm: Arm  # The nominal arm, with masses
-    servo: ServoModel  # The nominal servo, of second order, with values per joint
-    kinds: tuple[str, ...]  # Kind of each parameter, of `KINDS`
-    joints: tuple[int, ...]  # Joint of each parameter; -1 for one that all joints share
-    # low, high: smallest and largest error: relative, in s or in kg; for friction the fraction,
-    # (k,).
+    servo: ServoModel  # The nominal servo, of order "second", with values per joint
+    kinds: tuple[str, ...]  # Kind of each parameter, one of KINDS
+    joints: tuple[int, ...]  # Joint index of each parameter; -1 if all joints share it
+    # low, high: smallest and largest error of each parameter, (k,): relative for gains and
+    # armature, in s for dead times, in kg for the payload, and the fraction for friction.
     low: FloatArray
     high: FloatArray
 
     @classmethod
     def from_uncertainty(cls, box: Uncertainty, arm: Arm, servo: ServoModel) -> Unknowns:
-        """Find the parameters of a box that vary."""
+        """Make the list of the parameters that vary in a box; checks arm and servo."""
         joint_servo = servo.for_joints(arm.dof)
         _check_bodies(box, arm, joint_servo)
         # Parameters shared by all joints are listed before and after those of single joints.
@@ -189,31 +191,30 @@ class Unknowns:
         )
 
     def __len__(self) -> int:
-        """Number of parameters."""
+        """Number of varying parameters."""
         return len(self.kinds)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, in messages."""
+        """Names of the parameters for messages, such as "kp of joint 1"."""
         return tuple(
             kind if j < 0 else f"{kind} of joint {j + 1}"
             for kind, j in zip(self.kinds, self.joints, strict=True)
         )
 
     def corners(self) -> FloatArray:
-        """Errors at all corners of the uncertainty set, (2^k, k)."""
+        """Errors at all corners of the box, (2^k, k)."""
         k = len(self)
         upper = np.arange(2**k)[:, None] >> np.arange(k) & 1
         return np.where(upper == 1, self.high, self.low).reshape(-1, k)
 
     def draw(self, samples: int, seed: int) -> FloatArray:
-        """Errors of random robots, (samples, k)."""
+        """Errors of robots that are drawn uniformly from the box, (samples, k)."""
         unit = np.random.default_rng(seed).uniform(size=(samples, len(self)))
         return np.asarray(self.low + unit * (self.high - self.low))
 
-    def robot(self, errors: FloatArray) -> tuple[Arm, Arm, ServoModel]:
-        """Arm, controller's model of the arm, and servo for some errors."""
-        # errors (k,).
+    def make_robot(self, errors: FloatArray) -> tuple[Arm, Arm, ServoModel]:
+        """Arm, controller's model of the arm, and servo for errors of the parameters, (k,)."""
         dof, servo, chain = self.arm.dof, self.servo, self.arm.chain
         assert chain is not None and servo.kv is not None
         errors_by_kind = {kind: np.zeros(dof) for kind in KINDS}
@@ -227,7 +228,7 @@ class Unknowns:
             armature=np.asarray(chain.armature) * (1 + errors_by_kind["armature"]),
         )
         controller = self.arm.with_dynamics(payload=payload) if self.box.payload_known else self.arm
-        # Negative by rounding only; `dead_time_of` checks the range.
+        # Values are negative only by rounding errors, because `dead_time_of` checks the range.
         dead_time = np.maximum(
             servo.dead_time + errors_by_kind["dead time"] * self.dead_time_ratio, 0.0
         )
@@ -243,7 +244,7 @@ class Unknowns:
 
     @property
     def dead_time_ratio(self) -> FloatArray:
-        """Error of each joint's dead time relative to that of the parameter, (dof,)."""
+        """Ratio of the error of each joint's dead time to the error of the parameter, (dof,)."""
         errors = np.broadcast_to(np.asarray(self.box.dead_time), (self.arm.dof,))
         largest = float(errors.max())
         return (
@@ -251,7 +252,7 @@ class Unknowns:
         )
 
     def payload(self, extra_mass: float) -> Payload | None:
-        """The payload with additional mass [kg]; None if there is none."""
+        """The payload with additional mass [kg]; None without any payload."""
         chain = self.arm.chain
         assert chain is not None
         load = chain.payload
@@ -264,7 +265,7 @@ class Unknowns:
 
 
 def _ranges(box: Uncertainty, dof: int) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Smallest and largest errors of the parameters of every joint, by kind, (dof,) each."""
+    """Smallest and largest errors of the parameters of joints, by kind, (dof,) each."""
     gains = box.gains_of(dof)
     rubs = np.broadcast_to(np.maximum(box.viscous, box.coulomb), (dof,)) > 0
     lowest, highest = np.asarray(box.friction)
@@ -281,18 +282,18 @@ def _ranges(box: Uncertainty, dof: int) -> dict[str, tuple[FloatArray, FloatArra
 
 
 def _check_bodies(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
-    """Check that the arm has bodies, and that the arm and the servo support the uncertainty set."""
+    """Raise an error if the arm has no masses, or arm or servo do not support the box."""
     dof, chain = arm.dof, arm.chain
     if chain is None or not arm.has_bodies:
         raise InvalidInput(
-            "Rigid bodies need an arm with masses: give the arm's file masses and inertias, or "
-            "certify with plant: servo."
+            "A box of rigid bodies requires an arm with masses. Specify masses and inertias in the "
+            "file of the arm, or certify with plant: servo."
         )
     servo.check_orders("A box of rigid bodies")
     if box.jitter:
         raise InvalidInput(
-            "Rigid bodies are executed without jitter: remove jitter from the box, or certify "
-            "with plant: servo."
+            "Jitter is not supported for rigid bodies. Remove jitter from the box, or certify with "
+            "plant: servo."
         )
     box.gains_of(dof)
     per_joint = {
@@ -305,14 +306,15 @@ def _check_bodies(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
         if (friction < 0).any():
             j = int(np.argmin(friction))
             raise InvalidInput(
-                f"The least share of friction, {lowest:g}, leaves joint {j + 1} a {name} friction "
-                f"of {friction[j]:g} {unit}: give the arm the friction in the middle of the range, "
-                "or the box a share from 0 on."
+                f"Friction must not be negative, but with the smallest fraction of friction of the "
+                f"box, {lowest:g}, joint {j + 1} has a {name} friction of {friction[j]:g} {unit}. "
+                "Specify the friction in the middle of the range for the arm, or a smallest "
+                "fraction of at least 0."
             )
     box.dead_time_of(servo, dof)
     if np.any(per_joint["armature"] * (chain.armature == 0)):
         raise InvalidInput(
-            f"The box has errors of drive inertias, but the arm {arm.name} has none: give its "
-            "file armature, or remove armature from the box."
+            f"The box has errors of drive inertias, but the arm {arm.name} has no drive inertias. "
+            "Specify armature in the file of the arm, or remove armature from the box."
         )
     box.check_payload(arm)

@@ -1,4 +1,4 @@
-"""Certificates: the fastest motion that satisfies a goal on every robot of a box."""
+"""Certificates: the fastest plan whose execution satisfies a goal on every robot of a box."""
 
 from armcontour.studies.certification.certificate import (
     Budget,

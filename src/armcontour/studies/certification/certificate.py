@@ -1,4 +1,4 @@
-"""The certificate of a plan: errors by contour, derating, and its cost in time."""
+"""The certificate of a plan: errors of each contour, derating, and cost in time."""
 
 from __future__ import annotations
 
@@ -32,28 +32,31 @@ from armcontour.verification.clearance import Clearance
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.evaluation import duration_row
 
-# Label of the bound of the distance from the drawing.
+# Label of the row with the bound of the distance from the drawing.
 GUARANTEED = "off the drawing, guaranteed"
 
 
 def _part(name: str, data: Data | None) -> tuple[Row, ...]:
-    """Rows of a part for files; one empty row if it is unknown."""
+    """Rows of a part of the data, for files; one row without a value if the part is None."""
     return (Row(name, None),) if data is None else data.with_prefix(name, FILE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget(Result):
-    """The parts of the contour error, the larger one of both directions [m].
+    """The parts of the contour error [m].
+
+    Each contour error is the larger of both directions: tool to path, and path to tool.
 
     Args:
-        rounding: Largest corner error of the path, or the tolerance of a path of the shape free.
+        rounding: Largest corner error of the path, or the tolerance of a path with the shape
+            "free".
         servo: Largest contour error of the same plan with a nearly continuous command.
-        sampling: Part that the cycle adds to `servo`; may be negative.
-        box: Part that the worst robot of the box adds to both; 0 without a box.
-        model_error: Bound, to first order, of the part across the path that the servo model does
+        sampling: Part that the cycle adds to `servo`; can be negative.
+        box: Part that the worst robot of the box adds to `servo` and `sampling`; 0 without a box.
+        model_error: Bound, to first order, of the error across the path that the servo model does
             not explain; 0 if `model_error` of the servo is unknown.
-        allowed: Tolerance for the sum of all parts; None without one.
-        servo_allowed: Largest sum of servo, sampling, box and model error.
+        allowed: Tolerance for the sum of all parts; None if the goal has no tolerance.
+        servo_allowed: Largest permitted sum of servo, sampling, box and model error.
     """
 
     rounding: float
@@ -66,7 +69,7 @@ class Budget(Result):
 
     @property
     def executed(self) -> float:
-        """Bound of the contour error of the execution, over the box if there is one [m]."""
+        """Bound of the contour error of the execution, for all robots of the box [m]."""
         return self.servo + self.sampling + self.box + self.model_error
 
     @property
@@ -75,7 +78,7 @@ class Budget(Result):
         return self.rounding + self.executed
 
     def to_data(self) -> Data:
-        """The bounds, the remaining budget, and the parts."""
+        """Data of the bounds, the remaining budget, and the parts."""
         allowed = self.servo_allowed if self.allowed is None else self.allowed
         note = f"of {number(allowed, 'm')}"
         model_error = "not explained by the servo model" if self.model_error else ""
@@ -97,7 +100,7 @@ class Budget(Result):
 
     @property
     def left(self) -> float:
-        """Unused part of the tolerance or, without one, of `servo_allowed` [m]."""
+        """Unused part of the tolerance, or of `servo_allowed` if there is no tolerance [m]."""
         if self.allowed is None:
             return self.servo_allowed - self.executed
         return self.allowed - self.total
@@ -110,10 +113,10 @@ class Uncertified(Result, Checked):
     Args:
         duration: Duration [s].
         contours: Duration of each contour [s].
-        contour_error: Largest contour error in both directions, and its RMS over time from the
-            tool to the path [m].
+        contour_error: Largest contour error of both directions, and RMS over time of the distance
+            from the tool to the path [m].
         saturated: Share of time in which each joint is saturated, (dof,).
-        box: Largest contour error in the corners of the box [m]; None without one.
+        box: Largest contour error in the corners of the box [m]; None without a box.
     """
 
     duration: float
@@ -123,7 +126,7 @@ class Uncertified(Result, Checked):
     box: float | None
 
     def to_data(self) -> Data:
-        """Duration, errors and saturation."""
+        """Data of duration, errors and saturation."""
         largest, rms = self.contour_error
         return Data(
             "Uncertified optimum",
@@ -141,28 +144,28 @@ class Uncertified(Result, Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContourCertificate(Result):
-    """The certificate of one contour, while its process is on.
+    """The certificate of one contour for the time in which its process is on.
 
     Args:
-        name: Name in messages.
+        name: Name of the contour in messages.
         t: Start and end time in the whole motion [s].
         work: Start and end time of the process, in which errors count [s].
         path: The tool path.
         joint_path: The joint path.
         derating: Derating of acceleration and speed along the path.
-        factors: Usable shares of limits derated along the whole contour, by name.
-        lowered: Derated limits with amount, place and cause; the largest share first.
-        trajectory: Plan of the contour; times from 0 [s].
-        set_points: Set-points of the contour, and earlier ones that still affect the servo.
-        error: Contour error from the tool to the path in the execution of the whole program.
-        coverage_error: Largest distance from the path to the tool in that execution.
-        speed_ratio: Largest ratio of tool speed to assigned velocity in that execution; 0 without
-            an assigned velocity.
+        factors: Usable shares of the limits that are derated along the whole contour, by name.
+        lowered: Derated limits with amount, position and cause, in descending order of the amount.
+        trajectory: Plan of the contour; its times start at 0 [s].
+        set_points: Set-points of the contour, and the earlier set-points that affect the servo.
+        error: Distance from the tool to the path in the execution of the whole program.
+        coverage_error: Largest distance from the path to the tool in the execution of the program.
+        speed_ratio: Largest ratio of tool speed to assigned velocity in the execution of the
+            program; 0 without an assigned velocity.
         budget: The parts of the contour error.
         optimum: Duration of the uncertified plan of the contour [s].
         corners: Executions in the corners of the box; None without a box.
         spread: Executions on robots drawn from the box; None without a box.
-        trials: Number of plans.
+        trials: Number of plans in the search.
     """
 
     name: str
@@ -185,7 +188,7 @@ class ContourCertificate(Result):
     trials: int
 
     def to_data(self) -> Data:
-        """The error of the contour, its parts, and the derating."""
+        """Data of the error of the contour, its parts, and the derating."""
         optimum = number(self.optimum, "s")
         joint = f"joint {int(self.headroom.argmax()) + 1}"
         return Data(
@@ -216,7 +219,7 @@ class ContourCertificate(Result):
 
     @property
     def shape(self) -> str | None:
-        """Shape of the corners of the path: "free", "arc", or None if none was changed."""
+        """Shape of the corners of the path: "free", "arc", or None if no corner was changed."""
         if isinstance(self.path, ShapedPath):
             return FREE
         return ARC if isinstance(self.path, RoundedPath) and len(self.path.corners) else None
@@ -233,20 +236,20 @@ class ContourCertificate(Result):
 
     @property
     def _robots(self) -> dict[str, Data | None]:
-        """Results of robots of the box, by keys in JSON."""
+        """Data of the executions on robots of the box, by keys of the JSON file."""
         executed = {"corners": self.corners, "spread": self.spread}
         return {name: None if x is None else x.to_data() for name, x in executed.items()}
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on the robots of the box."""
+        """Sentences about the executions on robots of the box."""
         return tuple(verdict(x) for x in self._robots.values() if x is not None)
 
     @property
     def headroom(self) -> FloatArray:
         """Mean share by which each acceleration limit is derated along the path, (dof,)."""
         shares = np.average(self.derating.share, axis=0, weights=self.derating.width)
-        # Rounding of a mean of ones is no derating.
+        # A mean of ones can exceed 1 by rounding.
         return np.maximum(1.0 - shares, 0.0)
 
     @property
@@ -257,7 +260,7 @@ class ContourCertificate(Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Certificate(Result):
-    """The fastest plan found that satisfies a goal, with its evidence.
+    """The fastest plan found that satisfies a goal, and the evidence.
 
     Args:
         job: The job.
@@ -269,16 +272,16 @@ class Certificate(Result):
         trajectory: The certified plan.
         set_points: Set-points of the plan.
         execution: Execution of the set-points on the model.
-        evaluation: Evaluation of the execution, at 0.1 ms.
-        check: Check of the plan against every limit, between samples too.
-        contours: Certificates of the contours, in order.
-        rapids: Usable shares of the limits of the rapids between them, in order.
+        evaluation: Evaluation of the execution every 0.1 ms.
+        check: Check of the plan against every limit, also between samples.
+        contours: Certificates of the contours, in program order.
+        rapids: Usable shares of the limits of each rapid, in program order.
         uncertified: The fastest plan without derating, for comparison.
-        shapes: Durations of the fastest plans by shape [s] if the run requests a free shape, else
-            empty. The plan of the other shape need not be certified if it cannot be faster.
+        shapes: Durations of the fastest plans by shape [s] if the run requests the shape "free",
+            otherwise empty. If the other shape cannot be faster, its plan need not be certified.
         experiment: Execution of the same set-points on the arm's rigid bodies, which the search
-            does not use; None without an experiment, or if it failed.
-        failure: The error of a failed experiment; None otherwise.
+            does not use; None without an experiment, or if the experiment failed.
+        failure: Error of a failed experiment; None otherwise.
         clearance: Clearance of the arm from itself and from its cell; None if not checked.
     """
 
@@ -302,7 +305,7 @@ class Certificate(Result):
     clearance: Clearance | None = None
 
     def to_data(self) -> Data:
-        """The verdict on the plan, its parts, the model, and the data to repeat it."""
+        """Data of the verdict, the parts of the error, the model, and the inputs to repeat it."""
         count = len(self.contours)
         title = f"Certificate of {self.job.title}, run {self.run.name}"
         contours = Table.from_results(
@@ -319,7 +322,7 @@ class Certificate(Result):
     __repr__ = short_repr
 
     def _verdict(self) -> Iterator[Row]:
-        """Guaranteed deviation from the drawing, cost, and remaining budget."""
+        """Rows of the guaranteed deviation from the drawing, the cost, and the remaining budget."""
         worst = max(self.contours, key=lambda x: x.budget.total)
         rounding = None if worst.shape is None else worst.budget.rounding
         budget, accuracy = worst.budget, self.run.accuracy if self.goal.tolerance is None else None
@@ -342,9 +345,9 @@ class Certificate(Result):
         yield from warning_rows(self.warnings)
 
     def _figures(self) -> Iterator[Row]:
-        """Parts of the budget, shape, derating, model, goal, and the uncertified plan."""
+        """Rows of budget, shape, derating, model, goal, and the uncertified plan."""
         for row in self.budget.to_data().with_prefix("budget"):
-            # Budgets of several contours are in their table.
+            # If there are several contours, the table of contours has their budgets.
             shown = len(self.contours) == 1 and row.name != "budget.total"
             if row.name != "budget.left":
                 yield replace(row, level=max(row.level, TABLE) if shown else FILE)
@@ -368,7 +371,7 @@ class Certificate(Result):
         yield from self.uncertified.to_data().with_prefix("uncertified", FILE)
 
     def _repeat(self) -> Iterator[Row]:
-        """Data to repeat the plan, for files."""
+        """Rows with the inputs with which the plan can be repeated, for files."""
         run = self.run
         rows = (
             Row("timing", "optimal"),
@@ -386,12 +389,12 @@ class Certificate(Result):
         yield from Data("", rows).with_prefix("repeat")
 
     def _on(self, contour: ContourCertificate) -> str:
-        """The name of a contour, if there are others."""
+        """Clause with the name of a contour; empty if there is only one contour."""
         return f", on {contour.name}" if len(self.contours) > 1 else ""
 
     @property
     def comparison(self) -> dict[str, Data]:
-        """Same figures of the uncertified plan, the certified plan, and its experiment."""
+        """The same figures of the uncertified plan, the certified plan, and its experiment."""
         before = self.uncertified.to_data()
         names, box = [x.name for x in before.rows], before["box"]
         if box.value is not None:
@@ -407,13 +410,13 @@ class Certificate(Result):
 
     @property
     def kept(self) -> bool:
-        """True if every contour satisfies its budget, and the plan its limits."""
+        """True if every contour satisfies its budget and the plan satisfies its limits."""
         within = (x.budget.left >= -ROUNDING * x.budget.servo_allowed for x in self.contours)
         return all(within) and self.check.verdict != "violated"
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on robots of the box, derating, and unchecked limits."""
+        """Sentences about robots of the box, derating, and unchecked limits."""
         where = f"On {self.worst.name}: " if len(self.contours) > 1 else ""
         sentences = [f"{where}{x}" for x in self.worst.notes]
         sentences += [f"Reduced: {x}." for x in self.lowered]
@@ -425,12 +428,12 @@ class Certificate(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on weak points of the plan, and on models not covered by the certificate."""
+        """Sentences about weak points of the plan, and about models that are not certified."""
         return (*self.result.warnings, *filter(None, [self.simulate_rigid_bodies]))
 
     @property
     def trials(self) -> int:
-        """Number of contour plans in the search."""
+        """Number of contour plans in the search, for all contours."""
         return sum(x.trials for x in self.contours)
 
     @property
@@ -445,7 +448,7 @@ class Certificate(Result):
 
     @property
     def condition(self) -> str:
-        """Condition of the bound of unexplained errors; empty without a bound."""
+        """Sentence with the condition of the bound of unexplained errors; empty if no bound."""
         if not self.budget.model_error:
             return ""
         return beyond_logs(self.job.plant_servo, self.trajectory) or (
@@ -455,7 +458,7 @@ class Certificate(Result):
 
     @property
     def pauses(self) -> float:
-        """Pauses in which the tool settles after rapids [s]."""
+        """Total duration of the pauses in which the tool settles after rapids [s]."""
         spans = (x for x in self.trajectory.spans if x.kind == "dwell" and x.move is None)
         return sum(x.t[1] - x.t[0] for x in spans)
 
@@ -483,7 +486,7 @@ class Certificate(Result):
 
     @property
     def lowered(self) -> tuple[str, ...]:
-        """Derated limits as clauses; of several contours, the one with the largest reduction."""
+        """Derated limits as clauses; for several contours, the largest reduction of each limit."""
         largest: dict[tuple[str, str], tuple[float, str]] = {}
         for contour in self.contours:
             prefix = f"{contour.name}: " if len(self.contours) > 1 else ""
@@ -491,11 +494,11 @@ class Certificate(Result):
                 previous = largest.get((y.what, y.cause))
                 if previous is None or previous[0] < y.share:
                     largest[y.what, y.cause] = (y.share, f"{prefix}{y}")
-        return tuple(said for _, said in sorted(largest.values(), reverse=True))
+        return tuple(clause for _, clause in sorted(largest.values(), reverse=True))
 
     @property
     def simulate_rigid_bodies(self) -> str | None:
-        """Sentence that a certificate for servos does not cover rigid bodies; else None."""
+        """Warning that a certificate for servos does not cover rigid bodies; None if it does."""
         bodies = self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()
         if self.goal.plant == "rigid_body" or not bodies:
             return None
@@ -534,6 +537,6 @@ class Certificate(Result):
 
     @property
     def study(self) -> JobResult:
-        """A study with the certified plan as its only run."""
+        """Job result with the certified plan as its only run."""
         job = replace(self.job, runs=(self.run,))
         return JobResult(job=job, runs={self.run.name: self.result})

@@ -1,4 +1,4 @@
-"""Entry points `certify`, the fastest plan within a tolerance when executed, and `sweep`."""
+"""`certify`: fastest plan whose execution stays within a tolerance; `sweep`: several tolerances."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from armcontour.motion import Method, SetPoints
 from armcontour.planning import Optimal, check_jerk_support
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
 from armcontour.simulation import RigidBodyPlant, simulate
-from armcontour.simulation.robustness.monte_carlo import spans_of
+from armcontour.simulation.robustness.monte_carlo import half_widths
 from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
 from armcontour.studies.certification.certificate import (
     Budget,
@@ -39,37 +39,39 @@ from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.derating import derated_intervals
 from armcontour.studies.certification.limit_margins import (
     ProgramTrial,
-    distances,
+    contour_errors,
     execute_trial,
     speed_ratios,
 )
 from armcontour.studies.certification.move_search import MoveSearch
-from armcontour.studies.certification.plan_search import execute_servos, search
+from armcontour.studies.certification.plan_search import execute_servos, search_plan
 from armcontour.studies.certification.rigid_body_robots import (
     FIRST_CORNERS,
     largest_errors,
     rest_at_start,
     worst_corners,
 )
-from armcontour.verification.contour_execution import pieces_of
+from armcontour.verification.contour_errors import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
-# A cycle this many times shorter counts as continuous; at least SHORTEST [s].
+# A nearly continuous command has a cycle that is CONTINUOUS times shorter, but at least SHORTEST
+# [s].
 CONTINUOUS = 20
 SHORTEST = 1e-4
-# Shares of a total tolerance for the servo if the goal has no servo budget. They are tried in order
-# until a plan is certified, and further while the error exceeds NEAR of its budget and the plan
-# gets faster.
+# Shares of the tolerance for the servo if the goal has no servo budget. They are tried in order
+# until a plan is certified, and further while the error is at least BUDGET_USE times its budget and
+# the plan becomes faster.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
-NEAR = 0.9
-# The rest of the tolerance goes to the shape. The servo keeps this multiple of the error that it
-# needed, because the plan changes; the second is tried if the first gives no faster plan.
+BUDGET_USE = 0.9
+# After the search, the unused part of the tolerance is allotted to the shape. The servo budget
+# becomes this multiple of the servo error of the found plan, because the plan changes. The second
+# multiple is tried if the first results in no faster plan.
 SERVO_MARGINS = (1.5, 6.0)
-# Smallest share of the tolerance for which paths are rounded or shaped again.
+# Paths are rounded or shaped again if the unused part is at least this share of the tolerance.
 LEAST_GAIN = 1e-3
 
 
-# A proven plan of a program, and its moves in the search.
+# The proof of a plan of a program, and the moves of the search.
 Proven = tuple[ProgramTrial, list[MoveSearch]]
 
 
@@ -84,9 +86,9 @@ def certify(
 ) -> Certificate:
     """Find the fastest plan of a job whose execution stays within its tolerance.
 
-    The plan has optimal timing, derated where required, with the compensation, cycle and limits of
-    the run. The certificate is valid only for the job's plant: its servos, or its rigid bodies if
-    the goal has `plant="rigid_body"`.
+    The plan has optimal timing, which is derated where required, and the compensation, cycle and
+    limits of the run. The certificate is valid only for the plant of the job: its servos, or its
+    rigid bodies if the goal has `plant="rigid_body"`.
 
     >>> certificate = ac.certify(ac.read_job("job.yaml"))
     >>> certificate.evaluation.contour_error.max < 0.1e-3
@@ -96,36 +98,36 @@ def certify(
         job: The job.
         run: Name of the run; by default that of the goal.
         goal: The goal; by default the certificate of the job.
-        executor: Executes robots of the box as rigid bodies, such as a
-            `concurrent.futures.ProcessPoolExecutor`; by default processes of this machine do.
+        executor: Executor for robots of the box as rigid bodies, such as a
+            `concurrent.futures.ProcessPoolExecutor`; by default processes of this machine are used.
         progress: Called with a named step before every trial.
 
     Raises:
-        InvalidInput: There is no goal, or no such run.
-        NotRealizable: No plan satisfies the goal; the message names the limiting constraint and
-            possible changes.
+        InvalidInput: There is no goal, or the job has no run with this name.
+        NotRealizable: No plan satisfies the goal; the message states the limiting constraint and
+            remedies.
         ArmContourError: Tracing, planning or execution fails.
     """
     goal = goal_of(job) if goal is None else goal
     chosen = run_of(job, goal.run if run is None else run)
     if chosen.duration is not None:
         raise InvalidInput(
-            f"Run {chosen.name} has a duration of {chosen.duration:g} s, which a certificate does "
-            "not support: remove duration."
+            f"A certificate does not support runs with a duration, but run {chosen.name} has a "
+            f"duration of {chosen.duration:g} s. Remove duration."
         )
     if chosen.rounding is not None and chosen.rounding.free:
         check_jerk_support(Method.SHAPED, chosen.limits)
     plant = None
     if chosen.experiment is not None:
-        # Invalid options of the experiment and the box are reported before the search.
+        # The plant is built before the search, so that invalid options are reported early.
         plant = build_plant(chosen.experiment, job.arm, job.plant_servo, chosen.limits)
     if goal.box is not None and goal.plant == "servo":
-        spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
-    # Derating makes a reserve unnecessary.
+        half_widths(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
+    # Derating replaces the reserve, so it is not used.
     free = chosen.rounding is not None and chosen.rounding.free
     intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
     chosen = replace(chosen, timing=Optimal(intervals=intervals))
-    tell, shapes = subprogress(progress), [chosen]
+    report, shapes = subprogress(progress), [chosen]
     if free and chosen.rounding is not None:
         shapes.append(replace(chosen, rounding=chosen.rounding.with_arcs))
     best: tuple[Case, Proven] | None = None
@@ -134,7 +136,7 @@ def certify(
     for each in shapes:
         deadline = min(durations.values(), default=np.inf)
         try:
-            case, proven, least = _fastest(job, each, goal, executor, tell, deadline)
+            case, proven, least = _find_fastest(job, each, goal, executor, report, deadline)
         except NotRealizable as error:
             refusal = error
             continue
@@ -144,11 +146,11 @@ def certify(
     if best is None:
         assert refusal is not None
         raise refusal
-    return _certificate(*best, durations if FREE in durations else {}, plant)
+    return _make_certificate(*best, durations if FREE in durations else {}, plant)
 
 
 def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
-    """Goal of the job's certificate with some fields replaced."""
+    """Goal of the job's certificate (or a default goal) with some fields replaced."""
     names = tuple(x.name for x in fields(CertificateGoal))
     for name in overrides:
         checks.check_choice("An option of certify", name, names)
@@ -158,39 +160,40 @@ def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
 
 
 def run_of(job: Job, name: str | None) -> Run:
-    """The named run, or the only run with optimal timing."""
+    """The named run; without a name, the only run with optimal timing."""
     return choose_run(
         job, name, "certified", [x for x in job.runs if isinstance(x.timing, Optimal)]
     )
 
 
-def _fastest(
+def _find_fastest(
     job: Job,
     run: Run,
     goal: CertificateGoal,
     executor: Executor | None,
-    tell: Progress,
+    report: Progress,
     deadline: float,
 ) -> tuple[Case, Proven | None, float]:
     """Find the fastest plan of a run that satisfies the goal, over all splits of the tolerance.
 
-    Returns the case with the whole tolerance for the shape, the proven plan, and its duration [s];
-    None and a lower bound of the duration if no plan is faster than `deadline` [s].
+    Returns the case in which the shape has the whole tolerance, the proven plan, and its duration
+    [s]. If no plan is faster than `deadline` [s], the plan is None, and the duration is a lower
+    bound.
     """
 
     def case_of(servo: float) -> Case:
-        shaped = _with_shape(run, goal, servo)
-        planned = plan_one(job, shaped, reuse, tell, clear=False)
-        return Case(job, planned, goal, servo, tell, executor)
+        shaped = _reduce_shape(run, goal, servo)
+        planned = plan_one(job, shaped, reuse, report, clear=False)
+        return Case(job, planned, goal, servo, report, executor)
 
     reuse = Reuse()
-    # The plan without derating is the reference of the certificate's cost. It comes first, because
-    # its errors, such as an event before the start, also apply to the certificate.
+    # The plan without derating is the reference of the certificate's cost. It is planned first,
+    # because its errors, such as an event before the start, also apply to the certificate.
     base = case_of(0.0)
     least = base.planned.trajectory.duration
     if base.bodies:
-        _refuse_other_programs(base)
-        _refuse_start(base)
+        _check_program(base)
+        _check_start(base)
     free = run.rounding is not None and run.rounding.free
     bent = free or any(shape_part(x.path) > 0 for x in base.program.contours)
     if goal.tolerance is None or not bent:
@@ -198,9 +201,9 @@ def _fastest(
         assert budget is not None
         if least >= deadline:
             return base, None, least
-        alone = search(replace(base, servo_allowed=budget))
+        alone = search_plan(replace(base, servo_allowed=budget))
         return base, alone, alone[0].trajectory.duration
-    tightest = _tightest(run, goal)
+    tightest = _shared_tolerance(run, goal)
     budgets = (
         [x * tightest for x in SERVO_SHARES] if goal.servo_error is None else [goal.servo_error]
     )
@@ -209,14 +212,14 @@ def _fastest(
         if least >= deadline:
             return base, None, least
     best = _search_budgets(case_of, budgets)
-    # The unused part of the tolerance goes to the shape if the plan gets faster.
+    # Allot the unused part of the tolerance to the shape if this makes the plan faster.
     for factor in SERVO_MARGINS:
         case = best[0].case
         needed = factor * _worst_error(*best) + case.model_error
         if needed > case.servo_allowed - LEAST_GAIN * tightest:
             break
         with suppress(NotRealizable):
-            better = search(case_of(needed))
+            better = search_plan(case_of(needed))
             if better[0].trajectory.duration < best[0].trajectory.duration:
                 best = better
                 break
@@ -224,11 +227,11 @@ def _fastest(
 
 
 def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) -> Proven:
-    """Search with rising servo budgets while the plan gets faster and uses most of its budget."""
+    """Search with increasing servo budgets while plans become faster and use most of the budget."""
     best: Proven | None = None
     for budget in budgets:
         try:
-            proven = search(case_of(budget))
+            proven = search_plan(case_of(budget))
         except NotRealizable:
             if best is not None:
                 break
@@ -238,53 +241,53 @@ def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) 
         if best is not None and proven[0].trajectory.duration >= best[0].trajectory.duration:
             break
         best = proven
-        if _worst_error(*best) + best[0].case.model_error < NEAR * budget:
+        if _worst_error(*best) + best[0].case.model_error < BUDGET_USE * budget:
             break
     assert best is not None
     return best
 
 
 def _worst_error(proof: ProgramTrial, moves: Sequence[MoveSearch]) -> float:
-    """Largest contour error of a proven plan, over the box if there is one [m]."""
+    """Largest contour error of a proven plan on all executed robots [m]."""
     robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
-    largest = [float(distances(x).max()) for x in proof.pieces]
+    largest = [float(contour_errors(x).max()) for x in proof.pieces]
     return max(largest + [float(x.max.max()) for x in robots])
 
 
-def _tightest(run: Run, goal: CertificateGoal) -> float:
-    """The smallest tolerance that shape and servo share [m]."""
+def _shared_tolerance(run: Run, goal: CertificateGoal) -> float:
+    """The smallest tolerance that is divided between shape and servo [m]."""
     assert goal.tolerance is not None
     line = None if run.rounding is None else run.rounding.line_tolerance
     return goal.tolerance if line is None else min(line, goal.tolerance)
 
 
-def _with_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
-    """The run with its shape tolerances reduced by the servo's part [m]."""
+def _reduce_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
+    """The run with shape tolerances that are reduced by the part of the servo [m]."""
     rounding = run.rounding
     if rounding is None or goal.tolerance is None:
         return run
     tolerance = goal.tolerance - servo
     single = {k: min(x, tolerance) for k, x in (rounding.at or {}).items()} or None
-    line = None if rounding.line_tolerance is None else _tightest(run, goal) - servo
+    line = None if rounding.line_tolerance is None else _shared_tolerance(run, goal) - servo
     shape = replace(rounding, tolerance=tolerance, at=single, line_tolerance=line)
     return replace(run, rounding=shape)
 
 
-def _refuse_other_programs(case: Case) -> None:
-    """Refuse a program that a certificate on rigid bodies does not support."""
+def _check_program(case: Case) -> None:
+    """Raise an error for a program that a certificate on rigid bodies does not support."""
     program = case.program
     others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
     if len(program.contours) > 1 or others:
         raise InvalidInput(
-            "A certificate on rigid bodies is for one contour, with or without dwells, but "
-            f"this program has {_list_moves(program)}, or certify with plant: servo."
+            "A certificate on rigid bodies supports one contour, with or without dwells, but "
+            f"this program has {_describe_moves(program)}, or certify with plant: servo."
         )
     Unknowns.from_uncertainty(case.box or Uncertainty(), case.arm, case.servo)
     case.plant()
 
 
-def _refuse_start(case: Case) -> None:
-    """Refuse rigid bodies that rest too far from the start of the contour."""
+def _check_start(case: Case) -> None:
+    """Raise an error if the rigid bodies at rest are too far from the start of the contour."""
     (contour,) = case.program.contours
     distance = rest_at_start(case, contour.path, case.compute_set_points(case.planned.trajectory))
     allowed = case.goal.servo_error or case.goal.tolerance
@@ -292,16 +295,16 @@ def _refuse_start(case: Case) -> None:
     counts_at_start = case.program.single_path is not None or contour.at_work[0] <= 0
     if counts_at_start and distance > allowed:
         raise NotRealizable(
-            f"At rest at the start of its path the tool is {distance * 1e3:.4g} mm from it, since "
-            f"gravity is not fed forward, and {allowed * 1e3:.4g} mm is allowed: feed gravity "
-            "forward (gravity_feedforward: true), raise kp, or allow more.",
+            f"At rest, the tool must be within {allowed * 1e3:.4g} mm of the start of its path, "
+            f"but its distance is {distance * 1e3:.4g} mm because of gravity. Use gravity "
+            "feed-forward (gravity_feedforward: true), increase kp, or allow a larger error.",
             limit="contour error",
             needed=distance,
             allowed=allowed,
         )
 
 
-def _certificate(
+def _make_certificate(
     base: Case, proven: Proven, shapes: Mapping[str, float], plant: RigidBodyPlant | None
 ) -> Certificate:
     """Evaluate a proven plan, run the experiment, and make the certificate."""
@@ -324,7 +327,7 @@ def _certificate(
         job=job,
         run=chosen,
         goal=case.goal,
-        model=model_of(case),
+        model=describe_model(case),
         objective=case.planned.objective,
         path=case.program,
         trajectory=proof.trajectory,
@@ -332,9 +335,9 @@ def _certificate(
         execution=proof.executed,
         evaluation=result,
         check=proof.check,
-        contours=tuple(_contours(base, proof, [x for x in moves if x.number is not None])),
+        contours=tuple(_make_contours(base, proof, [x for x in moves if x.number is not None])),
         rapids=tuple(x.factors for x in moves if x.number is None),
-        uncertified=_uncertified(base),
+        uncertified=_execute_uncertified(base),
         shapes=shapes,
         experiment=experiment,
         failure=failure,
@@ -342,13 +345,14 @@ def _certificate(
     )
 
 
-def _contours(
+def _make_contours(
     base: Case, proof: ProgramTrial, contours: Sequence[MoveSearch]
 ) -> Iterator[ContourCertificate]:
-    """The certificates of all contours."""
+    """Make the certificates of all contours."""
     case, fastest = proof.case, base.planned.trajectory.contour_spans
     spans = proof.trajectory.contour_spans
-    # Nearly continuous set-points separate the part of the servo from that of the cycle.
+    # An execution of nearly continuous set-points separates the part of the servo from the part of
+    # the cycle.
     run_cycle = case.run.cycle
     cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
     smooth = execute_trial(
@@ -378,7 +382,7 @@ def _contours(
                 case.arm.joint_names,
             ),
             trajectory=move.plan,
-            set_points=case.stretch(proof.set_points, span.t, move.plan),
+            set_points=case.move_set_points(proof.set_points, span.t, move.plan),
             error=error,
             coverage_error=coverage_error,
             speed_ratio=float(speed_ratios(case, piece).max()),
@@ -398,7 +402,7 @@ def _contours(
         )
 
 
-def _uncertified(case: Case) -> Uncertified:
+def _execute_uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan without derating."""
     fastest = case.planned.trajectory
     set_points = case.compute_set_points(fastest)
@@ -413,12 +417,12 @@ def _uncertified(case: Case) -> Uncertified:
         contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
         contour_error=(max(error.max, coverage_error), error.rms),
         saturated=executed.saturated_time / (t[-1] - t[0]),
-        box=_worst_of_box(case, set_points),
+        box=_worst_corner_error(case, set_points),
     )
 
 
-def _worst_of_box(case: Case, set_points: SetPoints) -> float | None:
-    """Largest contour error in the corners of the box [m]; None without one."""
+def _worst_corner_error(case: Case, set_points: SetPoints) -> float | None:
+    """Largest contour error in the corners of the box [m]; None without a box."""
     if case.box is None:
         return None
     if case.bodies:
@@ -429,12 +433,12 @@ def _worst_of_box(case: Case, set_points: SetPoints) -> float | None:
     return max(float(x.max.max()) for x in robots)
 
 
-def model_of(case: Case) -> str:
+def describe_model(case: Case) -> str:
     """Description of the robot model for which a certificate is valid."""
     servo = case.servo
     held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
     if case.bodies:
-        return _model_of_bodies(case, held[servo.interpolation])
+        return _describe_bodies(case, held[servo.interpolation])
     parts = [
         f"independent joint servos{' of order second' * (servo.order == 'second')} with {servo}",
         f"set-points every {case.run.cycle * 1e3:g} ms, " + held[servo.interpolation],
@@ -446,7 +450,7 @@ def model_of(case: Case) -> str:
     return "; ".join(parts)
 
 
-def _model_of_bodies(case: Case, held: str) -> str:
+def _describe_bodies(case: Case, held: str) -> str:
     """Description of the rigid-body model for which a certificate is valid."""
     fed = case.drive_options.get("gravity_feedforward", True)
     parts = [
@@ -464,7 +468,7 @@ def _model_of_bodies(case: Case, held: str) -> str:
 
 
 def shape_part(path: Path) -> float:
-    """Bound of the distance of a path from its objective path, in either direction [m]."""
+    """Bound of the distances between a path and its objective path, in both directions [m]."""
     if isinstance(path, ShapedPath):
         pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
         same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
@@ -474,15 +478,15 @@ def shape_part(path: Path) -> float:
     return float(path.corners.error.max())
 
 
-def _list_moves(program: Program) -> str:
-    """List the moves of a program, and the changes that leave one contour."""
+def _describe_moves(program: Program) -> str:
+    """Text with the numbers of moves, and the changes after which a program has one contour."""
     kinds = {"contour": Contour, "rapid": Rapid, "dwell": Dwell, "event": Event}
     counts = {word: sum(isinstance(x, kind) for x in program.moves) for word, kind in kinds.items()}
     leads = ["process.approach and process.retract"] if counts["rapid"] else []
     fix = f"remove {' and '.join(leads)}" if leads else ""
     if counts["contour"] > 1 or not leads:
         fix = "make a job of each contour" + (f", {fix}" if fix else "")
-    return f"{count_kinds(counts)}: {fix}"
+    return f"{count_kinds(counts)}. {fix[0].upper() + fix[1:]}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -491,10 +495,10 @@ class SweepPoint:
 
     Args:
         tolerance: Tolerance of the corners, or of the whole contour if the goal has a tolerance
-            [m]; None if it is that of the job.
-        speed: Assigned speed [m/s]; None if it is that of the job.
+            [m]; None for the tolerance of the job.
+        speed: Assigned speed [m/s]; None for the speed of the job.
         duration: Duration of the certified plan [s]; None if the certificate was refused.
-        refusal: Reason of the refusal; None for a certified point.
+        refusal: Message of the refusal; None for a certified point.
     """
 
     tolerance: float | None
@@ -515,7 +519,7 @@ def sweep(
 ) -> tuple[SweepPoint, ...]:
     """Certify a job for several corner tolerances, then for several assigned speeds.
 
-    The command `armcontour batch` varies any keys of a job and draws charts.
+    To vary other keys of a job and to draw charts, use the command `armcontour batch`.
 
     >>> points = ac.sweep(ac.read_job("job.yaml"), tolerances=[1e-3, 2e-3])
     >>> points[0].duration > points[1].duration
@@ -525,14 +529,17 @@ def sweep(
         job: The job.
         run: Name of the run; by default that of the goal.
         tolerances: Tolerances of the corners, or of the whole contour if the goal has a tolerance
-            [m]; the speed is that of the job.
-        speeds: Assigned speeds [m/s]; the tolerance is that of the job.
+            [m], each with the speed of the job.
+        speeds: Assigned speeds [m/s], each with the tolerance of the job.
         goal: The goal of every point; by default the certificate of the job.
-        progress: Called before every trial with a step named by the value.
+        progress: Called before every trial with a step that names the value.
+
+    Returns:
+        One point per value; a value that cannot be certified is a point with a refusal.
 
     Raises:
-        InvalidInput: No values, no goal, no such run, or a tolerance for a run without rounded
-            corners. A plan that cannot be certified is a point with a refusal.
+        InvalidInput: There are no values, there is no goal, the job has no run with this name, or
+            tolerances are given for a run without rounded corners.
     """
     tolerances = checks.check_sequence("tolerances", tolerances, object, "numbers")
     speeds = checks.check_sequence("speeds", speeds, object, "numbers")
@@ -543,11 +550,13 @@ def sweep(
     ]
     values += [(None, checks.positive("speed", x, "m/s")) for x in speeds]
     if not values:
-        raise InvalidInput("sweep needs values of tolerances or speeds, such as speeds=[0.1, 0.2].")
+        raise InvalidInput(
+            "sweep requires values of tolerances or speeds, such as speeds=[0.1, 0.2]."
+        )
     if len(tolerances) and chosen.rounding is None:
         raise InvalidInput(
-            f"Run {chosen.name} rounds no corners, so sweep has no tolerance to vary: give the run "
-            "corners, or sweep speeds."
+            f"sweep can vary tolerances only of a run that rounds corners, but run {chosen.name} "
+            "rounds none. Specify corners for the run, or sweep speeds."
         )
     points = []
     for tolerance, speed in values:

@@ -1,4 +1,4 @@
-"""The case of a certificate: a run, its robot, its traced program and its goal."""
+"""The case of a certificate: a run with its robot, traced program and goal."""
 
 from __future__ import annotations
 
@@ -23,33 +23,31 @@ from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
-from armcontour.simulation.rigid_body_plant import STEP
+from armcontour.simulation.rigid_body_plant import DEFAULT_STEP
 from armcontour.simulation.robustness.uncertainty import Uncertainty
-from armcontour.verification.contour_execution import unexplained_errors
+from armcontour.verification.contour_errors import unexplained_errors
 
-# A plan is proven at this resolution [s].
+# Time between two results of the execution that proves a plan [s].
 RESOLUTION = 1e-4
-# Keys of an experiment that describe the drives of the robot.
+# Fields of an experiment that describe the drives of the robot.
 DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
-# After this many of the servo's slowest time constants its response has decayed to 2e-9.
-FORGOTTEN = 20.0
-# Points, in addition to breaks, at which errors that the servo model does not explain are bounded.
+# Number of time constants of the slowest servo after which a response has decayed to 2e-9.
+MEMORY_TIME_CONSTANTS = 20.0
+# Number of points, in addition to breaks, at which the errors that the servo model does not explain
+# are bounded.
 MAX_POINTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A run to certify: its robot, its fastest plan, and the goal of all contours."""
+    """A run to certify: its robot, its fastest plan, and the goal for all contours."""
 
     job: Job
-    # The plan of the run without derating
-    planned: Planned
+    planned: Planned  # The plan of the run without derating
     goal: CertificateGoal
-    # Largest contour error of the execution, over the box if there is one [m]
-    servo_allowed: float
-    # Called with a step before each trial
-    progress: Progress
-    # Executes robots of the box as rigid bodies; by default processes of this machine do
+    servo_allowed: float  # Largest allowed contour error of the execution on all robots [m]
+    progress: Progress  # Called with a step before each trial
+    # executor: executes robots of the box as rigid bodies; if None, processes of this machine do.
     executor: Executor | None = None
 
     @property
@@ -59,13 +57,13 @@ class Case:
 
     @property
     def traced(self) -> Tracing:
-        """The joint paths of the program."""
+        """The program with its joint paths."""
         assert self.planned.traced is not None
         return self.planned.traced
 
     @property
     def arm(self) -> Arm:
-        """The arm."""
+        """The nominal arm."""
         return self.job.arm
 
     @cached_property
@@ -75,12 +73,12 @@ class Case:
 
     @cached_property
     def model(self) -> ServoModel:
-        """The servo that the compensation knows."""
+        """The nominal servo, for which the compensation is computed."""
         return self.job.servo.for_joints(self.arm.dof)
 
     @cached_property
     def servo(self) -> ServoModel:
-        """The servo that executes."""
+        """The servo of the plant, which executes."""
         return self.job.plant_servo.for_joints(self.arm.dof)
 
     @property
@@ -90,27 +88,27 @@ class Case:
 
     @property
     def box(self) -> Uncertainty | None:
-        """Uncertainty of the robot."""
+        """Uncertainty of the robot; None without a box."""
         return self.goal.box
 
     @property
-    def saturated(self) -> bool:
-        """True if joints may saturate."""
+    def allows_saturation(self) -> bool:
+        """True if saturation is allowed and reported, False if it is refused."""
         return self.goal.saturation == "report"
 
     @property
     def bodies(self) -> bool:
-        """True if rigid bodies execute; False if servos of single joints do."""
+        """True if the plant is rigid bodies, False if it is independent servos."""
         return self.goal.plant == "rigid_body"
 
     @property
     def budget(self) -> float:
-        """Largest contour error of the simulated robots [m]."""
+        """Largest allowed contour error of the simulated robots [m]."""
         return self.servo_allowed - self.model_error
 
     @cached_property
     def model_error(self) -> float:
-        """Largest tool error across the contours that the servo model does not explain [m]."""
+        """Bound of the tool error across the contours that the servo model does not explain [m]."""
         model_error = self.servo.model_error
         if model_error is None:
             return 0.0
@@ -126,7 +124,7 @@ class Case:
 
     @property
     def drive_options(self) -> dict[str, Any]:
-        """Options of rigid bodies from the run's experiment."""
+        """Options of the rigid-body plant from the run's experiment."""
         experiment = self.run.experiment
         return {x: getattr(experiment, x) for x in DRIVE_OPTIONS} if experiment else {}
 
@@ -135,10 +133,10 @@ class Case:
         """Time between two results of an execution that proves [s]."""
         if not self.bodies:
             return RESOLUTION
-        return max(RESOLUTION, float(self.drive_options.get("step", STEP)))
+        return max(RESOLUTION, float(self.drive_options.get("step", DEFAULT_STEP)))
 
     def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> Plant:
-        """The robot, or with `ideal` one that never saturates."""
+        """The plant with a servo, by default that of the case; if `ideal`, without saturation."""
         if self.bodies:
             return RigidBodyPlant(self.arm, servo or self.servo, self.limits, **self.drive_options)
         saturation = "none" if ideal else None
@@ -150,7 +148,7 @@ class Case:
         return self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
 
     def demand_ratio(self, commanded_acceleration: FloatArray) -> FloatArray:
-        """Commanded accelerations over those at which drives saturate in their direction."""
+        """Commanded accelerations divided by the bound of saturation in their direction."""
         low, high = self.demand_bounds
         return np.asarray(np.maximum(commanded_acceleration / low, commanded_acceleration / high))
 
@@ -161,10 +159,12 @@ class Case:
             plan, self.model, self.run.compensation, cycle=cycle, arm=self.arm
         )
 
-    def stretch(self, set_points: SetPoints, t: tuple[float, float], plan: Trajectory) -> SetPoints:
-        """Set-points of a move at program times `t` [s]; times of the result start with the move.
+    def move_set_points(
+        self, set_points: SetPoints, t: tuple[float, float], plan: Trajectory
+    ) -> SetPoints:
+        """Set-points of the move from `t[0]` to `t[1]` in the program [s], in times of the move.
 
-        They begin with the previous set-points that still affect the servo.
+        They begin with the earlier set-points that affect the servo during the move.
         """
         begin, cycle, first = t[0] - self.memory, set_points.cycle, 0
         if begin > 0:
@@ -192,7 +192,7 @@ class Case:
         )
         rates = [slow.slowest]
         if servo.has_feedforward:
-            # The compensator inverts feed-forward with another transient.
+            # The compensation of feed-forward has a transient with these time constants.
             rates.append(1 / float(servo.lead[0].max()))
         options = self.run.compensation
         if isinstance(options, PolePlacement) and options.poles is not None:
@@ -202,4 +202,4 @@ class Case:
             dead_time = dead_time + checks.per_joint(
                 "dead_time of the box", box.dead_time, dof, "s"
             )
-        return FORGOTTEN / min(rates) + float(dead_time.max())
+        return MEMORY_TIME_CONSTANTS / min(rates) + float(dead_time.max())

@@ -23,24 +23,21 @@ from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.tracing import check_joint_range
 from armcontour.robot import Arm, Limits
 
-# Causes of derating: planned and commanded acceleration, speed of plan and command, speed of the
-# executed tool, its contour error, and that of robots of a box.
+# Causes of derating: acceleration of plan and command, speed of plan and command, speed of the
+# executed tool, contour error of the robot, and contour error of robots of the box.
 CAUSES = ("acceleration", "speed", "tool", "error", "box")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Derating:
-    """Derating of limits in every cell of a path."""
+    """Derating of joint accelerations and path speed in the n cells of a path."""
 
-    # Arc lengths of the ends of the cells [m], (n + 1,)
-    cells: FloatArray
-    # Usable share of each joint's acceleration limit, (n, dof)
-    share: FloatArray
-    # Largest ds² [m²/s²], infinite where the speed is not derated, (n,)
-    cap: FloatArray
-    # Factors of `share` by cause, (n, dof) each
+    cells: FloatArray  # Arc lengths of the ends of the cells [m], (n + 1,)
+    share: FloatArray  # Usable share of each joint's acceleration limit, (n, dof)
+    cap: FloatArray  # Upper bound of ds² [m²/s²], infinite without derating of the speed, (n,)
+    # share_by: factors of `share` by cause, (n, dof) each; `share` is their product.
     share_by: Mapping[str, FloatArray] = field(default_factory=dict)
-    # Index in CAUSES of the cause of the cap, -1 without a cause, (n,)
+    # cap_by: index in CAUSES of the cause of the cap, -1 without a cap, (n,).
     cap_by: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def __post_init__(self) -> None:
@@ -51,20 +48,20 @@ class Derating:
 
     @classmethod
     def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Derating:
-        """Derating of nothing, with cells from the first grid of a plan of the path."""
+        """Derating without any reduction; cells are the intervals of the first grid of a plan."""
         cells = place_grid(joint_path, intervals).s
         n = len(cells) - 1
         return cls(cells=cells, share=np.ones((n, joint_path.dof)), cap=np.full(n, np.inf))
 
     def with_share(self, factor: FloatArray | float, cause: str) -> Derating:
-        """Copy with acceleration limits multiplied by a factor for a cause."""
+        """Copy with the shares of acceleration limits multiplied by a factor, for a cause."""
         before = self.share_by.get(cause, np.ones_like(self.share))
         return replace(
             self, share=self.share * factor, share_by={**self.share_by, cause: before * factor}
         )
 
     def with_cap(self, cap: FloatArray, cause: str) -> Derating:
-        """Copy with caps of ds² [m²/s²], (n,), where they are below the present ones."""
+        """Copy with the smaller of the present and the given caps of ds² [m²/s²], (n,)."""
         lower = cap < self.cap
         return replace(
             self,
@@ -78,31 +75,31 @@ class Derating:
         return np.diff(self.cells)
 
     def cell_of(self, grid: Grid) -> IntArray:
-        """Index of the cell that contains the middle of each interval of a grid, (len(grid),)."""
+        """Index of the cell that contains the middle of each interval of a grid, (intervals,)."""
         middle = (grid.s[:-1] + grid.s[1:]) / 2
         cells = np.searchsorted(self.cells, middle) - 1
         return np.asarray(np.clip(cells, 0, len(self.cap) - 1))
 
 
 class DeratedAcceleration(JointMotion):
-    """Joint acceleration limits, derated in every cell of the path."""
+    """Constraint: joint acceleration limits, derated in every cell of the path."""
 
     def __init__(self, low: FloatArray, high: FloatArray, derating: Derating) -> None:
         super().__init__(acceleration=(low, high))
         self.derating = derating
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
-        """Derated bounds in the cell that contains the middle of each interval."""
+        """Derated lower and upper bounds of each interval [rad/s²], (intervals, dof) each."""
         share = self.derating.share[self.derating.cell_of(grid)]
         return self.low * share, self.high * share
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Accelerations with bounds per interval."""
+        """Rows of the joint accelerations with bounds per interval."""
         return (self.rows(path),)
 
 
 class SpeedCap(Constraint):
-    """Largest ds² in each cell of the path."""
+    """Constraint: largest ds² in each cell of the path."""
 
     name = "derated speed"
 
@@ -110,7 +107,7 @@ class SpeedCap(Constraint):
         self.derating = derating
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The cap at both ends of each interval."""
+        """Ceilings of ds² at both ends of each interval."""
         cap = self.derating.cap[self.derating.cell_of(path.grid)]
         return (Ceiling(np.stack([cap, cap], axis=1)),)
 
@@ -134,16 +131,17 @@ def plan_derated(
     return plan_optimal(joint_path, arm, rest, options).limited(limits)
 
 
-# Smallest share that counts as derated, because searches aim slightly below limits; and smallest
-# largest share that is reported.
-LEAST, REPORTED = 1e-5, 1e-3
-# A larger share of a contour is called the whole contour.
-NEARLY_ALL = 0.995
-# Reasons by cause, after "for".
+# LEAST_REDUCTION: a cell with a smaller reduction counts as not derated, because searches aim
+# slightly below limits. REPORTED_SHARE: a limit is reported if its largest reduction exceeds this
+# share.
+LEAST_REDUCTION, REPORTED_SHARE = 1e-5, 1e-3
+# Derating along more than this share of a contour is described as along the whole contour.
+WHOLE_SHARE = 0.995
+# Reasons of derating by cause, as phrases after "because of".
 REASONS = {
     "acceleration": "the acceleration limits of the joints",
     "speed": "the limits of tool and joint velocities in plan and command",
-    "tool": "the speed of the executed tool, which passed the assigned velocity",
+    "tool": "the speed of the executed tool, which exceeded the assigned velocity",
     "error": "the contour error",
     "box": "the contour error of robots of the box",
     "limit": "the requirements of drives and plan",
@@ -154,27 +152,22 @@ REASONS = {
 class DeratedInterval:
     """A limit that a certified plan derates, and its cause."""
 
-    # "speed", "acceleration" of a joint, or the name of another limit
-    what: str
-    # A key of REASONS
-    cause: str
-    # Largest reduction, relative to the speed of the plan without derating or to the limit
+    what: str  # "speed", "acceleration" (of joints), or the name of another limit
+    cause: str  # Key of REASONS
+    # share: largest reduction, relative to the speed of the plan without derating or to the limit.
     share: float
-    # Index and label of the joint with the largest reduction; none if all joints have the same
-    joint: int | None = None
-    joint_name: str = ""
-    # Arc length [m] and time in the whole motion [s] of the largest reduction; None if constant
-    s: float | None = None
-    t: float | None = None
-    # Derated length of the contour, and its length [m]
-    length: float
-    contour: float
+    joint: int | None = None  # Index of the joint with the largest reduction; None if all are equal
+    joint_name: str = ""  # Label of this joint
+    s: float | None = None  # Arc length of the largest reduction [m]; None if it is constant
+    t: float | None = None  # Time of the largest reduction in the whole motion [s]; None likewise
+    length: float  # Derated length of the contour [m]
+    contour: float  # Length of the contour [m]
 
     def __str__(self) -> str:
-        """The limit, its reduction, place and cause, as a clause."""
+        """Clause with the limit, its reduction, position and cause."""
         joint = f" of joint {self.joint_name}" if self.joint_name else ""
         where = f"over {number(self.length, 'm')} of {number(self.contour, 'm')}"
-        if self.length > NEARLY_ALL * self.contour:
+        if self.length > WHOLE_SHARE * self.contour:
             where = "along the whole contour"
         place = (
             ""
@@ -183,7 +176,7 @@ class DeratedInterval:
         )
         return (
             f"{self.what.replace('_', ' ')}{joint} by up to {number(self.share, '1')} "
-            f"{where}{place}, for {REASONS[self.cause]}"
+            f"{where}{place}, because of {REASONS[self.cause]}"
         )
 
 
@@ -195,10 +188,10 @@ def derated_intervals(
     start: float,
     names: Sequence[str],
 ) -> tuple[DeratedInterval, ...]:
-    """Largest derating of a contour's plan by limit and cause, the largest share first.
+    """Largest derating of a contour's plan for each limit and cause, the largest share first.
 
-    `squares` is the largest ds² in the cells without derating [m²/s²], `start` the start of the
-    contour in the whole motion [s].
+    `squares`: largest ds² of the plan without derating in each cell [m²/s²], (n,). `start`: start
+    of the contour in the whole motion [s]. `names`: names of the joints.
     """
     middles = (derating.cells[:-1] + derating.cells[1:]) / 2
     contour = float(derating.cells[-1])
@@ -214,14 +207,17 @@ def derated_intervals(
         for index, cause in enumerate(CAUSES):
             share = np.where(derating.cap_by == index, np.nan_to_num(slower), 0.0)
             k = int(np.argmax(share))
-            if share[k] > REPORTED:
+            if share[k] > REPORTED_SHARE:
                 yield DeratedInterval(
-                    what="speed", cause=cause, share=float(share[k]), **location(k, share > LEAST)
+                    what="speed",
+                    cause=cause,
+                    share=float(share[k]),
+                    **location(k, share > LEAST_REDUCTION),
                 )
         for cause, remaining in derating.share_by.items():
             share = 1 - remaining
             k, j = (int(x) for x in np.unravel_index(np.argmax(share), share.shape))
-            if share[k, j] > REPORTED:
+            if share[k, j] > REPORTED_SHARE:
                 alike = bool((remaining == remaining[:, :1]).all())
                 yield DeratedInterval(
                     what="acceleration",
@@ -229,10 +225,10 @@ def derated_intervals(
                     share=float(share[k, j]),
                     joint=None if alike else j,
                     joint_name="" if alike else joint_label(j + 1, names),
-                    **location(k, np.asarray((share > LEAST).any(axis=1))),
+                    **location(k, np.asarray((share > LEAST_REDUCTION).any(axis=1))),
                 )
         for name, factor in factors.items():
-            if 1 - factor > REPORTED:
+            if 1 - factor > REPORTED_SHARE:
                 yield DeratedInterval(
                     what=name, cause="limit", share=1 - factor, length=contour, contour=contour
                 )

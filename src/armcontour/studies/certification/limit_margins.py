@@ -1,4 +1,4 @@
-"""Shares of limits, error budget and box that a plan and its executions use, over time."""
+"""Ratios of a plan and its executions to limits and error budget, over time."""
 
 from __future__ import annotations
 
@@ -31,21 +31,22 @@ from armcontour.simulation.plant import count_intervals
 from armcontour.simulation.robustness.uncertainty import Uncertainty
 from armcontour.studies.certification.certification_case import Case
 from armcontour.verification import Check, check
-from armcontour.verification.contour_execution import ContourExecution, pieces_of
+from armcontour.verification.contour_errors import ContourExecution, pieces_of
 
-# Results per cycle of a trial, but not finer than this [s]; and of a trial in corners of a box.
-PER_INTERVAL = 16
-FINEST = 1.25e-4
-BOX_PER_INTERVAL = 4
+# Results per cycle of an execution in a trial: on the nominal robot, and in corners of the box.
+RESULTS_PER_CYCLE = 16
+BOX_RESULTS_PER_CYCLE = 4
+# Shortest time between two results [s].
+SHORTEST_STEP = 1.25e-4
 # Share by which the executed tool speed may exceed the assigned velocity.
 SPEED_SLACK = 1e-3
-# Directions across a path in space in which errors over a box are added up.
+# Number of directions across a path in space in which deviations of robots of the box are summed.
 DIRECTIONS = 16
-# Penalty ratio for a command outside the joint range: slowing down cannot correct it completely,
-# but each trial reduces the speed there.
-OUTSIDE = 1.1
-# Phases of a cycle that differ by less than this are equal.
-SAME = 1e-9
+# Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
+# such a command completely, but with this ratio each trial reduces the speed in its cell.
+OUTSIDE_RATIO = 1.1
+# Times that differ by less than this share of the cycle are equal.
+PHASE_TOLERANCE = 1e-9
 Side = Literal["left", "right"]
 
 
@@ -53,25 +54,20 @@ Side = Literal["left", "right"]
 class LimitMargins:
     """Ratios of values to their limits on one contour, over time."""
 
-    # Times from the start of the contour [s], and arc lengths of the plan [m], (n,)
-    t: FloatArray
-    s: FloatArray
-    # Joint acceleration, the larger of planned and commanded, (n, dof)
-    joints: FloatArray
-    # Speed of plan and command, as a ratio of ds², (n,)
-    pace: FloatArray
-    # Squared speed of the executed tool, (n,)
-    tool: FloatArray
-    # Contour error, on the robot and on the worst robots of the box, (n,); 0 without a box
-    error: FloatArray
-    box: FloatArray
-    # Largest commanded acceleration between samples, too, (dof,); 0 if saturation is allowed
+    t: FloatArray  # Times from the start of the contour [s], (n,)
+    s: FloatArray  # Arc lengths of the plan [m], (n,)
+    joints: FloatArray  # Joint acceleration, the larger of planned and commanded, (n, dof)
+    pace: FloatArray  # Speed of plan and command, as a ratio of ds², (n,)
+    tool: FloatArray  # Squared speed of the executed tool, (n,)
+    error: FloatArray  # Contour error of the nominal robot, (n,)
+    box: FloatArray  # Contour error of the worst robot of the box, (n,); 0 without a box
+    # peak: largest commanded acceleration, also between samples, (dof,); 0 if saturation is
+    # allowed.
     peak: FloatArray
-    # RMS contour error; 0 without a limit
-    rms: float
+    rms: float  # RMS contour error; 0 without a limit
 
     def worst(self) -> dict[str, float]:
-        """Largest ratio by kind."""
+        """Largest ratio over the contour, by kind of limit."""
         return {
             "acceleration": max(float(self.joints.max()), float(self.peak.max())),
             "speed": float(self.pace.max()),
@@ -81,24 +77,26 @@ class LimitMargins:
         }
 
 
-# Error of the dead time that all joints share [s], and executions in corners of the box with it.
+# Deviation of the dead time that all joints share [s], and executions with this deviation in
+# corners of the box.
 Group = tuple[float, list[Execution]]
 
 
 def execute_trial(case: Case, set_points: SetPoints, resolution: float | None = None) -> Execution:
-    """Execute a trial; the robot does not saturate if saturation is refused."""
+    """Execute a trial on the nominal robot, without saturation if saturation is refused."""
     if case.bodies:
         return simulate(set_points, case.plant(), resolution=resolution or case.resolution)
-    every = min(set_points.cycle, max(set_points.cycle / PER_INTERVAL, FINEST))
+    every = min(set_points.cycle, max(set_points.cycle / RESULTS_PER_CYCLE, SHORTEST_STEP))
     return simulate(
-        set_points, case.plant(ideal=not case.saturated), resolution=resolution or every
+        set_points, case.plant(ideal=not case.allows_saturation), resolution=resolution or every
     )
 
 
 def execute_on_box(case: Case, set_points: SetPoints) -> list[Group]:
-    """Execute in corners of the box that all joints share: a group per end of a shared dead time.
+    """Execute in the corners of the box in which all joints have the same ends of their intervals.
 
-    If saturation is refused, the robots do not saturate; their commanded acceleration is rated.
+    Returns one group per end of a shared dead time. If saturation is refused, the robots do not
+    saturate, so that their commanded accelerations can be compared with the limits.
     """
     box, servo, dof = case.box, case.servo, case.arm.dof
     if box is None or case.bodies:
@@ -106,30 +104,30 @@ def execute_on_box(case: Case, set_points: SetPoints) -> list[Group]:
     errors = np.broadcast_to(box.dead_time, (dof,))
     shared = box.dead_time_shared and bool(errors.any())
     apart = np.zeros(dof) if box.dead_time_shared else errors
-    resolution = max(set_points.cycle / BOX_PER_INTERVAL, FINEST)
+    resolution = max(set_points.cycle / BOX_RESULTS_PER_CYCLE, SHORTEST_STEP)
     groups = []
     for common in (-1.0, 1.0) if shared else (0.0,):
         moved = np.maximum(servo.dead_time + common * errors, 0.0)
         servos = _corner_servos(servo, moved, box, apart)
-        plants = [case.plant(x, ideal=not case.saturated) for x in servos]
+        plants = [case.plant(x, ideal=not case.allows_saturation) for x in servos]
         runs = [simulate(set_points, x, resolution=resolution) for x in plants]
         groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
     return groups
 
 
-def distances(piece: ContourExecution) -> FloatArray:
-    """Contour error in both directions over time [m], (n,)."""
+def contour_errors(piece: ContourExecution) -> FloatArray:
+    """Contour error at each result, the larger of both directions [m], (n,)."""
     error = piece.contour_error
     over_time = np.maximum(piece.followed.distance, piece.followed.coverage_error)
-    # A peak between two times belongs to the nearer one.
+    # A peak between two times is assigned to the nearer time.
     peak = int(np.argmin(np.abs(piece.t - error.t_max)))
     over_time[peak] = max(over_time[peak], error.max)
     return over_time
 
 
 def speed_ratios(case: Case, piece: ContourExecution) -> FloatArray:
-    """Ratio of tool speed to assigned velocity, (n,)."""
-    # Rigid bodies have a result in every drive cycle.
+    """Ratio of executed tool speed to assigned velocity, (n,)."""
+    # Rigid bodies have a result in every drive cycle, so no peaks between results are estimated.
     return piece.speed_ratios(case.limits.speed, between=not case.bodies)
 
 
@@ -137,57 +135,50 @@ def speed_ratios(case: Case, piece: ContourExecution) -> FloatArray:
 class ProgramTrial:
     """A plan of the whole program with its executions on the robot and in corners of the box."""
 
-    # The case
     case: Case
-    # The plan
-    trajectory: Trajectory
-    # Its set-points
+    trajectory: Trajectory  # The plan of the whole program
     set_points: SetPoints
-    # Their execution on the robot
-    executed: Execution
-    # The execution contour by contour
-    pieces: Sequence[ContourExecution]
-    # Executions on corners of the box
-    groups: Sequence[Group] = ()
-    # Times and largest errors of bodies of the box [s, m], (2, n)
+    executed: Execution  # Execution on the nominal robot
+    pieces: Sequence[ContourExecution]  # Parts of this execution, one per contour
+    groups: Sequence[Group] = ()  # Executions in corners of the box
+    # box: times [s] and largest contour errors of rigid-body robots of the box [m], (2, n).
     box: FloatArray | None = None
-    # Check of the plan against all limits; None before its proof
-    check: Check | None = None
+    check: Check | None = None  # Check of the plan against all limits; None before the proof
 
     @property
     def all_runs(self) -> list[Execution]:
-        """The executions on the robot and in corners of the box."""
+        """Executions on the nominal robot and in corners of the box."""
         return [self.executed, *(x for _, runs in self.groups for x in runs)]
 
     @cached_property
     def corner_pieces(self) -> list[tuple[float, list[Sequence[ContourExecution]]]]:
-        """The groups with their executions divided into contours."""
+        """The groups, with each execution divided into its parts of the contours."""
         program = self.case.program
         return [
             (late, [pieces_of(x, program, None, None) for x in runs]) for late, runs in self.groups
         ]
 
 
-def margins_of(case: Case, trial: ProgramTrial, number: int, plan: Trajectory) -> LimitMargins:
-    """Margins of a contour by its plan, its command and its executions."""
+def compute_margins(case: Case, trial: ProgramTrial, number: int, plan: Trajectory) -> LimitMargins:
+    """Ratios to the limits for the plan, the command and the executions of a contour."""
     piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
     path, executed = piece.path, trial.executed
     now, since = slice(0, len(executed.t)), None
     if case.program.single_path is None:
-        # The cycle in which a move ends contains a part of the next move.
+        # The rating ends with the cycle in which the move ends.
         start, cycle = trial.set_points.start_time, trial.set_points.cycle
-        last = start + np.ceil((span.t[1] - start) / cycle - SAME) * cycle
+        last = start + np.ceil((span.t[1] - start) / cycle - PHASE_TOLERANCE) * cycle
         ends = span.t[0], float(last)
         now, since = slice(*np.searchsorted(executed.t, ends)), ends
     t = executed.t[now] - span.t[0]
     s, joints, pace = _planned_ratios(case, path, plan, t)
     pace = np.maximum(pace, _command_ratio(case, trial.set_points, executed.t[now]))
     peak = np.zeros(case.arm.dof)
-    if not case.saturated and not case.bodies:
+    if not case.allows_saturation and not case.bodies:
         for execution in trial.all_runs:
             part = slice(*np.searchsorted(execution.t, since)) if since else slice(None)
             share = case.demand_ratio(execution.demand[part])
-            joints = np.maximum(joints, _larger_around(t + span.t[0], execution.t[part], share))
+            joints = np.maximum(joints, _larger_neighbour(t + span.t[0], execution.t[part], share))
             peak = np.maximum(peak, peak_demand(case, execution, since))
     tool, speed = np.zeros(len(t)), case.limits.speed
     if speed is not None:
@@ -196,9 +187,9 @@ def margins_of(case: Case, trial: ProgramTrial, number: int, plan: Trajectory) -
     counts = slice(piece.which.start - now.start, piece.which.stop - now.start)
     tool[counts] = np.maximum(tool[counts], (speed_ratios(case, piece) / (1 + SPEED_SLACK)) ** 2)
     error, box = np.zeros(len(t)), np.zeros(len(t))
-    error[counts] = distances(piece) / case.budget
+    error[counts] = contour_errors(piece) / case.budget
     if trial.groups:
-        box[counts] = _worst_error(case, trial, number)[piece.which] / case.budget
+        box[counts] = _worst_box_error(case, trial, number)[piece.which] / case.budget
     if trial.box is not None:
         box[counts] = np.interp(executed.t[piece.which], *trial.box) / case.budget
     rms = case.goal.rms
@@ -216,7 +207,7 @@ def margins_of(case: Case, trial: ProgramTrial, number: int, plan: Trajectory) -
 
 
 def response_time(case: Case) -> float:
-    """Time for which a command affects the commanded acceleration of a joint [s]."""
+    """Time for which a command affects the commanded acceleration of the slowest joint [s]."""
     servo = case.servo
     return 2.0 / float((servo.kp if servo.kv is None else servo.kv).min())
 
@@ -224,9 +215,10 @@ def response_time(case: Case) -> float:
 def peak_demand(
     case: Case, executed: Execution, span: tuple[float, float] | None = None
 ) -> FloatArray:
-    """Largest ratio of commanded acceleration to its limit, between samples too, (dof,).
+    """Largest ratio of commanded acceleration to its limit, also between samples, (dof,).
 
-    The execution must not saturate; `span` selects set-points by time [s].
+    The execution must be without saturation. `span`: start and end time [s], by default the whole
+    execution.
     """
     assert isinstance(executed.plant, ServoPlant)
     servo = executed.plant.servo
@@ -235,8 +227,8 @@ def peak_demand(
         return every
     set_points = executed.set_points
     begin, end = (np.array(span) - set_points.start_time) / set_points.cycle
-    first = max(0, int(np.ceil(begin - SAME)))
-    last = min(count_intervals(set_points, servo), int(np.ceil(end - SAME)))
+    first = max(0, int(np.ceil(begin - PHASE_TOLERANCE)))
+    last = min(count_intervals(set_points, servo), int(np.ceil(end - PHASE_TOLERANCE)))
     if first >= last:
         return case.demand_ratio(executed.demand[-1])
     row = first * round(set_points.cycle / float(executed.t[1] - executed.t[0]))
@@ -250,7 +242,7 @@ def peak_demand(
 
 
 def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, FloatArray]:
-    """Arc lengths of a plan along a joint path [m], (n,), and q, dq, ddq, (3, n, dof)."""
+    """Arc lengths of a plan [m], (n,), and its q, dq and ddq, (3, n, dof), at times t [s]."""
     s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
     for k, mask, i, local in plan.locate(t, side):
         law = plan.laws[k]
@@ -266,7 +258,7 @@ def _planned_ratios(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Arc lengths of the plan, (n,), ratios of joint acceleration, (n, dof), and of ds², (n,).
 
-    Values on both sides of a vertex of the path belong to the nearest time.
+    Values on both sides of a vertex of the path are assigned to the nearest time.
     """
     s, joints, pace = _state_ratios(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
     times = _break_times(plan, path.breaks)
@@ -282,6 +274,7 @@ def _planned_ratios(
 def _state_ratios(
     case: Case, path: Path, plan: Trajectory, t: FloatArray, side: Side
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Arc lengths, and ratios of joint acceleration and ds², at times t on one side of breaks."""
     limits = case.limits
     s, joints = _motion(plan, t, side)
     states = States(case.arm, tuple(joints))
@@ -289,14 +282,14 @@ def _state_ratios(
     pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
     assigned = _assigned_speeds(case, path, s, side)
     if np.isfinite(assigned).any():
-        pace = np.maximum(pace, (states.bound("speed")[0] / assigned) ** 2)
+        pace = np.maximum(pace, (states.measure("speed")[0] / assigned) ** 2)
     if limits.centripetal_acceleration is not None:
         pace = np.maximum(pace, states.use("centripetal_acceleration", limits).ratio)
     return s, states.use("joint_acceleration", limits).ratio, pace
 
 
 def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> FloatArray:
-    """Assigned velocities at arc lengths [m/s], (n,); infinite where none is assigned."""
+    """Assigned velocities at arc lengths s [m/s], (n,); infinite where none is assigned."""
     limit = case.limits.speed
     speeds = np.fmin(path.speeds, np.inf if limit is None else limit)
     assigned = speeds[path.locate(np.clip(s, 0.0, path.length), side=side)]
@@ -304,7 +297,7 @@ def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> Float
 
 
 def _break_times(plan: Trajectory, places: FloatArray) -> FloatArray:
-    """Times at which a plan passes those vertices of the path that are breaks of its laws [s]."""
+    """Times at which a plan passes the arc lengths `places` that are breaks of its laws [s]."""
     times = [np.zeros(0)]
     for law, start in zip(plan.laws, plan.starts, strict=False):
         assert isinstance(law, PathLaw)
@@ -314,37 +307,37 @@ def _break_times(plan: Trajectory, places: FloatArray) -> FloatArray:
 
 
 def _command_ratio(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray:
-    """Ratio of ds² that set-points use at the times `t`, (n,)."""
+    """Ratio of ds² to its limit for the velocities of set-points at the times t, (n,)."""
     dof = case.arm.dof
     rate = np.append(np.diff(set_points.q, axis=0), np.zeros((1, dof)), axis=0) / set_points.cycle
     states = States(case.arm, (set_points.q, rate))
     pace = (states.use("joint_velocity", case.limits).ratio ** 2).max(axis=1)
     lower, upper = case.limits.joint_range(dof)
     outside = ((set_points.q < lower) | (set_points.q > upper)).any(axis=1)
-    pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))
+    pace = np.maximum(pace, np.where(outside, OUTSIDE_RATIO, 0.0))
     k = np.clip(np.searchsorted(set_points.t, t, side="right") - 1, 0, len(pace) - 1)
     return np.asarray(pace[k])
 
 
-def _larger_around(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
-    """Larger of the two values around each time `t`; 0 outside, (n, dof)."""
+def _larger_neighbour(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """Larger of the values before and after each time t, (n, dof); 0 outside of `times`."""
     k = np.clip(np.searchsorted(times, t, side="right"), 1, len(times) - 1)
     larger = np.maximum(values[k - 1], values[k])
     larger[(t < times[0]) | (t > times[-1])] = 0.0
     return np.asarray(larger)
 
 
-def _worst_error(case: Case, trial: ProgramTrial, number: int) -> FloatArray:
+def _worst_box_error(case: Case, trial: ProgramTrial, number: int) -> FloatArray:
     """Approximate contour error of the worst robot of the box at all times of a trial [m], (n,).
 
-    Joints are independent, so the worst deviations across the path are added joint by joint.
+    Joints are independent, so the worst deviations of the joints across the path are added.
     Payload and jitter are not included.
     """
     t, span = trial.executed.t, trial.trajectory.contour_spans[number]
     largest = np.zeros(len(t))
     for delay, runs in trial.corner_pieces:
         pieces = [x[number] for x in runs]
-        largest = np.maximum(largest, np.interp(t, *_sum_across(case, delay, pieces, span)))
+        largest = np.maximum(largest, np.interp(t, *_sum_deviations(case, delay, pieces, span)))
         for piece in pieces:
             rows = np.clip(np.searchsorted(t, piece.t), 0, len(t) - 1)
             np.maximum.at(largest, rows, piece.followed.coverage_error)
@@ -354,7 +347,8 @@ def _worst_error(case: Case, trial: ProgramTrial, number: int) -> FloatArray:
 def _corner_servos(
     servo: ServoModel, dead_time: FloatArray, box: Uncertainty, apart: FloatArray
 ) -> list[ServoModel]:
-    """Servos in corners of the box that all joints share."""
+    """Servos in the corners of the box in which all joints have the same ends."""
+    # apart: largest deviation of the dead time of each joint [s], (dof,).
     gains = np.broadcast_to(np.asarray(box.gains), (2, len(dead_time)))
     signs = [
         (1.0, -1.0) if (x > 0).any() else (0.0,)
@@ -370,25 +364,27 @@ def _corner_servos(
     ]
 
 
-def _sum_across(
+def _sum_deviations(
     case: Case, delay: float, pieces: Sequence[ContourExecution], span: Span
 ) -> tuple[FloatArray, FloatArray]:
-    """Times, and the largest sum over joints of their deviations across the path in any run."""
+    """Times [s], and sum of the largest deviations of each joint across the path [m], (n,) each."""
+    # The largest deviation of a joint is over the runs of `pieces`. delay: deviation of the shared
+    # dead time [s].
     arm, path, plan = case.arm, pieces[0].path, span.trajectory
     assert plan is not None
     n = min(len(x.t) for x in pieces)
     t = pieces[0].t[:n]
-    # An equal delay of all joints does not change the path.
+    # An equal delay of all joints does not change the path of the tool.
     base = plan(np.clip(t - span.t[0] - delay, 0.0, plan.duration))
     if len(pieces) > 1:
         base = np.mean([x.q[:n] for x in pieces], axis=0)
     jacobian, point = arm.tool_jacobian(base), arm.tool_position(base)
     deviations = np.array([x.q[:n] - base for x in pieces])
-    # Deviation of the tool by each joint, (runs, n, dimension, dof).
+    # Deviation of the tool due to each joint [m], (runs, n, dimension, dof).
     moved = jacobian[None] * deviations[:, :, None, :]
     s = path.project(point).s
     total = np.zeros(n)
-    for direction in normals(path(s, 1)):
+    for direction in across_directions(path(s, 1)):
         # The distance of the mean motion adds to the deviations of the joints.
         distance = np.abs(np.einsum("nd,nd->n", point - path(s), direction))
         side = np.einsum("rndj,nd->rnj", moved, direction)
@@ -396,8 +392,8 @@ def _sum_across(
     return t, total
 
 
-def normals(tangent: FloatArray) -> list[FloatArray]:
-    """Directions across the path at each tangent, (n, dimension) each."""
+def across_directions(tangent: FloatArray) -> list[FloatArray]:
+    """Unit vectors across the path at each tangent, (n, dimension) for each direction."""
     unit = tangent / np.linalg.norm(tangent, axis=1)[:, None]
     if unit.shape[1] == 2:
         normal = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
@@ -410,28 +406,28 @@ def normals(tangent: FloatArray) -> list[FloatArray]:
     return [np.cos(x) * first + np.sin(x) * second for x in angles]
 
 
-# Rounding: a limit is exceeded by a ratio above 1 + KEPT.
-KEPT = 1e-9
-# Points per interval at which a plan is checked against its limits.
-POINTS = 5
+# A limit is exceeded by a ratio above 1 + LIMIT_TOLERANCE, to allow for rounding errors.
+LIMIT_TOLERANCE = 1e-9
+# Number of points per interval at which a plan is checked against its limits.
+CHECK_POINTS = 5
 
 
 def largest_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Largest ratio of each limit: the larger of that of a check and of a bound for all times."""
+    """Largest ratio to each limit: the larger of a sampled check and a bound for all times."""
     ratios = bound_ratios(plan, arm, limits)
-    for use in check(plan, arm, limits, points=POINTS).uses:
+    for use in check(plan, arm, limits, points=CHECK_POINTS).uses:
         ratios[use.name] = max(ratios.get(use.name, 0.0), use.ratio)
     return ratios
 
 
 def bound_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Upper bounds of a plan's ratios of limits at all times; tool limits are those of the path."""
+    """Upper bounds of a plan's ratios to limits at all times, for the speed along the path."""
     joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
     shares = np.zeros(6)
     for law in plan.laws:
         assert isinstance(law, PathLaw)
         speeds = _highest_speeds(law.joint_path, limits)
-        shares = np.maximum(shares, largest_shares(law, joints, speeds, 1 + KEPT))
+        shares = np.maximum(shares, largest_shares(law, joints, speeds, 1 + LIMIT_TOLERANCE))
     acceleration, velocity = shares[:4].reshape(2, 2).max(axis=1).tolist()
     speed, bent = shares[4:].tolist()
     return {
@@ -443,9 +439,9 @@ def bound_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]
 
 
 def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2).
+    """Path speeds that the limits of speed and centripetal acceleration allow [m/s], (pieces, 2).
 
-    Segments with varying curvature have no bound for the latter; a check samples them.
+    The second column is infinite for segments with varying curvature, which the check samples.
     """
     breaks, path = joint_path.breaks, joint_path.tool_path
     bounds = np.full((len(breaks) - 1, 2), np.inf)

@@ -1,4 +1,4 @@
-"""Contours and rapids in the search: their plans and their derating."""
+"""Contours and rapids in the search of a certified plan: plans and derating."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
 from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.derating import Derating, plan_derated
 from armcontour.studies.certification.limit_margins import (
-    KEPT,
-    OUTSIDE,
+    LIMIT_TOLERANCE,
+    OUTSIDE_RATIO,
     LimitMargins,
     execute_on_box,
     execute_trial,
@@ -32,8 +32,8 @@ from armcontour.studies.certification.limit_margins import (
     response_time,
 )
 
-# Shares of limits that trials aim at, so that the search ends. Only rounding separates the plan
-# from limits of acceleration and speed.
+# Shares of limits at which trials aim, so that the search ends. For limits of acceleration and
+# speed, the shares allow only for rounding errors.
 GOALS = {
     "acceleration": 1 - 3e-6,
     "speed": 1 - 2e-9,
@@ -41,104 +41,96 @@ GOALS = {
     "error": 0.995,
     "box": 0.995,
 }
-# Derating in one cell changes the motion in its neighbours, so that an excess may shrink by less
-# than half per trial. After this many trials it is raised to the second power, then to the third.
-PATIENCE = 5
-# The speed of the tool depends on the plan up to this many time constants before.
+# Derating in one cell changes the motion in its neighbours, so an excess may shrink by less than
+# half per trial. Therefore the excess is squared after this many trials, cubed after twice as many,
+# and so on.
+POWER_TRIALS = 5
+# Time before the present for which the plan affects the tool, if the servo lags [time constants].
 TOOL_MEMORY = 8.0
-# The error of rigid bodies depends on the plan up to this many time constants of their position
-# loops before.
+# Time before the present for which the plan affects the error of rigid bodies [time constants of
+# the slowest position loop].
 BODY_MEMORY = 2.0
-# Limits that are derated cell by cell; other limits are derated along the whole move.
+# Limits that are derated in single cells; other limits are derated along the whole move.
 LOCAL_LIMITS = ("joint_acceleration", "joint_velocity", "speed", "centripetal_acceleration")
-# Rise times of a rapid's accelerations in cycles; the faster rapid is used.
+# Rise times of a rapid's accelerations that are tried [cycles]; the faster rapid is used.
 RISES = (0.0, 0.5)
-# Share of each limit that rapids aim at, because set-points near the end of a rapid include a part
-# of the next contour; and the additional derating that ends the search.
+# RAPID_GOAL: share of each limit at which rapids aim, because set-points near the end of a rapid
+# include a part of the next contour. RAPID_STEP: smallest reduction per plan, so that the search
+# ends. MAX_RAPIDS: largest number of plans.
 RAPID_GOAL, RAPID_STEP = 1 - 1e-3, 1e-5
 MAX_RAPIDS = 12
-# Share of the budget that the error of the previous move may take at the start of a contour.
-ENTRY = 0.25
+# Largest share of the budget that the deviation from the previous move may use at the start of a
+# contour.
+ENTRY_SHARE = 0.25
 
 
 class StepSizes(NamedTuple):
     """Sizes of the steps by which a contour is derated from trial to trial."""
 
-    # Power of the excess of an error
-    power: float
-    # Smallest factor of speed and acceleration per step
-    share: float
-    # Derate the common excess of acceleration in all cells at once
-    together: bool
+    power: float  # Speed is multiplied by the ratio of error to limit to the power of minus this
+    share: float  # Smallest factor of speed and acceleration per step
+    together: bool  # If True, first derate the common excess of acceleration in all cells
 
 
 @dataclass(slots=True, eq=False)
 class MoveSearch:
-    """A contour or a rapid in the search."""
+    """State of the search for the plan of one contour or rapid."""
 
     step: TracedMove
-    # Index of the contour; None for a rapid
-    number: int | None
-    derating: Derating
-    # Times from 0 [s]
-    plan: Trajectory
-    # Usable shares of other limits along the whole move, by name
+    number: int | None  # Index of the contour; None for a rapid
+    derating: Derating  # Derating of the present plan
+    plan: Trajectory  # The present plan; its times start at 0 [s]
+    # factors: usable shares of other limits along the whole move, by name.
     factors: dict[str, float] = field(default_factory=dict)
-    # Rise time of a rapid's accelerations in cycles
-    rise: float = 0.0
-    # Standstill before the move [s]
-    pause: float = 0.0
-    # The first plan, and its derating, which derates nothing
-    fastest: Trajectory = field(init=False)
-    nothing: Derating = field(init=False)
-    # Derating, factors and plan of the fastest plan within all limits
+    rise: float = 0.0  # Rise time of a rapid's accelerations [cycles]
+    pause: float = 0.0  # Standstill before the move [s]
+    fastest: Trajectory = field(init=False)  # The first plan, without derating
+    nothing: Derating = field(init=False)  # Derating of `fastest`, which derates nothing
+    # best: derating, factors and plan of the fastest plan within all limits.
     best: tuple[Derating, dict[str, float], Trajectory] | None = None
-    # The search of this contour has ended
-    done: bool = False
-    # A proof has rejected a plan
-    proving: bool = False
-    # Index of the step sizes, trials with them, and all trials
-    attempt: int = 0
-    tries: int = 0
-    trials: int = 1
-    # If saturation is allowed: the tried factor of all accelerations, and the largest factor that
-    # was within and the smallest that was outside
+    done: bool = False  # True if the search of this contour has ended
+    rejected: bool = False  # True if a proof has rejected a plan
+    attempt: int = 0  # Index of the step sizes
+    attempt_trials: int = 0  # Number of trials with these step sizes
+    trials: int = 1  # Number of all trials
+    # share, bracket: only if saturation is allowed. Present factor of all accelerations; largest
+    # factor with which all limits were satisfied and smallest factor with which they were not.
     share: float = 1.0
     bracket: tuple[float, float] = (0.0, 1.0)
-    # Aimed shares of limits by causes, of attempts and of the next trial
+    # aims, tightness: aimed shares of limits by cause, at the start of an attempt and for the next
+    # trial.
     aims: dict[str, float] = field(default_factory=GOALS.copy)
     tightness: dict[str, float] = field(default_factory=GOALS.copy)
-    # The limiting constraint of the last trial, and its ratio
-    binds: tuple[str, float] = ("", 0.0)
-    # Smallest contour error of any trial, over the box if there is one [m]
-    reached: float = np.inf
-    # Smallest contour error of a robot of the box that exceeded the budget [m]
-    outside: float = np.inf
-    # Parts of the error of the worst robot of the box, by kinds of unknowns [m]
+    # active_limit: limiting constraint of the last trial, and its ratio.
+    active_limit: tuple[str, float] = ("", 0.0)
+    # smallest_error: smallest contour error of a trial, for all robots of the box [m].
+    smallest_error: float = np.inf
+    # smallest_excess: smallest contour error of a robot of the box that exceeded the budget [m].
+    smallest_excess: float = np.inf
+    # parts: parts of the error of the worst robot of the box, by kind of unknowns [m].
     parts: dict[str, float] = field(default_factory=dict)
-    # Executions in the corners of the box, and on robots drawn from it
-    corners: MonteCarloResult | None = None
-    spread: MonteCarloResult | None = None
+    corners: MonteCarloResult | None = None  # Executions in the corners of the box
+    spread: MonteCarloResult | None = None  # Executions on robots drawn from the box
 
     def __post_init__(self) -> None:
         self.fastest, self.nothing = self.plan, self.derating
 
     @property
     def joint_path(self) -> JointPath:
-        """The joint path."""
+        """The joint path of the move."""
         assert self.step.joint_path is not None
         return self.step.joint_path
 
     @property
     def squares(self) -> FloatArray:
         """Largest ds² of the fastest plan in the cells of the derating [m²/s²], (n,)."""
-        return squares_of(self.fastest, self.derating.cells)
+        return largest_squares(self.fastest, self.derating.cells)
 
 
-def moves_of(case: Case) -> list[MoveSearch]:
+def plan_moves(case: Case) -> list[MoveSearch]:
     """Moves of a program: contours without derating, and rapids whose execution is within limits.
 
-    Raises NotRealizable if a move has none.
+    Raises NotRealizable if a move has no such plan.
     """
     moves: list[MoveSearch] = []
     count, stood = 0, 0.0
@@ -173,7 +165,7 @@ def plan_contour(
 def plan_rapid(
     case: Case, joint_path: JointPath, factors: dict[str, float], rise: float
 ) -> Trajectory:
-    """Plan a rapid within the usable shares of its limits; `rise` is in cycles."""
+    """Plan a rapid within the usable shares of its limits; `rise`: rise time [cycles]."""
     reduced = {name: getattr(case.limits, name) * share for name, share in factors.items()}
     if rise:
         low, high = case.limits.acceleration_bounds(case.arm.dof)
@@ -186,11 +178,12 @@ def plan_rapid(
 def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
     """Fastest rapid from rest that satisfies the joint limits on every robot of the box.
 
-    It saturates no joint, even if contours may: a saturated joint would lag at the contour's start.
+    The rapid saturates no joint, even if saturation is allowed on contours, because a saturated
+    joint would lag at the start of the contour.
     """
     path = step.joint_path
     assert path is not None
-    # Demands are measured without saturation, because a saturated plant hides the excess.
+    # Demands are measured without saturation, because saturation hides the excess.
     ideal = replace(case, goal=replace(case.goal, saturation="refuse"))
     steep = case.limits.jerk_limits or case.limits.joint_acceleration is None
     candidates = []
@@ -207,8 +200,9 @@ def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
             factors = over
     if not candidates:
         raise NotRealizable(
-            f"No executed rapid satisfies its limits after {MAX_RAPIDS} plans, with set-points "
-            f"every {case.run.cycle * 1e3:g} ms: use a shorter cycle, or linear interpolation.",
+            f"The execution of a rapid must satisfy the joint limits, but none of {MAX_RAPIDS} "
+            f"plans does with set-points every {case.run.cycle * 1e3:g} ms. Use a shorter cycle, "
+            "or linear interpolation.",
             limit="joint_acceleration",
         )
     return min(candidates, key=lambda x: x.plan.duration)
@@ -222,14 +216,14 @@ def derate_rapid(
     runs: Sequence[Execution],
     span: tuple[float, float] | None,
 ) -> dict[str, float] | None:
-    """Smaller factors of the limits that a rapid exceeds; None if it exceeds none.
+    """Factors of limits with smaller values for the exceeded limits; None if none is exceeded.
 
-    `runs` are executions of the set-points without saturation; `span` is the time of the rapid in
-    them [s], by default all of it.
+    `runs`: executions of the set-points without saturation. `span`: start and end time of the rapid
+    in the executions [s], by default the whole execution.
     """
     free, dof = case.limits.of_joints, case.arm.dof
     ratios = largest_ratios(plan, case.arm, free)
-    # Velocity steps at breaks and speeds of the path do not limit a rapid.
+    # Velocity steps at breaks and assigned speeds of the path do not restrict a rapid.
     ratios = {name: x for name, x in ratios.items() if getattr(free, name, None) is not None}
     if "joint_acceleration" in ratios:
         demands = (float(peak_demand(case, x, span).max()) for x in runs)
@@ -240,10 +234,10 @@ def derate_rapid(
         )
         rate = np.diff(positions, axis=0) / set_points.cycle
         lower, upper = case.limits.joint_range(dof)
-        outside = OUTSIDE if ((positions < lower) | (positions > upper)).any() else 0.0
+        outside = OUTSIDE_RATIO if ((positions < lower) | (positions > upper)).any() else 0.0
         ratio = use_of("joint_velocity", case.limits, rate).ratio
         ratios["joint_velocity"] = max(ratios["joint_velocity"], float(ratio.max(initial=outside)))
-    goal = RAPID_GOAL if span is None else 1.0 + KEPT
+    goal = RAPID_GOAL if span is None else 1.0 + LIMIT_TOLERANCE
     over = {name: x for name, x in ratios.items() if x > goal}
     if not over:
         return None
@@ -255,7 +249,7 @@ def derate_rapid(
 
 
 def _settling_time(case: Case, moves: Sequence[MoveSearch]) -> float:
-    """Settling time of the tool after the last moves, in the slowest corner of the box [s]."""
+    """Settling time of the tool after the moves since the last contour, in the worst corner [s]."""
     last = len(moves) - 1
     while last > 0 and moves[last].number is None:
         last -= 1
@@ -264,22 +258,26 @@ def _settling_time(case: Case, moves: Sequence[MoveSearch]) -> float:
     set_points = case.compute_set_points(plan)
     runs = _runs(case, set_points)
     goal = case.arm.tool_position(plan(plan.duration, side="left"))
-    far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY * case.budget] for x in runs]
+    far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY_SHARE * case.budget] for x in runs]
     return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])
 
 
 def _runs(case: Case, set_points: SetPoints) -> list[Execution]:
-    """Executions on the robot and in corners of the box."""
+    """Executions on the nominal robot and in corners of the box."""
     return [
         execute_trial(case, set_points),
         *(x for _, runs in execute_on_box(case, set_points) for x in runs),
     ]
 
 
-def aim_lower(case: Case, move: MoveSearch) -> bool:
-    """Check a plan against its limits at all times, and aim lower if it exceeds one."""
+def lower_aims(case: Case, move: MoveSearch) -> bool:
+    """Aim lower if a plan exceeds a limit at any time; returns True in this case."""
     shares = largest_ratios(move.plan, case.arm, case.limits)
-    over = {name: ratio * (1 + KEPT) for name, ratio in shares.items() if ratio > 1 + KEPT}
+    over = {
+        name: ratio * (1 + LIMIT_TOLERANCE)
+        for name, ratio in shares.items()
+        if ratio > 1 + LIMIT_TOLERANCE
+    }
     for name, ratio in over.items():
         if name in LOCAL_LIMITS:
             kind = "acceleration" if name.startswith("joint_") else "speed"
@@ -292,24 +290,29 @@ def aim_lower(case: Case, move: MoveSearch) -> bool:
 def derate_contour(
     case: Case, move: MoveSearch, margins: LimitMargins, steps: StepSizes
 ) -> Derating:
-    """Derate a contour further wherever its last plan exceeds, or nearly exceeds, a limit."""
+    """Derating of a contour, further reduced in the cells in which a limit is nearly exceeded."""
     derating, tight = move.derating, move.tightness
-    power = 1 + move.tries // PATIENCE
+    power = 1 + move.attempt_trials // POWER_TRIALS
     memory = response_time(case)
     largest = _largest_in_cells(move, margins, case.run.cycle + memory)
-    speed = squares_of(move.plan, derating.cells)
+    speed = largest_squares(move.plan, derating.cells)
 
     def slower(use: FloatArray, share: FloatArray, cause: str) -> Derating:
-        """Derating that reduces ds² to a share in cells with a use above 1."""
+        """Derating with ds² reduced to a share in the cells with a use above 1."""
         return derating.with_cap(np.where(use > 1, speed * share, np.inf), cause)
 
     over = margins.joints * np.maximum(1.0, margins.peak / margins.joints.max(axis=0))
     shares = np.ones_like(derating.share)
     for j in range(shares.shape[1]):
         use = largest(over[:, j], 0.0) / tight["acceleration"]
-        if move.tries == 0 and steps.together and not case.saturated and (use > 1).any():
-            # Most of the excess comes from the cycle and is the same everywhere. Derated at once,
-            # it does not come back in other cells when the plan changes.
+        if (
+            move.attempt_trials == 0
+            and steps.together
+            and not case.allows_saturation
+            and (use > 1).any()
+        ):
+            # Most of the excess is due to the cycle and is equal in all cells. If all cells are
+            # derated by it, it does not reappear in other cells when the plan changes.
             common = float(np.median(use[use > 1]))
             shares[:, j] /= common
             use = use / common
@@ -317,17 +320,17 @@ def derate_contour(
     derating = derating.with_share(shares, "acceleration")
     use = largest(margins.pace, 0.0) / tight["speed"]
     derating = slower(use, 1 / np.maximum(use, 1.0), "speed")
-    # Without compensation the tool follows an earlier part of the plan.
+    # Without compensation, the tool lags, so an error is due to an earlier part of the plan.
     lags = isinstance(case.run.compensation, NoCompensation) or power > 1
     delay = TOOL_MEMORY * memory / 2 if lags else 0.0
     use = largest(margins.tool, delay) / tight["tool"]
     derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
-    if not case.saturated:
+    if not case.allows_saturation:
         use = np.maximum(largest(margins.error, delay), margins.rms) / tight["error"]
         slow = np.clip(np.maximum(use, 1.0) ** (-steps.power * power), steps.share, 1.0)
         derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
     if case.box is not None:
-        # Bodies lag by the time constant of their position loops.
+        # The tool of rigid bodies lags by the time constant of the position loops.
         delay = BODY_MEMORY / float(case.servo.kp.min()) if case.bodies else 0.0
         use = largest(margins.box, delay) / tight["box"]
         slow = 1 / np.maximum(use, 1.0)
@@ -340,10 +343,10 @@ def derate_contour(
 def _largest_in_cells(
     move: MoveSearch, margins: LimitMargins, around: float
 ) -> Callable[[FloatArray, float], FloatArray]:
-    """Function for the maximum of values (n,) in each cell of a contour.
+    """Function that returns the maximum of values over time, (n,), in each cell of a contour.
 
-    Values up to `around` [s] outside a cell belong to it; the function's second argument extends
-    that time after the cell [s].
+    Values up to `around` [s] before and after a cell count for the cell. The second argument of the
+    function is the time after the cell if it is longer [s].
     """
     from scipy.ndimage import maximum_filter1d
 
@@ -362,7 +365,7 @@ def _largest_in_cells(
     return largest
 
 
-def squares_of(plan: Trajectory, cells: FloatArray) -> FloatArray:
-    """The largest ds² of a plan in every cell [m²/s²], (n,)."""
+def largest_squares(plan: Trajectory, cells: FloatArray) -> FloatArray:
+    """Largest ds² of a plan at the ends of each cell [m²/s²], (n,)."""
     squares = plan.speed_at(cells) ** 2
     return np.asarray(np.maximum(squares[:-1], squares[1:]))

@@ -1,7 +1,7 @@
 """Search for a certified plan, see docs/concepts/certificate.md.
 
-Each trial plans all moves within derated limits and executes the program. Moves are derated further
-where they exceed a limit, the budget or the box; the final plan is proven on more robots.
+Each trial plans all moves within derated limits and executes the program. Moves that exceed a limit
+or the error budget are derated further. The final plan is proven on more robots of the box.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from armcontour.simulation import simulate
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult, spread, worst_corner
 from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.limit_margins import (
-    KEPT,
-    POINTS,
+    CHECK_POINTS,
+    LIMIT_TOLERANCE,
     LimitMargins,
     ProgramTrial,
+    compute_margins,
     execute_on_box,
     execute_trial,
-    margins_of,
 )
 from armcontour.studies.certification.move_search import (
     GOALS,
     MoveSearch,
     StepSizes,
-    aim_lower,
     derate_contour,
     derate_rapid,
-    moves_of,
+    lower_aims,
     plan_contour,
+    plan_moves,
     plan_rapid,
 )
 from armcontour.studies.certification.refusal import refuse
@@ -51,42 +51,45 @@ from armcontour.studies.certification.rigid_body_robots import (
     worst_corners,
 )
 from armcontour.verification import check
-from armcontour.verification.contour_execution import pieces_of
+from armcontour.verification.contour_errors import pieces_of
 
-# Largest number of trials per attempt to derate a contour.
+# Largest number of trials of a contour with the same step sizes.
 MAX_TRIALS = 25
-# Errors grow at least with the third power of speed and acceleration. The best step sizes are not
-# known in advance, so each contour tries all of these.
+# Step sizes. Each contour tries all of them, because the best step sizes are not known in advance.
+# Errors grow at least with the third power of speed and acceleration.
 STEPS = (StepSizes(1 / 3, 0.7, True), StepSizes(1 / 3, 0.85, True), StepSizes(1 / 4, 0.85, False))
-# Relative excess over the optimum above which a certified plan is searched with further steps.
-GAIN = 1e-4
-# If saturation is allowed, the cause of an error can be anywhere before it, so accelerations are
-# derated uniformly: by this factor per trial, then by bisection to this ratio.
+# The remaining step sizes are tried if a certified plan is slower than the uncertified optimum by
+# more than this share.
+OPTIMUM_EXCESS = 1e-4
+# If saturation is allowed, an error can have its cause at any earlier time. Therefore accelerations
+# are derated uniformly: by the factor COARSE_SHARE per trial, then by bisection until the ratio of
+# the bounds is SHARE_PRECISION.
 COARSE_SHARE = 0.85
 SHARE_PRECISION = 1.005
-# Largest number of proofs, and the factor of aims after a proof rejected a move. A proof samples
-# more times and robots than a trial, and all moves together.
+# MAX_PROOFS: largest number of proofs. A proof samples more times and robots than a trial.
+# AIM_STEP: factor of the aimed shares of limits after a proof has rejected a move.
 MAX_PROOFS = 30
 AIM_STEP = 0.998
-# Smallest ratio by which torque limits are reduced after a drive saturated.
+# Smallest factor by which torque limits are divided after a drive has saturated.
 TORQUE_STEP = 1.01
 
 
-def search(case: Case) -> tuple[ProgramTrial, list[MoveSearch]]:
-    """Fastest plan of a program that satisfies the goal, with its proof, and its moves.
+def search_plan(case: Case) -> tuple[ProgramTrial, list[MoveSearch]]:
+    """Search for the fastest plan that satisfies the goal; returns its proof and its moves.
 
-    Raises NotRealizable if none does; the message names the contour.
+    Raises NotRealizable if no plan satisfies the goal; the message names the contour.
     """
     if case.budget <= 0:
         raise NotRealizable(
-            f"The servo model does not explain errors of up to {case.model_error * 1e3:.4g} mm "
-            f"across the path, and {case.servo_allowed * 1e3:.4g} mm is allowed: allow more, or "
-            "give the servo a model with a smaller `model_error`.",
+            f"The errors across the path that the servo model does not explain must be less than "
+            f"the allowed {case.servo_allowed * 1e3:.4g} mm, but can be up to "
+            f"{case.model_error * 1e3:.4g} mm. Allow a larger error, or use a servo model with a "
+            "smaller `model_error`.",
             limit="contour error",
             needed=case.model_error,
             allowed=case.servo_allowed,
         )
-    moves = moves_of(case)
+    moves = plan_moves(case)
     contours = [x for x in moves if x.number is not None]
     robots: list[FloatArray] = []
     proofs = 0
@@ -95,13 +98,13 @@ def search(case: Case) -> tuple[ProgramTrial, list[MoveSearch]]:
         trial = execute_program(case, moves, robots)
         active = [x for x in contours if not x.done]
         if not active:
-            proven = _prove(case, moves, trial, robots)
+            proven = _prove_trial(case, moves, trial, robots)
             if proven is not None:
                 return proven, moves
             proofs += 1
         for move in active:
             with move.step.named():
-                _rate(case, move, trial)
+                _rate_trial(case, move, trial)
         uncertified = [x for x in contours if not x.done or x.best is None]
         if uncertified and uncertified[0].done or proofs == MAX_PROOFS:
             with (uncertified or moves)[0].step.named():
@@ -113,7 +116,8 @@ def execute_program(
 ) -> ProgramTrial:
     """Join the plans of all moves, compensate them, and execute the program.
 
-    `robots` of the box are executed as rigid bodies; an empty list gets the first ones.
+    `robots`: robots of the box that are executed as rigid bodies; if the list is empty, the worst
+    corners are appended to it.
     """
     joined, following = JoinedMoves(case.traced, case.arm), iter(moves)
     for step in case.traced.steps:
@@ -143,15 +147,15 @@ def execute_program(
     )
 
 
-def _rate(case: Case, move: MoveSearch, trial: ProgramTrial) -> None:
-    """Rate a trial of a contour, and plan its next one."""
+def _rate_trial(case: Case, move: MoveSearch, trial: ProgramTrial) -> None:
+    """Rate a trial of a contour, and plan its next trial."""
     assert move.number is not None
-    margins = margins_of(case, trial, move.number, move.plan)
+    margins = compute_margins(case, trial, move.number, move.plan)
     worst = _record_ratios(case, move, margins)
-    if case.saturated and worst["error"] > 1.0:
+    if case.allows_saturation and worst["error"] > 1.0:
         _next_attempt(case, move, within=False)
-    elif max(worst.values()) > 1.0 or aim_lower(case, move):
-        _derate(case, move, margins)
+    elif max(worst.values()) > 1.0 or lower_aims(case, move):
+        _derate_contour(case, move, margins)
     elif case.bodies and trial.executed.saturated_time.any():
         _reduce_torque(case, move, margins, torque_ratio(case, trial.executed))
     else:
@@ -161,38 +165,38 @@ def _rate(case: Case, move: MoveSearch, trial: ProgramTrial) -> None:
 
 
 def _record_ratios(case: Case, move: MoveSearch, margins: LimitMargins) -> dict[str, float]:
-    """Largest ratios of a contour, recorded for a refusal."""
+    """Largest ratio by kind of limit; also recorded in `move` for the message of a refusal."""
     worst = margins.worst()
     kind = max(worst, key=lambda x: worst[x])
-    if case.saturated and worst["error"] > 1.0:
+    if case.allows_saturation and worst["error"] > 1.0:
         kind = "error"
-    move.binds = kind, worst[kind]
+    move.active_limit = kind, worst[kind]
     largest = max(float(margins.error.max()), worst["box"]) * case.budget
-    move.reached = min(move.reached, largest)
+    move.smallest_error = min(move.smallest_error, largest)
     return worst
 
 
-def _derate(case: Case, move: MoveSearch, margins: LimitMargins) -> None:
-    """Derate a contour where it exceeds limits."""
+def _derate_contour(case: Case, move: MoveSearch, margins: LimitMargins) -> None:
+    """Derate a contour further in the cells in which it exceeds limits."""
     move.derating = derate_contour(case, move, margins, STEPS[min(move.attempt, len(STEPS) - 1)])
-    move.tries += 1
+    move.attempt_trials += 1
 
 
 def _reduce_torque(case: Case, move: MoveSearch, margins: LimitMargins, ratio: float) -> None:
-    """Reduce torque limits after a drive saturated; `ratio` is that of the largest torque."""
-    move.binds = "torque", max(ratio, 1.0)
+    """Reduce torque limits after saturation; `ratio`: largest required torque over its limit."""
+    move.active_limit = "torque", max(ratio, 1.0)
     if case.limits.joint_torque is None:
         _next_attempt(case, move, within=False)
         return
     share = move.factors.get("joint_torque", 1.0) / max(ratio, TORQUE_STEP)
     move.factors = {**move.factors, "joint_torque": share}
-    _derate(case, move, margins)
+    _derate_contour(case, move, margins)
 
 
 def _plan_next(case: Case, move: MoveSearch) -> None:
-    """Plan a contour within its derating and faster than its best plan, or try the next steps."""
+    """Plan a contour within its derating; try the next step sizes if the plan is not faster."""
     while not move.done:
-        if move.tries < MAX_TRIALS:
+        if move.attempt_trials < MAX_TRIALS:
             move.trials += 1
             best = np.inf if move.best is None else move.best[2].duration
             with suppress(NotRealizable):
@@ -206,50 +210,53 @@ def _plan_next(case: Case, move: MoveSearch) -> None:
 def _next_attempt(case: Case, move: MoveSearch, *, within: bool, slow: bool = False) -> None:
     """Begin the next attempt to derate a contour, or end its search with its best plan.
 
-    `within` states that the last plan satisfied all limits, `slow` that no plan was fast enough.
+    `within`: True if the last plan satisfied all limits. `slow`: True if no plan was fast enough.
     """
-    if case.saturated:
+    if case.allows_saturation:
         low, high = (move.share, move.bracket[1]) if within else (move.bracket[0], move.share)
         move.bracket = low, high
         narrow = high <= low * SHARE_PRECISION
-        over = narrow or move.proving if low else slow or move.binds[0] != "error"
-        smaller = 1 / SHARE_PRECISION if move.proving else COARSE_SHARE
+        over = narrow or move.rejected if low else slow or move.active_limit[0] != "error"
+        smaller = 1 / SHARE_PRECISION if move.rejected else COARSE_SHARE
         move.share = float(np.sqrt(low * high)) if low else move.share * smaller
     else:
         move.attempt += 1
-        near = within and move.plan.duration <= move.fastest.duration * (1 + GAIN)
-        over = near or move.proving or move.attempt == len(STEPS)
-    move.tightness, move.tries, move.done = move.aims.copy(), 0, over
+        near = within and move.plan.duration <= move.fastest.duration * (1 + OPTIMUM_EXCESS)
+        over = near or move.rejected or move.attempt == len(STEPS)
+    move.tightness, move.attempt_trials, move.done = move.aims.copy(), 0, over
     move.derating, move.factors = move.nothing, {}
-    if case.saturated and move.share < 1.0:
+    if case.allows_saturation and move.share < 1.0:
         move.derating = move.nothing.with_share(move.share, "error")
     if over and move.best is not None:
         move.derating, move.factors, move.plan = move.best
 
 
-def _reopen(
+def _continue_search(
     case: Case, move: MoveSearch, margins: LimitMargins, aims: Mapping[str, float] | None = None
 ) -> None:
-    """Derate a contour further whose plan a proof rejected; `aims` are factors by cause."""
+    """Continue the search of a contour whose plan a proof rejected, with lower aims.
+
+    `aims`: factors of the aimed shares by cause; by default AIM_STEP for exceeded limits.
+    """
     worst = _record_ratios(case, move, margins)
-    move.best, move.done, move.proving, move.tries = None, False, True, 0
+    move.best, move.done, move.rejected, move.attempt_trials = None, False, True, 0
     if aims is None:
         aims = {kind: AIM_STEP for kind in ("error", "tool") if worst[kind] > 1.0}
     for kind, factor in aims.items():
         move.aims[kind] *= factor
     move.tightness = move.aims.copy()
-    if case.saturated and worst["error"] > 1.0:
+    if case.allows_saturation and worst["error"] > 1.0:
         move.bracket = 0.0, move.share
         _next_attempt(case, move, within=False)
     else:
-        _derate(case, move, margins)
+        _derate_contour(case, move, margins)
     _plan_next(case, move)
 
 
-def _prove(
+def _prove_trial(
     case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial, robots: list[FloatArray]
 ) -> ProgramTrial | None:
-    """Proof of a trial; None if it rejects moves, which are then derated further."""
+    """Proof of a trial; None if the proof rejects moves, which are then derated further."""
     contours = [x for x in moves if x.number is not None]
     proven = trial
     if not case.bodies:
@@ -260,18 +267,20 @@ def _prove(
     for move in contours:
         assert move.number is not None
         for executed in (trial,) if proven is trial else (trial, proven):
-            margins = margins_of(case, executed, move.number, move.plan)
+            margins = compute_margins(case, executed, move.number, move.plan)
             if max(margins.worst().values()) > 1.0:
                 with move.step.named():
-                    _reopen(case, move, margins)
+                    _continue_search(case, move, margins)
                 outside = True
                 break
     if outside:
         return None
-    checked = check(trial.trajectory, case.arm, case.limits, points=POINTS)
-    if any(x.ratio > 1 + KEPT for x in checked.uses):
-        # Each move was checked already.
-        raise NotRealizable(f"The plan of the whole program exceeds a limit: {checked}.")
+    checked = check(trial.trajectory, case.arm, case.limits, points=CHECK_POINTS)
+    if any(x.ratio > 1 + LIMIT_TOLERANCE for x in checked.uses):
+        # This should not occur, because each move has been checked.
+        raise NotRealizable(
+            f"The plan of the whole program must satisfy all limits, but exceeds one: {checked}."
+        )
     for move in contours:
         with move.step.named():
             outside |= case.box is not None and not _prove_box(case, move, trial, robots)
@@ -279,8 +288,8 @@ def _prove(
 
 
 def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial) -> bool:
-    """Derate rapids that exceed a joint limit in the whole program; True if there are any."""
-    if case.saturated or case.bodies:
+    """Derate rapids that exceed a joint limit in the whole program; True if any was derated."""
+    if case.allows_saturation or case.bodies:
         return False
     spans = [x for x in trial.trajectory.spans if x.kind != "dwell"]
     outside = False
@@ -296,9 +305,10 @@ def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial)
 
 
 def _prove_box(case: Case, move: MoveSearch, trial: ProgramTrial, robots: list[FloatArray]) -> bool:
-    """Execute a contour in corners of the box and on robots drawn from it; reopen it on failure.
+    """True if a contour satisfies the budget in corners of the box and on robots drawn from it.
 
-    The worst robot need not be in a corner. Returns True if all robots satisfy the budget.
+    Otherwise the search of the contour is continued. Robots are drawn because the worst robot need
+    not be in a corner.
     """
     assert move.number is not None
     for name in ("corners", "spread"):
@@ -310,20 +320,20 @@ def _prove_box(case: Case, move: MoveSearch, trial: ProgramTrial, robots: list[F
             continue
         aims = {"box": GOALS["box"] * case.budget / worst}
         if case.bodies:
-            # Later trials execute the robots that exceed the budget.
+            # Robots that exceed the budget are executed in later trials.
             order = np.argsort(-runs.max)[:ADDED_ROBOTS]
             robots += [runs.deviations[k] for k in order if runs.max[k] > case.budget]
             box = largest_errors(case, trial.set_points, robots)
             trial, aims = replace(trial, box=box), {"box": AIM_STEP}
-        margins = margins_of(case, trial, move.number, move.plan)
+        margins = compute_margins(case, trial, move.number, move.plan)
         if saturated:
-            move.best, move.done, move.proving, move.tries = None, False, True, 0
+            move.best, move.done, move.rejected, move.attempt_trials = None, False, True, 0
             _reduce_torque(case, move, margins, float(runs.demand_ratio.max()))
             _plan_next(case, move)
         else:
-            _reopen(case, move, margins, aims)
-            move.outside = min(move.outside, worst)
-            move.binds = "box", worst / case.budget
+            _continue_search(case, move, margins, aims)
+            move.smallest_excess = min(move.smallest_excess, worst)
+            move.active_limit = "box", worst / case.budget
         return False
     return True
 
@@ -350,12 +360,12 @@ def _execute_box(
 def execute_servos(
     case: Case, set_points: SetPoints, number: int, span: Span, samples: int | None = None
 ) -> MonteCarloResult:
-    """Execute a contour on robots of the box with servos; by default in its corners."""
+    """Execute a contour on independent servos of the box: `samples` drawn, by default corners."""
     assert case.box is not None and span.trajectory is not None and span.work is not None
     since, end_time = None, None
     if case.program.single_path is None:
         since, end_time = (x - span.t[0] for x in span.work)
-    stretch = case.stretch(set_points, span.t, span.trajectory)
+    stretch = case.move_set_points(set_points, span.t, span.trajectory)
     path = case.program.contours[number].path
     arguments = stretch, path, case.arm, case.servo, case.limits, case.box
     if samples is None:

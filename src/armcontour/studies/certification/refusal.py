@@ -1,4 +1,4 @@
-"""Refusal of a certificate: the limiting constraint, and changes that would help."""
+"""Refusal of a certificate: the limiting constraint, and possible remedies."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.limit_margins import SPEED_SLACK
 from armcontour.studies.certification.move_search import MoveSearch
 
-# Smallest share of an error that is reported.
-REPORTED = 0.01
-LONGER = "a larger slowest"
+# Parts of an error are reported if they exceed this share of the error.
+REPORTED_SHARE = 0.01
+LARGER_SLOWEST = "a larger slowest"
 
 
-# A clause; and a limit with its allowed and its required value.
+# A clause with its remedies; the name of a limit, its allowed and its required value.
 Reason = tuple[str, str, float, float]
 
 
 def refuse(case: Case, move: MoveSearch) -> NoReturn:
-    """Raise NotRealizable after a search, with the limiting constraint and possible changes."""
-    text, limit, allowed, needed = REASONS.get(move.binds[0], _acceleration)(case, move)
+    """Raise NotRealizable after a search, with the limiting constraint and remedies."""
+    text, limit, allowed, needed = REASONS.get(move.active_limit[0], _acceleration)(case, move)
     slow = f"within {case.goal.slowest:g} times the {move.fastest.duration:.4g} s of the"
     raise NotRealizable(
-        f"No plan {slow} uncertified optimum is certified: {text}.",
+        f"No plan {slow} uncertified optimum is certified, because {text}.",
         limit=limit,
         needed=needed,
         allowed=allowed,
@@ -33,69 +33,69 @@ def refuse(case: Case, move: MoveSearch) -> NoReturn:
 
 
 def _acceleration(case: Case, move: MoveSearch) -> Reason:
-    ratio, shorter = move.binds[1], _shorter(case)
-    held = " and are held" if case.servo.interpolation == "step" else ""
+    ratio, shorter = move.active_limit[1], _advise_finer_command(case)
+    held = ", which are held," if case.servo.interpolation == "step" else ""
     if isinstance(case.run.compensation, InverseDynamics) and not case.bodies:
-        shorter = "compensation inverse, as inverse_dynamics is for rigid bodies"
+        shorter = "compensation inverse (inverse_dynamics is for rigid bodies)"
     text = (
-        f"its set-points would need {ratio:.4g} times a joint's acceleration limit, as they come "
-        f"every {case.run.cycle * 1e3:g} ms{held}: take {shorter}, saturation: report, or "
-        f"{LONGER}"
+        f"set-points every {case.run.cycle * 1e3:g} ms{held} require {ratio:.4g} times the "
+        f"acceleration limit of a joint. Use {shorter}, saturation: report, or {LARGER_SLOWEST}"
     )
     return text, "joint_acceleration", 1.0, ratio
 
 
 def _speed(case: Case, move: MoveSearch) -> Reason:
-    ratio = move.binds[1]
+    ratio = move.active_limit[1]
     text = (
-        f"a bound of its speed is exceeded by {ratio - 1:.2g} of it, or a command is outside a "
-        "joint's range: raise the limit, move the path away from the ends of the joints' ranges, "
-        f"or take {LONGER}"
+        f"a limit of speed or joint velocity is exceeded by {ratio - 1:.2g} of its value, or a "
+        "command is outside a joint range. Increase the limit, move the path away from the ends "
+        f"of the joint ranges, or use {LARGER_SLOWEST}"
     )
     return text, "speed", 1.0, ratio
 
 
 def _torque(case: Case, move: MoveSearch) -> Reason:
-    ratio, fix = move.binds[1], "raise joint_torque"
+    ratio, fix = move.active_limit[1], "Increase joint_torque"
     if case.limits.joint_torque is None:
         fix = (
-            "give the limits joint_torque (without it drives are as strong as the acceleration "
-            "limits need them, with no friction and no payload)"
+            "Specify the limit joint_torque (by default the torque limits are those that the "
+            "acceleration limits require without friction and payload)"
         )
     text = (
-        f"a robot's drive would need {ratio:.4g} times its torque limit: {fix}, lower the "
-        "acceleration limits, or take a smaller box"
+        f"a drive of a robot requires {ratio:.4g} times its torque limit. {fix}, reduce the "
+        "acceleration limits, or use a smaller box"
     )
     return text, "joint_torque", 1.0, ratio
 
 
 def _tool_speed(case: Case, move: MoveSearch) -> Reason:
-    # The ratio is one of squares.
-    faster, allowed = (1 + SPEED_SLACK) * move.binds[1] ** 0.5, 1 + SPEED_SLACK
+    # active_limit[1] is a ratio of squared speeds.
+    faster, allowed = (1 + SPEED_SLACK) * move.active_limit[1] ** 0.5, 1 + SPEED_SLACK
     text = (
-        f"the executed tool runs at {faster:.5g} times the velocity that is assigned where it is, "
-        f"and {allowed:g} times are allowed: {_follow(case)}, let the assigned velocity fall in "
-        f"smaller steps, or take {LONGER}"
+        f"the executed tool moves at {faster:.5g} times the assigned velocity, but at most "
+        f"{allowed:g} times is allowed. {_advise_contour_error(case)}, reduce the assigned "
+        f"velocity in smaller steps, or use {LARGER_SLOWEST}"
     )
     return text, "speed", allowed, faster
 
 
 def _error(case: Case, move: MoveSearch) -> Reason:
-    budget, box = case.budget, move.binds[0] == "box"
-    # Trials with a smaller error exceeded another limit, or only their estimate was within.
-    reached = move.reached if move.reached > budget else move.binds[1] * budget
+    budget, box = case.budget, move.active_limit[0] == "box"
+    # If a trial had an error within the budget, it exceeded another limit, or its error over the
+    # box was only an estimate. Then the error of the last trial is reported.
+    reached = move.smallest_error if move.smallest_error > budget else move.active_limit[1] * budget
     if box and reached <= budget:
-        reached = move.outside
+        reached = move.smallest_excess
     over = " of the worst robot of the box" if box else ""
-    advice = _reduce_box_error(case, move) if box else _follow(case)
+    advice = _advise_box_error(case, move) if box else _advise_contour_error(case)
     text = (
-        f"the largest contour error{over} comes down to {reached * 1e3:.4g} mm, and "
-        f"{budget * 1e3:.4g} mm is allowed: {advice}, take {LONGER}, or allow more"
+        f"the largest contour error{over} must be at most {budget * 1e3:.4g} mm, but is at least "
+        f"{reached * 1e3:.4g} mm. {advice}, use {LARGER_SLOWEST}, or allow a larger error"
     )
     return text, "contour error", budget, reached
 
 
-# By the kind of limit that the last trials exceeded.
+# Functions for the reason by the kind of limit that the last trial exceeded.
 REASONS: dict[str, Callable[[Case, MoveSearch], Reason]] = {
     "acceleration": _acceleration,
     "speed": _speed,
@@ -106,27 +106,27 @@ REASONS: dict[str, Callable[[Case, MoveSearch], Reason]] = {
 }
 
 
-def _shorter(case: Case) -> str:
-    """Advice for a finer command."""
+def _advise_finer_command(case: Case) -> str:
+    """Remedy for the coarseness of the command, as a noun phrase."""
     held = case.servo.interpolation == "step"
     return "linear interpolation" if held else "a shorter cycle"
 
 
-def _follow(case: Case) -> str:
-    """Advice for a smaller contour error; without compensation the lag causes it."""
+def _advise_contour_error(case: Case) -> str:
+    """Remedy for a contour error, as the start of a sentence; without compensation it is lag."""
     lags = isinstance(case.run.compensation, NoCompensation)
-    return "compensate the lag of the servo" if lags else f"take {_shorter(case)}"
+    return "Compensate the lag of the servo" if lags else f"Use {_advise_finer_command(case)}"
 
 
-def _reduce_box_error(case: Case, move: MoveSearch) -> str:
-    """Advice for a smaller error over a box, on rigid bodies with the parts of the unknowns."""
-    advice = "know the robot more closely (a smaller box), slow down the assigned velocity"
+def _advise_box_error(case: Case, move: MoveSearch) -> str:
+    """Remedies for an error over a box, for rigid bodies with the parts of the error."""
+    advice = "reduce the uncertainty of the robot (a smaller box), reduce the assigned velocity"
     if not move.parts:
-        return advice
+        return advice[0].upper() + advice[1:]
     largest = sorted(move.parts.items(), key=lambda x: -x[1])
-    least = REPORTED * sum(move.parts.values())
+    least = REPORTED_SHARE * sum(move.parts.values())
     parts = ", ".join(f"{name} {value * 1e3:.3g} mm" for name, value in largest if value > least)
     box, first = case.box, largest[0][0]
     if first == "payload" and box is not None and not box.payload_known:
-        advice = f"let the controller weigh its payload (payload_known: true), or {advice}"
-    return f"its parts are {parts}; {advice}"
+        advice = f"specify the true payload in the controller (payload_known: true), {advice}"
+    return f"Its parts are {parts}. {advice[0].upper() + advice[1:]}"

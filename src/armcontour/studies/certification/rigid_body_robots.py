@@ -1,4 +1,4 @@
-"""Robots of a box as rigid bodies, executed by MuJoCo: the worst corners, and drawn robots."""
+"""Rigid-body robots of a box, executed by MuJoCo: worst corners, and robots drawn from the box."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from armcontour.simulation.robustness.rigid_body_runs import (
 )
 from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
 from armcontour.studies.certification.certification_case import Case
-from armcontour.studies.certification.limit_margins import normals
+from armcontour.studies.certification.limit_margins import across_directions
 
-# Number of corners that trials execute, the worst of the first plan; and of robots that a failed
-# proof adds.
+# Number of corners that trials execute (the worst corners for the first plan), and number of robots
+# that a failed proof adds to the trials.
 FIRST_CORNERS, ADDED_ROBOTS = 2, 4
-# Number of unknowns up to which all corners may be executed.
+# Largest number of unknowns for which all corners are listed.
 ALL_CORNERS = 14
 
 
 def worst_corners(case: Case, set_points: SetPoints) -> tuple[FloatArray, dict[str, float]]:
-    """Corners of the box, (m, k), the worst first, and the parts of the worst one's error [m].
+    """Corners of the box, the worst first, (m, k), and parts of the worst error by kind [m].
 
-    One robot per unknown is executed. The sum of the deviations, to first order, determines the
-    worst corner at each time and to each side of the path. Parts are by kinds of unknowns, and
-    "sampling" for the nominal robot.
+    One robot per unknown is executed. The sum of their deviations, which is exact to first order,
+    determines the worst corner at each time and for each direction across the path. The keys of the
+    parts are the kinds of unknowns, and "sampling" for the nominal robot.
     """
     runs = _runs(case, set_points)
     unknowns = runs.unknowns
@@ -51,7 +51,7 @@ def worst_corners(case: Case, set_points: SetPoints) -> tuple[FloatArray, dict[s
     each = np.array([tool[:n] - nominal for _, _, tool in traces[1:]]).reshape(k, n, -1)
     each = np.moveaxis(each, 0, 2) / single
     middle, half = (high + low) / 2, (high - low) / 2
-    # Beyond an end of the path, the end is its nearest point.
+    # Beyond an end of the path, the nearest point of the path is the end.
     ends = []
     for end, sign in ((0.0, -1.0), (runs.path.length, 1.0)):
         outward = np.tile(sign * runs.path(end, 1), (n, 1))
@@ -61,7 +61,7 @@ def worst_corners(case: Case, set_points: SetPoints) -> tuple[FloatArray, dict[s
     bound, errors = np.zeros(0), np.zeros((0, k))
     largest, parts = -np.inf, {}
     for nominal_part, side in [
-        (np.einsum("nd,nd->n", deviation, x), x) for x in normals(tangent)
+        (np.einsum("nd,nd->n", deviation, x), x) for x in across_directions(tangent)
     ] + ends:
         moved = np.einsum("ndk,nd->nk", each, side)
         corner = middle + np.where(moved >= 0, half, -half)
@@ -80,13 +80,13 @@ def worst_corners(case: Case, set_points: SetPoints) -> tuple[FloatArray, dict[s
 
 
 def _more_corners(unknowns: Unknowns, first: FloatArray, count: int) -> FloatArray:
-    """The first corners, followed by others up to `count` or all corners."""
+    """The first corners, followed by other corners, up to `count` corners in total, (m, k)."""
     if len(first) >= count:
         return first[:count]
     if len(unknowns) <= ALL_CORNERS:
         others = unknowns.corners()
     else:
-        # Corners that differ in one unknown.
+        # The other corners differ from the first corners in one unknown.
         flipped = np.where(np.eye(len(unknowns), dtype=np.bool_), -1.0, 1.0)
         middle = (unknowns.low + unknowns.high) / 2
         others = (middle + (first - middle)[:, None] * flipped).reshape(-1, len(unknowns))
@@ -96,7 +96,7 @@ def _more_corners(unknowns: Unknowns, first: FloatArray, count: int) -> FloatArr
 
 
 def largest_errors(case: Case, set_points: SetPoints, errors: list[FloatArray]) -> FloatArray:
-    """Times, and the largest contour error of some robots at these times [s, m], (2, n)."""
+    """Times [s], and largest contour error of robots with these errors at each time [m], (2, n)."""
     runs = _runs(case, set_points)
     traces = trace_on_bodies(runs, np.array(errors), executor=case.executor)
     t = max((x[0] for x in traces), key=len)
@@ -109,7 +109,7 @@ def largest_errors(case: Case, set_points: SetPoints, errors: list[FloatArray]) 
 def execute_bodies(
     case: Case, set_points: SetPoints, errors: FloatArray, seed: int | None = None
 ) -> MonteCarloResult:
-    """Execute set-points on robots of the box with errors (n, k); `seed` is None for corners."""
+    """Execute set-points on robots with errors (n, k); `seed`: None for corners of the box."""
     kind = "corners of the box" if seed is None else "robots of the box"
     names = (f"{len(errors)} {kind} as rigid bodies",)
 
@@ -121,21 +121,21 @@ def execute_bodies(
 
 
 def draw_robots(case: Case) -> FloatArray:
-    """Errors of robots drawn from the box, (n, k)."""
+    """Errors of the unknowns of robots drawn from the box, (n, k)."""
     return _unknowns(case).draw(case.goal.bodies, case.goal.seed)
 
 
 def torque_ratio(case: Case, executed: Execution) -> float:
-    """Largest ratio of the torque that a drive requires to its limit."""
+    """Largest ratio of a required drive torque to its limit."""
     plant = case.plant()
     assert isinstance(plant, RigidBodyPlant) and executed.torque_demand is not None
     return float(np.max(np.abs(executed.torque_demand) / plant.torque_limit))
 
 
 def rest_at_start(case: Case, path: Path, set_points: SetPoints) -> float:
-    """Distance from the resting tool to the start of its path [m].
+    """Distance from the tool at rest to the start of its path [m].
 
-    Raises ExecutionError if the drives cannot hold the robot or do not settle.
+    Raises ExecutionError if the drives cannot hold the robot at rest.
     """
     standing = replace(set_points, q=np.tile(set_points.q[0], (2, 1)))
     executed = simulate(standing, case.plant(), resolution=case.resolution)

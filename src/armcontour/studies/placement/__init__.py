@@ -1,6 +1,6 @@
-"""Placement: where on the table a part, or the base of an arm, lies best."""
+"""Placement: search for the best position of a part, or of the base of an arm."""
 
-from armcontour.jobs.place_search import AXES, MIDDLE, OBJECTIVES, ORIGIN, UNITS, WHAT, Axis
+from armcontour.jobs.placement_options import AXES, MIDDLE, OBJECTIVES, ORIGIN, UNITS, WHAT, Axis
 from armcontour.studies.placement.best_place import place
 from armcontour.studies.placement.place_evaluation import KINDS, Verdict
 from armcontour.studies.placement.placed_job import Moves, place_job

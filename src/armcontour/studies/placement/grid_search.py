@@ -1,7 +1,8 @@
 """Search for the best place of a grid by bounds and plans, and refinement between grid points.
 
-The result does not depend on the workers: in the order of their bounds, places are compared with
-the best place before them.
+The result does not depend on the number of workers, because each place is compared with the best of
+the places before it in the order of their bounds. A place is a candidate position of the part or
+the base: values of the axes of the search.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from armcontour.core.child_process import is_child
 from armcontour.core.pool import TaskQueue, open_executor
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
-from armcontour.jobs.place_search import DURATION, Axis
+from armcontour.jobs.placement_options import DURATION, Axis
 from armcontour.studies.placement.place_evaluation import (
     COMPARED,
     CutoffVerdicts,
@@ -28,12 +29,12 @@ from armcontour.studies.placement.place_evaluation import (
 )
 from armcontour.studies.placement.screen import PlaceBounds
 
-# Number of places per task without plans, about 0.25 s.
+# Number of places per task that computes bounds, which takes about 0.25 s.
 CHUNK = 32
-# Smallest number of places for which other processes are started.
+# Smallest number of places for which worker processes are started by default.
 MIN_PLACES = 100
 
-# Indices of places and, for a plan, the cutoff of its score.
+# Indices of places; for a plan also the cutoff of its score, None for bounds.
 Task: TypeAlias = tuple[tuple[int, ...], float | None]
 Answer: TypeAlias = list[PlaceBounds] | CutoffVerdicts
 Coordinates: TypeAlias = Mapping[str, float]
@@ -48,49 +49,50 @@ def search_grid(
     executor: Executor | None = None,
     progress: Progress,
 ) -> list[Verdict]:
-    """Find the best of some places; bounds of the others prove it.
+    """Verdicts on places; places that bounds exclude from being the best have no plan.
 
-    With `every`, all places are planned. `processes` is by default that of the machine for many
-    places, otherwise 1.
+    `every`: if True, all places are planned. `processes`: number of processes, by default one for
+    fewer than MIN_PLACES places, otherwise one per processor.
     """
     if processes is None and (len(places) < MIN_PLACES or is_child()):
         processes = 1
     workers = None if executor else 0 if processes == 1 else processes
     with open_executor(workers, executor=executor) as opened:
-        with TaskQueue[Task, Answer](partial(_work, evaluator, tuple(places)), opened) as queue:
-            return _Search(evaluator, len(places), every, progress).run(queue)
+        with TaskQueue[Task, Answer](partial(_run_task, evaluator, tuple(places)), opened) as queue:
+            return _GridSearch(evaluator, len(places), every, progress).run(queue)
 
 
-def best_of(verdicts: Sequence[Verdict], objective: str) -> int | None:
+def index_of_best(verdicts: Sequence[Verdict], objective: str) -> int | None:
     """Index of the first place with the smallest score; None if no place has a plan."""
     scores = np.array([x.score(objective) for x in verdicts])
     best = int(np.argmin(scores))
     return best if np.isfinite(scores[best]) else None
 
 
-def _work(evaluator: PlaceEvaluator, places: Sequence[Coordinates], task: Task) -> Answer:
-    """Find bounds of some places, or evaluate one."""
+def _run_task(evaluator: PlaceEvaluator, places: Sequence[Coordinates], task: Task) -> Answer:
+    """Compute the bounds of some places, or evaluate one place."""
     indices, cutoff = task
     if cutoff is None:
         return evaluator.bounds_of([places[k] for k in indices])
     return evaluator.evaluate(places[indices[0]], cutoff)
 
 
-class _Search:
-    """One call of `search_grid`."""
+class _GridSearch:
+    """State of one call of `search_grid`."""
 
     def __init__(
         self, evaluator: PlaceEvaluator, count: int, every: bool, progress: Progress
     ) -> None:
         self.verdicts = [Verdict() for _ in range(count)]
         self._evaluator, self._every, self._progress = evaluator, every, progress
-        # Lower bounds of scores, and indices, of places that may be planned; and the best score,
-        # including places planned ahead of their turn.
+        # _candidates: lower bound of the score, and index, of each place that may be planned.
+        # _best: best score, including places that were planned ahead of their turn.
+        # _refused: number of refused places by kind.
         self._candidates: list[tuple[float, int]] = []
         self._best, self._refused = np.inf, Counter[str]()
 
     def run(self, queue: TaskQueue[Task, Answer]) -> list[Verdict]:
-        """Find bounds of all places, then plan those that may be the best."""
+        """Compute bounds of all places, then plan the places that may be the best."""
         if self._evaluator.screen is None:
             self._candidates = [(-np.inf, k) for k in range(len(self.verdicts))]
         else:
@@ -99,7 +101,7 @@ class _Search:
         return self.verdicts
 
     def _find_bounds(self, queue: TaskQueue[Task, Answer]) -> None:
-        """Find bounds of all places."""
+        """Compute and store the bounds of all places."""
         count, done = len(self.verdicts), 0
         parts = (tuple(range(k, min(k + CHUNK, count))) for k in range(0, count, CHUNK))
         for (indices, _), answer in queue.run_all((x, None) for x in parts):
@@ -109,7 +111,7 @@ class _Search:
             self._report("bounds", done / count)
 
     def _add_bounds(self, k: int, bounds: PlaceBounds) -> None:
-        """Store the bounds of a place."""
+        """Store the bounds of place k; it becomes a candidate unless it is refused."""
         least = self._evaluator.least_score(bounds)
         bound = least if self._evaluator.objective == DURATION else 0.0
         self.verdicts[k] = Verdict(bound=bound, singular=bounds.singular, refusal=bounds.refusal)
@@ -122,7 +124,7 @@ class _Search:
         """Plan places in the order of their bounds until no other place can be better."""
         self._candidates.sort()
         bounds, turns = [x for x, _ in self._candidates], [k for _, k in self._candidates]
-        # Results before their turn; and the best score of the places before `turn`.
+        # early: results of places before their turn. best: best score of the places before `turn`.
         early: dict[int, CutoffVerdicts] = {}
         best, next_turn, turn = np.inf, 0, 0
         while self._can_beat(turn, best):
@@ -130,8 +132,9 @@ class _Search:
                 queue.give(((turns[next_turn],), self._cutoff(self._best)))
                 next_turn += 1
             if not len(queue):
-                # The bound of a place that was planned ahead exceeds its plan, so other places are
-                # candidates again.
+                # `_best` includes a place that was planned ahead and that does not count in its
+                # turn, because its bound exceeds the cutoff. So the place of this turn is evaluated
+                # for the cutoff of its turn.
                 queue.give(((turns[turn],), self._cutoff(best)))
                 next_turn = max(next_turn, turn + 1)
             for (indices, _), answer in queue.take():
@@ -151,15 +154,15 @@ class _Search:
         self._best = best
 
     def _can_beat(self, turn: int, score: float) -> bool:
-        """True if the candidate of a turn exists and may have a better score."""
+        """True if there is a candidate for this turn that may have a better score."""
         return turn < len(self._candidates) and (self._every or self._candidates[turn][0] <= score)
 
     def _cutoff(self, score: float) -> float:
-        """Score above which a place is not planned."""
+        """Cutoff for a best score: places with a larger bound of the score are not planned."""
         return np.inf if self._every else score
 
     def _report(self, name: str, share: float) -> None:
-        """Report the completed share, the best score so far, and refusals by kind."""
+        """Report the completed share, the best score so far, and the number of refusals by kind."""
         words = [name]
         if np.isfinite(self._best):
             words.append(f"best so far {format_score(self._best, self._evaluator.objective)}")
@@ -168,16 +171,16 @@ class _Search:
 
 
 def format_score(score: float, objective: str) -> str:
-    """The figure of a score, with its unit."""
+    """Text with the figure of merit of a score, with its unit."""
     _, unit = COMPARED[objective]
     return number(score if objective == DURATION else -score, unit)
 
 
-# Last steps of the refinement as a share of those of the grid; the first are half of them.
-FINEST = 1 / 16
+# Smallest step of the refinement, as a share of the step of the grid; the first step is half of it.
+FINEST_STEP = 1 / 16
 # Largest number of evaluated places of the refinement.
-MAX_TRIALS = 200
-# Relative improvement of the score from which a place is better.
+MAX_REFINEMENTS = 200
+# A place is better if its score is smaller by more than this relative amount.
 LEAST_GAIN = 1e-6
 
 
@@ -188,19 +191,19 @@ def refine(
     verdict: Verdict,
     progress: Progress,
 ) -> tuple[dict[str, float], Verdict]:
-    """Pattern search from the best place of the grid within the ranges of the axes.
+    """Best place by a pattern search from the best place of the grid, and its verdict.
 
-    Every better place is planned completely.
+    The search stays within the ranges of the axes.
     """
     current, best, score = dict(place), verdict, verdict.score(evaluator.objective)
     varied = [x for x in axes if x.step > 0]
     share, trials = 0.5, 0
-    while varied and share >= FINEST:
+    while varied and share >= FINEST_STEP:
         gained = False
         for axis in varied:
             for sign in (1, -1):
                 neighbour = _neighbour(current, axis, sign * share)
-                if neighbour == current or trials >= MAX_TRIALS:
+                if neighbour == current or trials >= MAX_REFINEMENTS:
                     continue
                 trials += 1
                 progress(Step((f"refining, {format_score(score, evaluator.objective)}",)))
@@ -216,7 +219,7 @@ def refine(
 
 
 def _neighbour(place: Mapping[str, float], axis: Axis, steps: float) -> dict[str, float]:
-    """Place some grid steps away along an axis, within its range."""
+    """The place moved by some grid steps along an axis, clipped to its range."""
     low, high = float(axis.values[0]), float(axis.values[-1])
     if axis.whole_turn:
         low, high = -float("inf"), float("inf")

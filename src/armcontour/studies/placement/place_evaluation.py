@@ -1,4 +1,6 @@
-"""Evaluation of a job at a place: duration, manipulability, margins, or the refusal."""
+"""Evaluation of a job at a place: duration, manipulability and margins, or the refusal."""
+
+# A place is a candidate position of the part or the base: values of the axes of the search.
 
 from __future__ import annotations
 
@@ -13,7 +15,13 @@ from armcontour.core.errors import ArmContourError, NotRealizable
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.place_search import CLEARANCE, DURATION, MANIPULABILITY, TORQUE, corners_of
+from armcontour.jobs.placement_options import (
+    CLEARANCE,
+    DURATION,
+    MANIPULABILITY,
+    TORQUE,
+    corners_of,
+)
 from armcontour.jobs.plan_quantities import torques_at
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one, trace_one
@@ -38,7 +46,7 @@ from armcontour.studies.placement.screen import (
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
-# Kinds of refusals, those of a screen first.
+# Further kinds of refusals, which a screen does not find.
 LIMITS, OTHER = "limits", "other"
 # Field and unit of the figure that each objective compares.
 COMPARED = {
@@ -52,19 +60,23 @@ KINDS = (REACH, RANGE, SINGULAR_ARM, CLEARANCE, LIMITS, OTHER)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict(Result):
-    """Figures of a place, or of the worst place within its uncertainty; unknown values are NaN.
+    """Feasibility and figures of merit of a candidate position; unknown values are NaN.
+
+    With an uncertainty, the figures are the worst of the position and the corners around it.
 
     Args:
         bound: Lower bound of the duration [s].
         duration: Duration of the plan [s].
         singular: Smallest singular value of the Jacobian along the path, see
-            `docs/guides/placement.md`; without a plan in the configuration with the least bound.
-        clearance: Smallest distance of the arm from obstacles or, without any, from itself [m].
+            `docs/guides/placement.md`; without a plan, in the configuration with the smallest
+            bound.
+        clearance: Smallest distance of the arm from obstacles, or from itself if there are no
+            obstacles [m].
         torque_margin: Smallest unused share of the torque limits.
         refusal: Kind of the refusal, one of `KINDS`; empty for a feasible place.
         reason: Message of the refusal; empty if a bound refuses the place without a plan.
-        beyond: Remaining distance of the tool from an unreachable path [m].
-        below_base: A sentence on links below the base; empty without any.
+        beyond: Smallest distance of the tool from an unreachable path [m].
+        below_base: A sentence about links below the base; empty if there are none.
     """
 
     bound: float = 0.0
@@ -83,14 +95,14 @@ class Verdict(Result):
         return not np.isnan(self.duration)
 
     def score(self, objective: str) -> float:
-        """Value that the search minimizes for one of `OBJECTIVES`; infinite without a plan."""
+        """Value that the search minimizes for an objective; infinite without a plan."""
         if not self.planned:
             return np.inf
         value = getattr(self, COMPARED[objective][0])
         return float(value if objective == DURATION else -value)
 
     def to_data(self) -> Data:
-        """The known figures."""
+        """Data of the known figures."""
         rows = (
             Row("bound", self.bound, "s"),
             duration_row(self.duration, TABLE),
@@ -106,7 +118,7 @@ class Verdict(Result):
         return Data("Place", tuple(x for x in known if x.value != ""))
 
     def worse(self, other: Verdict) -> Verdict:
-        """The worse values of two feasible places."""
+        """Verdict with the worse value of each figure of two feasible places."""
         return Verdict(
             bound=max(self.bound, other.bound),
             duration=float(np.maximum(self.duration, other.duration)),
@@ -119,71 +131,71 @@ class Verdict(Result):
 
 @dataclass(frozen=True, slots=True)
 class CutoffVerdicts:
-    """Verdicts on a place for all cutoffs up to that of its evaluation."""
+    """Verdicts on a place for all cutoffs up to the cutoff of its evaluation."""
 
-    # Bounds of the score with verdicts; the first bound above a cutoff ends its evaluation
+    # steps: lower bounds of the score with the verdicts at that time. The evaluation for a cutoff
+    # ends with the first bound above the cutoff; the last bound is infinite for a final verdict.
     steps: tuple[tuple[float, Verdict], ...]
 
     @property
     def last(self) -> Verdict:
-        """The verdict for the cutoff of the evaluation."""
+        """The verdict with which the evaluation ended."""
         return self.steps[-1][1]
 
     def for_cutoff(self, cutoff: float) -> Verdict | None:
-        """The verdict for a cutoff; None if the evaluation ended at a smaller one."""
+        """The verdict for a cutoff; None if the evaluation was ended by a smaller cutoff."""
         ends = (x for bound, x in self.steps if bound > cutoff or bound == np.inf)
         return next(ends, None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlaceEvaluator:
-    """Evaluates places of a job."""
+    """Evaluator of the places of a job."""
 
-    # The job at its own place with its only run; corners of its path are already rounded
-    job: Job
-    moves: Moves
-    # "part" or "base"
-    moved: str = PART
-    # One of OBJECTIVES
-    objective: str = DURATION
-    # Position error of the part [m, rad]
+    job: Job  # The job at its own place, with one run and with rounded corners
+    moves: Moves  # Displacement for values of the axes
+    moved: str = PART  # "part" or "base"
+    objective: str = DURATION  # One of OBJECTIVES
+    # uncertainty: position error of the part by axis [m, rad].
     uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, object]:
-        """The fields, without the screen."""
+        """The fields without cached properties, because other processes compute their own."""
         return {x.name: getattr(self, x.name) for x in dataclasses.fields(self)}
 
     @property
     def run(self) -> Run:
-        """The run."""
+        """The only run of the job."""
         return self.job.runs[0]
 
     @property
-    def bounded(self) -> bool:
-        """True if plans satisfy the limits that bounds of durations assume."""
+    def is_bounded(self) -> bool:
+        """True if lower bounds of the duration apply: the run has optimal timing."""
         return isinstance(self.run.timing, Optimal)
 
     @cached_property
     def screen(self) -> Screen | None:
-        """Bounds without plans; None if the job has none."""
-        arm, program = self._limited, self.job.program
-        if not isinstance(arm, SerialArm) or not Screen.fits(program, arm):
+        """Screen for bounds without plans; None if the job does not support them."""
+        arm, program = self._limited_arm, self.job.program
+        if not isinstance(arm, SerialArm) or not Screen.supports(program, arm):
             return None
         limits = with_reserve(self.run.limits, self.run.timing.reserve)
         every = self.objective == MANIPULABILITY
         return Screen(program, arm, limits, self.job.seed, every=every)
 
     @cached_property
-    def _limited(self) -> Arm:
+    def _limited_arm(self) -> Arm:
         """The arm with the joint ranges of the run, as in tracing."""
         return self.job.arm.with_limits(self.run.limits)
 
     def bounds_of(self, places: Sequence[Mapping[str, float]]) -> list[PlaceBounds]:
-        """Bounds of places without plans and without their uncertainty."""
+        """Bounds of places, without plans and without their uncertainty."""
         if self.screen is None:
             return [PlaceBounds() for _ in places]
-        assert isinstance(self._limited, SerialArm)
-        bases = place_bases(self._limited.chain.base.matrix, self.moves.frames(places), self.moved)
+        assert isinstance(self._limited_arm, SerialArm)
+        bases = place_bases(
+            self._limited_arm.chain.base.matrix, self.moves.frames(places), self.moved
+        )
         beyond = self.screen.out_of_reach(bases)
         return [
             PlaceBounds(refusal=REACH) if far else self._bounds_of_reachable(x)
@@ -191,12 +203,12 @@ class PlaceEvaluator:
         ]
 
     def _bounds_of_reachable(self, place: Mapping[str, float]) -> PlaceBounds:
-        """Bounds of the figures of merit of a place, which may be within reach, without a plan."""
+        """Bounds of a place that may be within reach, without a plan."""
         assert self.screen is not None
-        arm = place_arm(self._limited, self.moves.frame(place), self.moved)
+        arm = place_arm(self._limited_arm, self.moves.frame(place), self.moved)
         assert isinstance(arm, SerialArm)
         bounds = self.screen.bounds_of(arm)
-        return bounds if self.bounded else dataclasses.replace(bounds, duration=0.0)
+        return bounds if self.is_bounded else dataclasses.replace(bounds, duration=0.0)
 
     def least_score(self, bounds: PlaceBounds) -> float:
         """Lower bound of the score of a place with these bounds."""
@@ -206,9 +218,10 @@ class PlaceEvaluator:
         return -bounds.singular if known else -np.inf
 
     def evaluate(self, place: Mapping[str, float], cutoff: float = np.inf) -> CutoffVerdicts:
-        """Evaluate a place and the corners of its uncertainty; places above the cutoff get no plan.
+        """Evaluate a place and the corners of its uncertainty, for a cutoff of the score.
 
-        The result also has the verdicts for smaller cutoffs.
+        A place whose bound of the score exceeds the cutoff is not planned. The result also has the
+        verdicts for smaller cutoffs.
         """
         around = [place]
         for corner in corners_of(self.uncertainty):
@@ -238,22 +251,22 @@ class PlaceEvaluator:
         return CutoffVerdicts((*steps, (np.inf, worst)))
 
     def plan(self, place: Mapping[str, float], cutoff: float = np.inf) -> Verdict:
-        """Plan the job at a place without its uncertainty, unless a bound exceeds the cutoff."""
+        """Plan the job at a place, without uncertainty; no plan if a bound exceeds the cutoff."""
         job, run, bound = place_job(self.job, self.moves.frame(place), self.moved), self.run, 0.0
         try:
             reuse, program = Reuse(), job.program
             _, traced = trace_one(job, run, reuse, objective=program, first_only=True)
-            bound = BOUND_SHARE * self._bound(traced) if self.bounded else 0.0
+            bound = BOUND_SHARE * self._bound(traced) if self.is_bounded else 0.0
             if self.objective == DURATION and bound > cutoff:
                 return Verdict(bound=bound)
             planned = plan_one(job, run, reuse, objective=program, first_only=True)
         except ArmContourError as error:
-            return _refused(error, bound)
+            return _refusal_verdict(error, bound)
         assert planned.traced is not None
         return Verdict(
             bound=bound,
             duration=planned.trajectory.duration,
-            singular=_singular(job.arm, planned.traced),
+            singular=_least_singular(job.arm, planned.traced),
             clearance=_least_distance(planned.clearance, job.scene),
             torque_margin=_torque_margin(job.arm, run, planned.trajectory),
             below_base=(planned.clearance and planned.clearance.below_base) or "",
@@ -271,8 +284,8 @@ class PlaceEvaluator:
         return total
 
 
-def _refused(error: ArmContourError, bound: float) -> Verdict:
-    """Verdict on a place with an error."""
+def _refusal_verdict(error: ArmContourError, bound: float) -> Verdict:
+    """Verdict on a place whose plan has failed with an error."""
     kinds = {"reach": REACH, "singularity": SINGULAR_ARM, "clearance": CLEARANCE}
     kind = kinds.get(error.limit or "", OTHER)
     if error.limit in ("joint_lower", "joint_upper"):
@@ -284,7 +297,7 @@ def _refused(error: ArmContourError, bound: float) -> Verdict:
 
 
 def _least_distance(clearance: Clearance | None, scene: Scene | None) -> float:
-    """Smallest distance from obstacles or, without any, of the arm from itself [m]; or NaN."""
+    """Smallest distance of the arm from obstacles, without any from itself [m]; NaN if unknown."""
     if clearance is None:
         return np.nan
     names = set() if scene is None else {x.name for x in scene.obstacles}
@@ -292,8 +305,8 @@ def _least_distance(clearance: Clearance | None, scene: Scene | None) -> float:
     return min((x.low for x in pairs), default=np.inf)
 
 
-def _singular(arm: Arm, traced: Tracing) -> float:
-    """Smallest singular value along all contours, at knots and midway between them."""
+def _least_singular(arm: Arm, traced: Tracing) -> float:
+    """Smallest singular value at the knots of all contours and midway between them [m/rad]."""
     moves, values = traced.program.moves, []
     for step in traced.steps:
         if step.joint_path is None or step.move is None:
@@ -308,7 +321,7 @@ def _singular(arm: Arm, traced: Tracing) -> float:
 
 
 def _torque_margin(arm: Arm, run: Run, plan: Trajectory) -> float:
-    """Smallest unused share of the torque limits at the breaks of a plan; NaN without limits."""
+    """Smallest unused share of the torque limits at the breaks of a plan; NaN if unknown."""
     if run.limits.joint_torque is None or not arm.has_bodies:
         return np.nan
     t = plan.breaks

@@ -1,4 +1,4 @@
-"""Jobs with the part, or the base of the arm, at another place."""
+"""Jobs whose part, or whose base of the arm, is moved to another place."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, exp
 from armcontour.jobs.job import Job
-from armcontour.jobs.place_search import LENGTHS
+from armcontour.jobs.placement_options import LENGTHS
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import BASE, PART, Obstacle
@@ -19,31 +19,31 @@ from armcontour.robot.scene import BASE, PART, Obstacle
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Moves:
-    """Motion of the part or base by the coordinates of a place, in the frame of the job's path.
+    """Displacement of the part or base for values of the axes, in the frame of the job's path.
 
     Args:
-        anchor: Point that x, y and z move, and center of yaw and tilt [m], (3,).
-        absolute: Axes among x, y and z whose values are coordinates of the anchor; values of the
-            others are added to it.
+        anchor: Point that is displaced by x, y and z, and centre of yaw and tilt [m], (3,).
+        absolute: Axes among x, y and z whose values are coordinates of the displaced anchor; values
+            of the other axes are displacements of the anchor.
     """
 
     anchor: FloatArray
     absolute: tuple[str, ...] = ()
 
     def frame(self, place: Mapping[str, float]) -> Frame:
-        """Frame that a place moves the identity to.
+        """Displacement of a place as a frame.
 
         Args:
-            place: Values of some axes [m, rad]; the others stay unchanged.
+            place: Values of some axes [m, rad]; the part or base is not moved along the others.
         """
         matrix = self.frames([place])[0]
         return Frame(position=matrix[:, 3], rotation=matrix[:, :3])
 
     def frames(self, places: Sequence[Mapping[str, float]]) -> FloatArray:
-        """Rotations and positions of the frames of several places, (n, 3, 4).
+        """Displacements of several places: rotation matrices and translations, (n, 3, 4).
 
         Args:
-            places: Values of some axes of each [m, rad].
+            places: For each place, values of some axes [m, rad].
         """
         yaw, tilt = np.zeros((2, len(places), 3))
         target = np.tile(self.anchor, (len(places), 1))
@@ -59,13 +59,13 @@ class Moves:
 def place_job(job: Job, frame: Frame, moved: str = PART) -> Job:
     """Copy of a job with its part, or the base of its arm, moved.
 
-    For an arm in space the work frame moves, in the plane the path.
+    For an arm in space, the work frame is moved; for an arm in the plane, the path is moved.
 
     Args:
         job: The job.
         frame: Displacement of the part or base, in the coordinates of the path.
-        moved: "part", with the obstacles that are fixed to it, or "base"; other obstacles stay in
-            the cell.
+        moved: "part" or "base". Obstacles that are fixed to the part move with the part; other
+            obstacles are fixed in the cell.
     """
     arm = place_arm(job.arm, frame, moved)
     scene, path, part = job.scene, job.path, job.part
@@ -80,14 +80,14 @@ def place_job(job: Job, frame: Frame, moved: str = PART) -> Job:
 
 
 def place_arm(arm: Arm, frame: Frame, moved: str) -> Arm:
-    """The arm with its work frame moved; arms in the plane have none."""
+    """The arm with its work frame moved; unchanged in the plane, where arms have no work frame."""
     if not isinstance(arm, SerialArm):
         return arm
     return arm.with_work(arm.chain.base.inverse @ _part_frame(frame, moved))
 
 
 def place_bases(base: FloatArray, frames: FloatArray, moved: str) -> FloatArray:
-    """Base (3, 4) of an arm in the work frame, moved as by `place_arm`, for frames (n, 3, 4)."""
+    """Base, (3, 4), in the work frames that `place_arm` sets for displacements, (n, 3, 4) each."""
     turns, shifts = frames[..., :3], frames[..., 3]
     if moved == PART:
         turns = np.swapaxes(turns, 1, 2)
@@ -98,9 +98,9 @@ def place_bases(base: FloatArray, frames: FloatArray, moved: str) -> FloatArray:
 
 
 def _place_obstacle(obstacle: Obstacle, arm: Arm, frame: Frame, moved: str) -> Obstacle:
-    """The obstacle, relative to an arm with its part or base moved."""
+    """The obstacle in the frame of the base, after a displacement of part or base."""
     if obstacle.fixed_to == PART:
-        # The work frame of an arm in space moves with the part.
+        # The obstacle is defined in the work frame, which is moved with the part.
         if isinstance(arm, SerialArm):
             return obstacle
         return replace(obstacle, place=_part_frame(frame, moved) @ obstacle.place)
@@ -116,9 +116,9 @@ def _part_frame(frame: Frame, moved: str) -> Frame:
 
 
 def check_upright_base(axes: tuple[str, ...], moved: str) -> None:
-    """Refuse to tilt a base, because gravity is defined in the frame of the base."""
+    """Raise an error for a tilted base, because gravity is defined in the frame of the base."""
     if moved == BASE and "tilt" in axes:
         raise InvalidInput(
-            "A base cannot be tilted: describe the arm with its mounted base and the direction of "
-            "gravity."
+            "A base cannot be tilted, because gravity is defined in its frame. Remove the axis "
+            "tilt, and describe the mounting of the base by the direction of gravity of the arm."
         )

@@ -1,5 +1,7 @@
 """Results of a placement: verdicts on the places of a grid, and the best place."""
 
+# A place is a candidate position of the part or the base: values of the axes of the search.
+
 from __future__ import annotations
 
 from collections import Counter
@@ -18,18 +20,18 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import short_repr
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.place_search import DURATION, UNITS, Axis
+from armcontour.jobs.placement_options import DURATION, UNITS, Axis
 from armcontour.robot.scene import PART
 from armcontour.studies.placement.place_evaluation import COMPARED, Verdict
 from armcontour.studies.placement.placed_job import Moves, place_job
 
-# Figures of places for `Placement.values`.
+# Fields of `Verdict` that `Placement.values` can return.
 FIGURES = ("duration", "bound", "singular", "clearance", "torque_margin")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A candidate place of the part or the base, and its verdict.
+    """A candidate position of the part or the base, and its verdict.
 
     Args:
         values: Values of the axes [m, rad].
@@ -40,28 +42,28 @@ class Place:
     verdict: Verdict
 
     def __str__(self) -> str:
-        """The values, in mm and degrees."""
+        """Text with the values of the axes, in mm and degrees."""
         return ", ".join(f"{name} {number(x, UNITS[name])}" for name, x in self.values.items())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Placement(Result):
-    """The best place of a job's part, or of the base of its arm.
+    """The best position of a job's part, or of the base of its arm, and the compared places.
 
     Args:
-        job: The job at its own place.
-        run: Its run.
+        job: The job, with the part and the base where it defines them (its own place).
+        run: The compared run.
         axes: The axes of the grid.
-        moves: Motion of part or base by the coordinates of a place.
+        moves: Displacement of part or base for values of the axes.
         moved: "part" or "base".
         objective: "duration", "manipulability", "clearance" or "torque".
-        uncertainty: Position error of the part [m, rad]; figures are the worst of a place and the
-            corners around it.
-        verdicts: Verdicts on all places, the last axis fastest.
+        uncertainty: Position error of the part by axis [m, rad]. Figures of a place are the worst
+            of the place and of the corners of this box around it.
+        verdicts: Verdicts on all places of the grid; the last axis varies fastest.
         best: The best place of the grid.
-        refined: The best place after refinement; that of the grid if none is better.
+        refined: The best place after refinement; `best` if the refinement finds no better one.
         own: The verdict on the job's own place.
-        notes: Sentences on assumptions.
+        notes: Sentences about assumptions.
     """
 
     job: Job
@@ -96,7 +98,7 @@ class Placement(Result):
         """A figure of all places in the shape of the grid; NaN if unknown.
 
         Args:
-            name: One of FIGURES.
+            name: "duration", "bound", "singular", "clearance" or "torque_margin".
         """
         checks.check_choice("value", name, FIGURES)
         return np.array([getattr(x, name) for x in self.verdicts]).reshape(self.shape)
@@ -105,7 +107,7 @@ class Placement(Result):
         """Values of the axes at a place of the grid [m, rad].
 
         Args:
-            index: Index among the verdicts.
+            index: Index of the place in `verdicts`.
         """
         indices = np.unravel_index(
             checks.check_int("index", index, 0, len(self.verdicts) - 1), self.shape
@@ -123,7 +125,7 @@ class Placement(Result):
 
     @checked
     def placed(self, place: Place | None = None) -> Job:
-        """The job with its part or base at a place.
+        """The job with its part or base moved to a place.
 
         Args:
             place: A place; by default the refined one.
@@ -132,7 +134,7 @@ class Placement(Result):
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """The best place, the job's own place, and the numbers of refusals.
+        """Data of the best place, the job's own place, and the numbers of refusals.
 
         Args:
             files: Files of the result, relative to its folder.
@@ -192,7 +194,7 @@ class Placement(Result):
 
     @property
     def _compared(self) -> dict[str, tuple[str, Place | None, Verdict]]:
-        """The best places and the job's own one, by their keys in JSON."""
+        """Label, place and verdict of the best places and the job's own place, by JSON key."""
         return {
             "best": ("best place", self.refined, self.refined.verdict),
             "best_of_grid": ("best of the grid", self.best, self.best.verdict),
@@ -201,7 +203,7 @@ class Placement(Result):
 
     @property
     def comparison(self) -> dict[str, Data]:
-        """The figures of the best places and of the job's own one, by their names."""
+        """Data of the best places and of the job's own place, by their labels."""
         return {
             label if place is None else f"{label}: {place}": verdict.to_data()
             for label, place, verdict in self._compared.values()
@@ -211,6 +213,6 @@ class Placement(Result):
 
 
 def all_places(axes: tuple[Axis, ...]) -> list[dict[str, float]]:
-    """All places of a grid, the last axis fastest."""
+    """All places of a grid; the last axis varies fastest."""
     names = [x.name for x in axes]
     return [dict(zip(names, x, strict=True)) for x in product(*(a.values.tolist() for a in axes))]

@@ -1,4 +1,6 @@
-"""Bounds of a job at a place without a plan, from joint positions at some of its poses."""
+"""Bounds of a job at a place without a plan, from joint positions at some poses of its paths."""
+
+# A place is a candidate position of the part or the base: values of the axes of the search.
 
 from __future__ import annotations
 
@@ -30,34 +32,33 @@ from armcontour.program import Contour, Dwell, Program
 from armcontour.robot import Arm, Chain, Limits, SerialArm, newton
 from armcontour.robot.inverse import WHOLE, configurations, out_of_reach
 
-# Largest deviation from the path at which quintics through the first knots represent the joint path
-# [m, rad]; without them the duration has no bound.
-NEAR, NEAR_ANGLE = 1e-5, 1e-4
-# Distance out of reach from which poses are refused without tracing [m]; tracing is more precise.
-BEYOND = 1e-6
-# Kinds of refusals.
+# Quintics through the first knots represent the joint path if their deviations from the tool path
+# are at most MAX_DEVIATION [m] and MAX_ANGLE [rad]. Otherwise the duration has no bound.
+MAX_DEVIATION, MAX_ANGLE = 1e-5, 1e-4
+# A pose that is out of reach by more than this distance is refused without tracing [m]. Smaller
+# distances are decided by tracing, which is more precise.
+REACH_TOLERANCE = 1e-6
+# Kinds of refusals, for messages.
 REACH, RANGE, SINGULAR_ARM = "reach", "joint range", "singularity"
-# Number of later poses that are checked for reach if a path cannot be followed.
+# Number of later poses that are checked for reach if no configuration follows the whole path.
 POSES_AHEAD = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceBounds:
-    """Bounds of a place without a plan."""
+    """Bounds of the figures of merit of a place, without a plan."""
 
-    # Lower bound of the duration, up to the error of `bound_duration` [s]
-    duration: float = 0.0
-    # Smallest singular value along the path, in the configuration with the least duration or, for
-    # `every`, the largest over all configurations; NaN if unknown
+    duration: float = 0.0  # Lower bound of the duration, up to the error of `bound_duration` [s]
+    # singular: smallest singular value along the path, in the configuration with the smallest
+    # duration, or with `every` the largest of all configurations; NaN if unknown.
     singular: float = np.nan
-    # Kind of the refusal if tracing would fail
-    refusal: str = ""
+    refusal: str = ""  # Kind of the refusal if tracing would fail, otherwise empty
 
 
 class Screen:
-    """Bounds for a program and a non-redundant arm at any place.
+    """Computes bounds of a program for a non-redundant arm, without a plan, at any place.
 
-    With `every`, singular values are the largest over all configurations.
+    `every`: if True, singular values are the largest over all configurations.
     """
 
     def __init__(
@@ -72,28 +73,29 @@ class Screen:
         self.limits, self.every, self._arm = limits.without_jerk, every, arm
         has_seed = seed is not None and isinstance(program.moves[0], Contour)
         self.contours = [
-            _Poses(x.path, arm, np.asarray(seed, dtype=float) if has_seed and k == 0 else None)
+            _PathPoses(x.path, arm, np.asarray(seed, dtype=float) if has_seed and k == 0 else None)
             for k, x in enumerate(program.contours)
         ]
         self.dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
 
     @staticmethod
-    def fits(program: Program, arm: object) -> bool:
-        """True if a program and an arm have bounds: not in the plane, and without redundancy."""
+    def supports(program: Program, arm: object) -> bool:
+        """True if bounds are available: for a path in space and an arm without redundancy."""
         return isinstance(arm, SerialArm) and all(
             x.path.dimension == 3 and task_dimension(x.path, arm) == arm.dof
             for x in program.contours
         )
 
     def out_of_reach(self, bases: FloatArray) -> BoolArray:
-        """Mask of bases (n, 3, 4) in the work frame from which a pose is certainly out of reach."""
+        """Mask of bases in the work frame, (n, 3, 4), from which a pose is out of reach, (n,)."""
+        # Poses that may be within reach are decided by tracing.
         refused = np.zeros(len(bases), dtype=np.bool_)
         for poses in self.contours:
             refused[~refused] = poses.out_of_reach(self._arm, bases[~refused])
         return refused
 
     def bounds_of(self, arm: SerialArm) -> PlaceBounds:
-        """Bounds of the program for the arm at its place."""
+        """Bounds of the program for an arm with the work frame of the place."""
         duration, singular = self.dwells, np.inf
         for poses in self.contours:
             bounds = poses.bounds_of(arm, self.limits, self.every)
@@ -104,8 +106,8 @@ class Screen:
         return PlaceBounds(duration=duration, singular=singular)
 
 
-class _Poses:
-    """Poses of a path at its first knots."""
+class _PathPoses:
+    """Poses of a path at its first knots, and at finer ones for following configurations."""
 
     def __init__(self, path: Path, arm: SerialArm, seed: FloatArray | None) -> None:
         self.path, self.seed = path, seed
@@ -118,14 +120,14 @@ class _Poses:
         self.width = knots.u1 - knots.u0
 
     def out_of_reach(self, arm: SerialArm, bases: FloatArray) -> BoolArray:
-        """Mask of bases (n, 3, 4) from which a pose of the path is certainly out of reach."""
+        """Mask of bases, (n, 3, 4), from which a pose of the path is out of reach, (n,)."""
         closed = arm.closed_form
         if self.task == WHOLE and closed is not None:
-            return closed.beyond(bases, self.fine, BEYOND) > BEYOND
-        return beyond_links(arm.chain, self.task, self.first.row, bases) > 0
+            return closed.measure_excess(bases, self.fine, REACH_TOLERANCE) > REACH_TOLERANCE
+        return reach_excess(arm.chain, self.task, self.first.row, bases) > 0
 
     def bounds_of(self, arm: SerialArm, limits: Limits, every: bool) -> PlaceBounds:
-        """Bounds of the path for an arm."""
+        """Bounds of the path for an arm; a refusal if no configuration follows the path."""
         starts = configurations(arm, self.fine[0], self.task, self.seed)[:MAX_STARTS]
         if len(starts) == 0:
             return PlaceBounds(refusal=REACH)
@@ -140,14 +142,16 @@ class _Poses:
         inside = [q for q in followed if _fits_range(q, limits, arm.dof)]
         if not inside:
             return PlaceBounds(refusal=RANGE)
-        return self._bound(arm, limits, np.array(inside), every)
+        return self._bound_configurations(arm, limits, np.array(inside), every)
 
-    def _bound(self, arm: SerialArm, limits: Limits, q: FloatArray, every: bool) -> PlaceBounds:
-        """Bounds over all configurations, with joint positions at the knots q, (k, n + 1, dof)."""
-        begin, end, sound = self._ends(arm, q)
+    def _bound_configurations(
+        self, arm: SerialArm, limits: Limits, q: FloatArray, every: bool
+    ) -> PlaceBounds:
+        """Bounds over k configurations with joint positions q at the knots, (k, n + 1, dof)."""
+        begin, end, sound = self._end_states(arm, q)
         if not sound.any():
             return PlaceBounds(refusal=SINGULAR_ARM)
-        exact = self._exact(arm, begin, end)
+        exact = self._mask_exact(arm, begin, end)
         indices = np.flatnonzero(sound)
         durations = [
             self._duration([x[k] for x in begin], [x[k] for x in end], limits) if exact[k] else 0.0
@@ -158,7 +162,7 @@ class _Poses:
         return PlaceBounds(duration=min(durations), singular=max(values))
 
     def _duration(self, begin: list[FloatArray], end: list[FloatArray], limits: Limits) -> float:
-        """Lower bound of the duration in one configuration [s]; 0 without a bound."""
+        """Lower bound of the duration in one configuration [s]; 0 if there is no bound."""
         try:
             joint_path = JointPath.hermite(
                 self.breaks,
@@ -168,14 +172,14 @@ class _Poses:
                 tool_path=self.path,
             )
         except InvalidInput:
-            # Newton's method has left the configuration.
+            # Newton's method has converged to another configuration.
             return 0.0
         return bound_duration(joint_path, limits)
 
-    def _ends(self, arm: SerialArm, q: FloatArray) -> tuple[Ends, Ends, BoolArray]:
-        """q, dq_ds and d2q_ds2 at the starts and ends of all intervals, (k, n, dof) each.
+    def _end_states(self, arm: SerialArm, q: FloatArray) -> tuple[Ends, Ends, BoolArray]:
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of all intervals, (k, n, dof) each.
 
-        The mask (k,) is True for configurations without a singularity.
+        Also returns the mask of configurations without a singularity, (k,).
         """
         k, n, dof, first = len(q), q.shape[1] - 1, q.shape[2], self.first
         alone = first.ends >= n
@@ -192,7 +196,7 @@ class _Poses:
         end = q[:, first.ends], dq_ds[:, first.ends], d2q_ds2[:, first.ends]
         return begin, end, np.asarray(good.reshape(k, -1).all(axis=1))
 
-    def _exact(self, arm: SerialArm, begin: Ends, end: Ends) -> FloatArray:
+    def _mask_exact(self, arm: SerialArm, begin: Ends, end: Ends) -> FloatArray:
         """Mask of configurations in which quintics between the knots follow the path, (k,)."""
         k, n, dof = begin[0].shape
         flat = [tuple(x.reshape(k * n, dof) for x in ends) for ends in (begin, end)]
@@ -200,28 +204,29 @@ class _Poses:
         q = np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients)
         targets = np.tile(self.first.between.reshape(len(PLACES), 1, n, 3, 4), (1, k, 1, 1, 1))
         q, targets = q.reshape(-1, dof), targets.reshape(-1, 3, 4)
-        errors = tool_errors(arm, q, targets, self.task, (NEAR, NEAR_ANGLE))
+        errors = tool_errors(arm, q, targets, self.task, (MAX_DEVIATION, MAX_ANGLE))
         return np.asarray((errors.reshape(len(PLACES), k, n) <= 1).all(axis=(0, 2)))
 
 
 def _fits_range(q: FloatArray, limits: Limits, dof: int) -> bool:
-    """True if full turns of the joints move positions [rad], (n, dof), into their ranges."""
+    """True if full turns of the joints can move positions q [rad], (n, dof), into their ranges."""
     lower, upper = limits.joint_range(dof)
     first = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
     last = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
     return bool((first <= last).all())
 
 
-# Cosine of the angle above which axes are parallel; lengths along them are then exact to 1e-6.
+# Axes are parallel if the magnitude of the cosine of their angle exceeds this. Lengths along them
+# are then exact to a relative 1e-6.
 PARALLEL = 1 - 1e-12
 
 
 def longest_reach(chain: Chain, task: int) -> tuple[FloatArray, FloatArray, float]:
-    """Point of the tool, and center and radius of a ball around the base that contains it [m].
+    """Point of the tool in its frame, and centre and radius of a ball that contains it [m].
 
-    Offsets of links along parallel axes are added with their signs, because turning about these
-    axes does not change them. Offsets along the first axes move the center. For task 6 the point is
-    on the last axis, otherwise it is the tool point; its coordinates are in the tool frame.
+    The centre is in the frame of the base. For task 6, the point is on the last axis; otherwise it
+    is the tool point. Offsets of links along parallel axes are added with their signs, because
+    rotations about these axes do not change them. Offsets along the first axes move the centre.
     """
     end = chain.tip @ chain.tool
     point = end.inverse.position if task == 6 else np.zeros(3)
@@ -249,10 +254,10 @@ def longest_reach(chain: Chain, task: int) -> tuple[FloatArray, FloatArray, floa
     return point, middle, radius
 
 
-def beyond_links(chain: Chain, task: int, poses: FloatArray, bases: FloatArray) -> FloatArray:
-    """Largest distance of poses (m, 3, 4) beyond the links, for bases (n, 3, 4) [m], (n,).
+def reach_excess(chain: Chain, task: int, poses: FloatArray, bases: FloatArray) -> FloatArray:
+    """Largest distance by which poses, (m, 3, 4), exceed the reach from bases, (n, 3, 4) [m], (n,).
 
-    It is 0 or less if the links are long enough.
+    The distance is at most 0 if the links are long enough for all poses.
     """
     point, middle, radius = longest_reach(chain, task)
     points = poses[:, :, 3] + poses[:, :, :3] @ point
@@ -262,16 +267,17 @@ def beyond_links(chain: Chain, task: int, poses: FloatArray, bases: FloatArray) 
 
 
 def least_singular_value(arm: Arm, q: FloatArray, task: int) -> float:
-    """Smallest singular value of the task's Jacobian over joint positions (n, dof) [m/rad].
+    """Smallest singular value of the task's Jacobian over joint positions, (n, dof) [m/rad].
 
-    Rows: tool velocity [m/rad] and, for task 6, angular velocity; task 5 omits the tool axis.
+    The rows of the Jacobian are the tool velocity [m/rad] and, for tasks 5 and 6, the angular
+    velocity [rad/rad], for task 5 without the component along the tool axis.
     """
     if not isinstance(arm, SerialArm) or task == 3:
         rows = arm.tool_jacobian(q)
     else:
         rows = arm.jacobian(q)
         if task == 5:
-            # Turning about x and y of the tool.
+            # Angular velocities about x and y of the tool.
             _, turned = arm.pose(q)
             across = np.swapaxes(turned[:, :, :2], 1, 2) @ rows[:, 3:]
             rows = np.concatenate([rows[:, :3], across], axis=1)

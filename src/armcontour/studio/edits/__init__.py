@@ -1,4 +1,4 @@
-"""Named edits of the page as changes of keys of the job file."""
+"""Edits of the page, converted to changes of keys of the job file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
-from armcontour.files.job_edits import Change
+from armcontour.files.job_text_edits import Change
 from armcontour.studio.edits.conversion import waypoint_changes
 from armcontour.studio.edits.keys import set_value, unset_value
 from armcontour.studio.edits.layout import obstacle, place, tilt
@@ -21,22 +21,24 @@ from armcontour.studio.edits.waypoints import (
 )
 from armcontour.studio.handles import EditState
 
-# Keys of edits with text values.
+# Keys of edits whose values must be text.
 TEXTS = ("name", "action", "kind")
 
 
 def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
-    """Changes of keys that an edit makes; `do` selects it."""
+    """Changes of job keys that an edit causes; `do` of the edit selects the function."""
     do = edit.get("do")
     if not isinstance(do, str) or do not in EDITS:
-        raise InvalidInput(f"There is no edit {show(do)}: the edits are {', '.join(EDITS)}.")
+        raise InvalidInput(f"do must be one of {', '.join(EDITS)}, but is {show(do)}.")
     for name in TEXTS:
         if not isinstance(edit.get(name, ""), str):
-            raise InvalidInput(f"The edit {do} needs text for {name}, not {show(edit[name])}.")
+            raise InvalidInput(
+                f"The value of {name} in the edit {do} must be text, but is {show(edit[name])}."
+            )
     try:
         return tuple(EDITS[do](edit, state))
     except KeyError as error:
-        raise InvalidInput(f"The edit {do} lacks {error.args[0]}.") from None
+        raise InvalidInput(f"The edit {do} requires {error.args[0]}.") from None
 
 
 EditFunction: TypeAlias = Callable[[Mapping[str, Any], EditState], Sequence[Change]]

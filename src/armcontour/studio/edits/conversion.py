@@ -1,4 +1,4 @@
-"""Conversion of a drawing's contour to points or segments of the job."""
+"""Conversion of the contour of a drawing to points or segments of the job."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Quantity
 from armcontour.files.file_keys import MappingKeys, read_keys
-from armcontour.files.job_edits import Change, change_data
 from armcontour.files.job_model import PathModel
-from armcontour.files.job_path import READING, path_of
+from armcontour.files.job_path import FILE_OPTIONS, path_of
+from armcontour.files.job_text_edits import Change, change_data
 from armcontour.files.units import write_like
 from armcontour.geometry import Path
 from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
 
 SPEED = Quantity("m/s", "100 mm/s")
-# Arcs up to this angle are written with a via point [rad]; larger ones, whose ends may be close to
-# each other, with their centre.
-THROUGH = 1.5 * math.pi
-# Rounding error of coordinates by the frame [m].
-NOISE = 1e-15
-# Largest deviation of points [m] and tool axes after the conversion.
+# Maximum angle of an arc that is written with a via point [rad]. Larger arcs are written with their
+# centre, because their end points can be too close to each other for a via point.
+MAX_VIA_ANGLE = 1.5 * math.pi
+# Rounding error of coordinates due to the transform to the part frame [m].
+FRAME_ROUNDING = 1e-15
+# Maximum deviation of points [m] and of tool orientations after the conversion.
 SAME = 1e-9
 
 Write = Callable[[FloatArray], list[Any]]
@@ -40,11 +40,11 @@ def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
     local_path = path.placed(handles.frame.inverse)
     old = ((path_data.get("frame") or {}).get("position") or [None])[0]
     write = partial(_coordinates, like=old)
-    assigned = [_demand(local_path, i) for i in range(len(local_path))]
+    assigned = [_assigned_keys(local_path, i) for i in range(len(local_path))]
     straight = not any(assigned) and not local_path.curvatures.any()
     new = _points(local_path, write) if straight else _segments(local_path, write, assigned)
     changes = [Change(("path", key), x) for key, x in new.items()]
-    changes += [Change(("path", key)) for key in ("file", *READING) if key in path_data]
+    changes += [Change(("path", key)) for key in ("file", *FILE_OPTIONS) if key in path_data]
     _verify(path, change_data(data, changes)["path"], handles)
     return changes
 
@@ -59,29 +59,35 @@ def is_convertible(handles: Handles) -> bool:
 
 
 def _only_path(handles: Handles) -> Path:
-    """The path of a drawing with a single contour, with the speeds of its layer."""
+    """Path of a drawing with one contour, with the speed and tolerance of its layer.
+
+    Raises InvalidInput if waypoints cannot represent the drawing.
+    """
     job, program = handles.job, handles.job.program
     if handles.kind != FILE:
-        raise InvalidInput("The path consists of waypoints of the job already.")
+        raise InvalidInput("The path already consists of waypoints of the job.")
     contours = program.contours
     if len(contours) != 1:
         raise InvalidInput(
-            f"{handles.file} has {len(contours)} contours, but waypoints of a job are one path: "
-            "choose one by path.names first."
+            f"{handles.file} has {len(contours)} contours, but only a single contour can be "
+            "converted to waypoints. Select one contour with path.names first."
         )
     path, layer = program.single_path, contours[0].layer
     if path is None:
         raise InvalidInput(
-            f"{handles.file} has rapids, dwells or events in addition to its contour, which "
-            "waypoints of a job do not have: draw the contour alone."
+            f"{handles.file} has rapids, dwells or events, which cannot be converted to waypoints. "
+            "Use a drawing that has only the contour."
         )
     if layer in job.process.by_layer:
         raise InvalidInput(
-            f"process.by_layer has values for the layer {layer}, which waypoints of a job do not "
-            "have: give them to the whole process first."
+            f"process.by_layer has values for the layer {layer}, but waypoints have no layer. "
+            "Specify these values for the whole process first."
         )
     if path.segments.is_transition.any():
-        raise InvalidInput(f"{handles.file} has transitions, which are neither lines nor arcs.")
+        raise InvalidInput(
+            f"{handles.file} has transitions (clothoids), but only lines and arcs can be converted "
+            "to waypoints."
+        )
     layer_values = job.process.layers.get(layer or "")
     if layer_values is None:
         return path
@@ -95,18 +101,18 @@ def _only_path(handles: Handles) -> Path:
 
 
 def _points(path: Path, write: Write) -> dict[str, Any]:
-    return {"points": _closed([write(x) for x in path.vertices], path)}
+    return {"points": _close([write(x) for x in path.vertices], path)}
 
 
 def _segments(path: Path, write: Write, assigned: list[dict[str, Any]]) -> dict[str, Any]:
-    """Keys of a path of lines and arcs."""
-    ends = _closed([write(x) for x in path.vertices], path)
+    """Keys `start` and `segments` of a path of lines and arcs."""
+    ends = _close([write(x) for x in path.vertices], path)
     listed: list[dict[str, Any]] = []
     for i, (to, assigned_keys) in enumerate(zip(ends[1:], assigned, strict=True)):
         angle = float(path.curvatures[i] * path.lengths[i])
         if angle == 0:
             listed.append({"to": to, **assigned_keys})
-        elif angle <= THROUGH:
+        elif angle <= MAX_VIA_ANGLE:
             listed.append(
                 {
                     "via": write(
@@ -117,12 +123,12 @@ def _segments(path: Path, write: Write, assigned: list[dict[str, Any]]) -> dict[
                 }
             )
         else:
-            listed.append({**_around(path, i, angle, write), **assigned_keys})
+            listed.append({**_centre_keys(path, i, angle, write), **assigned_keys})
     return {"start": ends[0], "segments": listed}
 
 
-def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
-    """Keys of an arc given by its centre."""
+def _centre_keys(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
+    """Keys of a segment that specify an arc by its centre and angle."""
     tangent, normal = path.tangents[i], path.normals[i]
     center = write(path.starts[i] + normal / path.curvatures[i])
     if path.dimension == 3:
@@ -132,19 +138,19 @@ def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
     return {"center": center, "angle": write_like(turn, None, ANGLE)}
 
 
-def _closed(points: list[list[Any]], path: Path) -> list[list[Any]]:
-    """Ends of segments; a closed path ends at exactly its first point."""
+def _close(points: list[list[Any]], path: Path) -> list[list[Any]]:
+    """The points; if the path is closed, the last point is replaced by exactly the first point."""
     first, last = path.vertices[0], path.vertices[-1]
     closed = np.linalg.norm(last - first) <= SAME
     return [*points[:-1], points[0]] if closed else points
 
 
 def _coordinates(point: FloatArray, like: Any) -> list[Any]:
-    return [write_like(float(x), like, LENGTH, within=NOISE) for x in point]
+    return [write_like(float(x), like, LENGTH, within=FRAME_ROUNDING) for x in point]
 
 
-def _demand(path: Path, i: int) -> dict[str, Any]:
-    """Speed and tolerance of a segment, if assigned."""
+def _assigned_keys(path: Path, i: int) -> dict[str, Any]:
+    """Keys `speed` and `tolerance` of a segment that has assigned values."""
     assigned = {}
     if not math.isnan(path.speeds[i]):
         assigned["speed"] = write_like(float(path.speeds[i]), None, SPEED)
@@ -154,15 +160,15 @@ def _demand(path: Path, i: int) -> dict[str, Any]:
 
 
 def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
-    """Refuse waypoints that make another path, such as those of a file with tool orientations."""
+    """Raise InvalidInput if the path of the waypoints differs from the path of the drawing."""
     model = read_keys(MappingKeys(PathModel), written, "the waypoints")
     copy = path_of(model, FilePath(), handles.job.arm.dimension)
     assert isinstance(copy, Path)
     alike = len(copy) == len(path) and abs(copy.vertices - path.vertices).max() <= SAME
     if not alike:
         raise InvalidInput(
-            f"The contour of {handles.file} has segments that are too short to be written as "
-            "waypoints of the job."
+            f"The contour of {handles.file} cannot be converted to waypoints, because some of its "
+            "segments are too short."
         )
     copied_orientation, orientation = copy.orientation, path.orientation
     if copied_orientation is None and orientation is None:
@@ -174,6 +180,6 @@ def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
         or abs(copied_orientation(s * copy.length) - orientation(s * path.length)).max() > SAME
     ):
         raise InvalidInput(
-            f"{handles.file} gives the orientation of the tool, which would be lost: write it as "
-            "path.orientation first."
+            f"{handles.file} specifies tool orientations, which the conversion to waypoints would "
+            "lose. Specify path.orientation first."
         )

@@ -1,4 +1,4 @@
-"""Edits of values and runs: key of the shown run, and form in which a value is written."""
+"""Edits that set or remove keys and runs; values are written with the unit of the old value."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import plain_number, show
-from armcontour.files.job_edits import REMOVE, Change, Keys, change_data, value_at
 from armcontour.files.job_model import JobModel
+from armcontour.files.job_text_edits import REMOVE, Change, Keys, change_data, value_at
 from armcontour.files.patch import IN_RUN, MERGED, Name, arm_keys, key_of, locate_key, resolve_patch
 from armcontour.files.si_data import quantity_of
 from armcontour.files.units import unit_of, write_like
@@ -23,106 +23,109 @@ from armcontour.jobs import Job, Run
 from armcontour.studio.handles import EditState
 
 SHARP = "sharp"
-# Tolerance of corners that were sharp before.
+# Initial tolerance of corners that become rounded.
 FIRST_TOLERANCE = "1 mm"
-# Mappings with numbers of waypoints or tools as keys.
+# Mappings whose keys are waypoint numbers or tool numbers.
 NUMBERED = ("at", "tools")
-# Required mappings, which may be empty.
+# Required mappings of a job: they stay even if they become empty.
 REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Set a key, with `run` for the shown run only, with `insert` as a new list item."""
-    return [replace(x, keys=_plain(x.keys)) for x in _set(edit, state)]
+    """Changes that set a key; `run`: only for the shown run; `insert`: as a new list item."""
+    return [replace(x, keys=_plain_keys(x.keys)) for x in _set(edit, state)]
 
 
 def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    keys, value = _place(edit, state), edit["value"]
+    keys, value = _keys_of_edit(edit, state), edit["value"]
     if edit.get("run") is True and keys[0] in IN_RUN:
-        return _in_run(keys, value, state)
+        return _set_in_run(keys, value, state)
     *outer, last = keys
     values, now = value_at(state.data, tuple(outer)), value_at(state.data, keys)
     if edit.get("insert") is True:
         return [Change(keys, value, insert=True)]
     if isinstance(value, dict) and isinstance(now, dict):
-        # Key by key, so that comments stay.
+        # The keys are changed one by one, so that comments in the text stay.
         formatted = {k: format_value(x, now.get(k), (*keys, k)) for k, x in value.items()}
         return [Change((*keys, k), formatted.get(k, REMOVE)) for k in {**now, **formatted}]
     if keys == ("arm",) and isinstance(value, str) and isinstance(now, Mapping):
-        # Keep the equipment of the arm.
+        # Only the model changes; other keys of the arm, such as its tool, stay.
         new = {"name": REMOVE, "file": REMOVE, **arm_keys(value)}
         return [Change(("arm", key), x) for key, x in new.items()]
     if keys[-2:] == ("corners", "shape"):
-        # In the file sharp corners have no shape and no tolerance.
+        # The file has `corners: sharp` without a shape and a tolerance.
         if value == SHARP or not isinstance(values, Mapping):
             arcs = {"shape": value, "tolerance": FIRST_TOLERANCE}
             keys, value = tuple(outer), SHARP if value == SHARP else arcs
     elif (
         isinstance(last, int) and not isinstance(values, list | dict) and outer[-1] not in NUMBERED
     ):
-        keys, value = tuple(outer), _for_joints(keys, value, values, state)
+        keys, value = tuple(outer), _list_joint_values(keys, value, values, state)
     else:
         value = format_value(value, now, keys)
     return resolve_patch(state.data, {keys: value}, state.run)
 
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Remove a key, and mappings that become empty."""
-    keys = _plain(_place(edit, state))
+    """Changes that remove a key and the mappings that become empty."""
+    keys = _plain_keys(_keys_of_edit(edit, state))
     while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in REQUIRED_LIBRARIES:
         outer = value_at(state.data, keys[:-1])
-        # A run or a layer may be empty.
-        empty = keys[0] == "runs" and len(keys) == 3 or keys[:2] == ("path", "layers")
-        if empty or not isinstance(outer, Mapping) or set(outer) != {keys[-1]}:
+        # The mapping of a run or of a layer stays, because it may be empty.
+        stays = keys[0] == "runs" and len(keys) == 3 or keys[:2] == ("path", "layers")
+        if stays or not isinstance(outer, Mapping) or set(outer) != {keys[-1]}:
             break
         keys = keys[:-1]
     return [Change(keys)]
 
 
-def _place(edit: Mapping[str, Any], state: EditState) -> Keys:
-    """Keys that an edit changes; texts in a list of keys are names."""
+def _keys_of_edit(edit: Mapping[str, Any], state: EditState) -> Keys:
+    """Keys that an edit changes, in the shown run if the run has them.
+
+    Texts in a list of keys are names, which are used as they are.
+    """
     keys = key_of(edit["key"])
     if not isinstance(edit["key"], str):
         keys = tuple(Name(x) if isinstance(x, str) else x for x in keys)
     return locate_key(keys, state.data, state.run)
 
 
-def _plain(keys: Keys) -> Keys:
+def _plain_keys(keys: Keys) -> Keys:
     return tuple(str(x) if isinstance(x, str) else x for x in keys)
 
 
-def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
-    """Set a key of the job for the shown run only."""
+def _set_in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
+    """Changes that set a key of the job for the shown run only."""
     changes, run_keys = list[Change](), ("runs", state.run, str(keys[0]))
     shared = value_at(state.data, keys[:1])
     if len(keys) > 1 and keys[0] not in MERGED and isinstance(shared, Mapping):
-        # The mapping of the run replaces that of the job.
+        # The mapping of the run replaces the mapping of the job, so all its keys are copied first.
         changes = [Change(run_keys, deepcopy(shared))]
     run_state = replace(state, data=change_data(state.data, changes))
-    # A number has the displayed unit.
-    value = format_value(value, value_at(state.data, _plain(keys)), keys)
-    return changes + _set({"key": [*run_keys, *_plain(keys[1:])], "value": value}, run_state)
+    # The page displays the unit of the job's value, so a number without a unit has this unit.
+    value = format_value(value, value_at(state.data, _plain_keys(keys)), keys)
+    return changes + _set({"key": [*run_keys, *_plain_keys(keys[1:])], "value": value}, run_state)
 
 
-def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
-    """One value per joint instead of one for all joints; one of them is new."""
+def _list_joint_values(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
+    """List with one value per joint that replaces a common value; sets the value of one joint."""
     *outer, joint = keys
     now = joint_values(tuple(outer), state.handles.job, state.run)
     if now is None:
-        raise InvalidInput(f"{'.'.join(map(str, outer))} has no values of single joints.")
+        raise InvalidInput(f"{'.'.join(map(str, outer))} cannot have a value per joint.")
     checks.check_int("number of the joint", joint, 0, len(now) - 1)
     si = [value if k == joint else float(x) for k, x in enumerate(now)]
     return [format_value(x, old, (*outer, k)) for k, x in enumerate(si)]
 
 
 def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
-    """Limits or gains of all joints in a run in SI units, (dof,); None for other keys."""
+    """Limit or gain of each joint in a run [SI], (dof,); None if the key has no joint values."""
     values = value_of(keys[-2:], job, run_of(job, run))
     return values if isinstance(values, np.ndarray) and values.shape == (job.arm.dof,) else None
 
 
 def value_of(keys: Keys, job: Job, run: Run) -> Any:
-    """Value of a key, such as ("servo", "kp"), in a run in SI units; None without one."""
+    """Value of a key such as ("servo", "kp") in a run [SI]; None if the run has no such value."""
     owners = {"corners": run.rounding, "servo": job.servo, "cycle": run.cycle}
     name = str(keys[0])
     value = owners.get(name, getattr(run, name, None))
@@ -130,7 +133,7 @@ def value_of(keys: Keys, job: Job, run: Run) -> Any:
 
 
 def run_of(job: Job, name: str) -> Run:
-    """The run of a job with a name."""
+    """Find the run of a job by its name."""
     for candidate in job.runs:
         if candidate.name == name:
             return candidate
@@ -138,7 +141,10 @@ def run_of(job: Job, name: str) -> Run:
 
 
 def format_value(value: Any, old: Any, keys: Keys) -> Any:
-    """Format a value like the old one, whose unit a number typed without a unit has."""
+    """Format a value with the unit of the old value.
+
+    Numbers are in SI units. Text without a unit is in the unit of the old value.
+    """
     if isinstance(value, list):
         olds = old if isinstance(old, list) and len(old) == len(value) else [old] * len(value)
         pairs = enumerate(zip(value, olds, strict=True))
@@ -148,7 +154,7 @@ def format_value(value: Any, old: Any, keys: Keys) -> Any:
         return value
     if isinstance(value, str):
         number = plain_number(value)
-        return value if number is None else _typed(value.strip(), old, kind)
+        return value if number is None else _format_typed(value.strip(), old, kind)
     if isinstance(value, int | float):
         checks.check_number(".".join(map(str, keys)), value, kind.unit)
         like = old if isinstance(old, int | float | str) and not isinstance(old, bool) else None
@@ -156,8 +162,8 @@ def format_value(value: Any, old: Any, keys: Keys) -> Any:
     return value
 
 
-def _typed(number: str, old: Any, kind: Quantity) -> Any:
-    """A number typed without a unit, with the unit of the old value."""
+def _format_typed(number: str, old: Any, kind: Quantity) -> Any:
+    """Format a number typed without a unit: with the unit of the old value."""
     if isinstance(old, int | float) and not isinstance(old, bool):
         return float(number)
     return f"{number} {unit_of(old, kind)[0]}"
@@ -167,19 +173,19 @@ def add_run(data: Mapping[str, Any], name: str, like: Any) -> list[Change]:
     """Changes that add a copy of a run."""
     runs = data.get("runs") or {}
     if name in runs:
-        raise InvalidInput(f"The job has a run {name} already.")
+        raise InvalidInput(f"The job already has a run {name}. Choose another name.")
     if like not in list(runs):
         raise InvalidInput(f"The job has no run {show(like)}.")
     return [Change(("runs", name), deepcopy(runs[like]))]
 
 
 def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
-    """Changes that remove a run and the keys that name it."""
+    """Changes that remove a run and the references to it."""
     runs = data.get("runs") or {}
     if name not in runs:
         raise InvalidInput(f"The job has no run {name}.")
     if len(runs) == 1:
-        raise InvalidInput(f"{name} is the only run, and a job needs one.")
+        raise InvalidInput(f"The run {name} cannot be removed, because it is the only run.")
     changes, experiment = [Change(("runs", name))], data.get("experiment") or {}
     if name in (experiment.get("runs") or []):
         changes.append(Change(("experiment", "runs", experiment["runs"].index(name))))

@@ -16,8 +16,8 @@ from armcontour.core.quantities import Quantity
 from armcontour.core.text import plain_number
 from armcontour.files.file_keys import MappingKeys as Model
 from armcontour.files.file_keys import read_keys
-from armcontour.files.job_edits import Change, Keys, value_at
 from armcontour.files.job_model import FrameModel, OrientationModel
+from armcontour.files.job_text_edits import Change, Keys, value_at
 from armcontour.files.scene_file import rotation_of
 from armcontour.files.si_data import in_si
 from armcontour.files.units import read_quantity, write_like
@@ -25,14 +25,14 @@ from armcontour.geometry.prescribed_orientation import POINTING_DOWN
 from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import ANGLE, BODIES, EXACT, LENGTH, EditState, Handles, uv_of
 
-# Accuracy of written angles [rad].
+# Maximum rounding error of written angles [rad].
 EXACT_ANGLE = 1e-14
 
 KEYS: Keys = ("path", "orientation")
-# Decimals of displayed and written angles [deg] and axis components.
+# Number of decimals of displayed and written angles [deg] and axis components.
 DECIMALS = 9
 
-# Keys of obstacle lists by kind.
+# Keys of the obstacle lists of a scene, by kind of obstacle.
 BODY_KINDS = {
     "box": "boxes",
     "cylinder": "cylinders",
@@ -44,7 +44,7 @@ BODY_KINDS = {
 
 
 def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Move and rotate the part in the plane of the picture."""
+    """Changes that move the part by `by` and rotate it about the point `about` in the picture."""
     plane, frame = state.handles.plane, state.handles.frame
     by, about = uv_of("by", edit.get("by", [0, 0])), uv_of("about", edit.get("about", [0, 0]))
     turn = checks.check_number("turn", edit.get("turn", 0.0), "rad")
@@ -63,7 +63,8 @@ def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     before = to_rpy(frame.rotation)
     angles = to_rpy(turned @ frame.rotation)
     if abs(plane.normal[2]) == 1:
-        # Yaw is the last rotation, so the other angles stay, even if they are not unique.
+        # Only yaw changes, because it is the last rotation. Roll and pitch stay as written, because
+        # the angles of `to_rpy` can differ from them.
         before = np.array(in_si(frame_data, FrameModel).get("rpy") or [0.0, 0.0, 0.0])
         yaw = math.remainder(before[2] + turn * plane.normal[2], 2 * math.pi)
         angles = np.append(before[:2], yaw)
@@ -79,7 +80,7 @@ def _vector(
     kind: Quantity,
     within: float,
 ) -> list[Change]:
-    """Changes of a vector of three quantities in a mapping."""
+    """Changes of the vector components that differ by more than `within`; of all if not written."""
     written = frame_data.get(str(keys[-1]))
     if written is None:
         return [Change(keys, [write_like(float(x), None, kind, within=within) for x in new])]
@@ -91,8 +92,8 @@ def _vector(
 
 
 def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | None:
-    """Angle of the tool axis from -z and azimuth [deg]; None without a single axis."""
-    tool_orientation = None if handles.job.arm.dimension == 2 else _oriented(data)
+    """Angle of the tool axis from -z and its azimuth [deg]; None if the axis is not constant."""
+    tool_orientation = None if handles.job.arm.dimension == 2 else _find_orientation(data)
     if tool_orientation is None:
         return None
     x, y, z = tool_orientation[2]
@@ -104,11 +105,12 @@ def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | Non
 
 
 def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Tilt the tool axis by the angles of `tilt_of`, in degrees or with a unit."""
-    now, tool_orientation = tilt_of(state.handles, state.data), _oriented(state.data)
+    """Changes that tilt the tool axis to the angles of `tilt_of`, in degrees or with a unit."""
+    now, tool_orientation = tilt_of(state.handles, state.data), _find_orientation(state.data)
     if now is None or tool_orientation is None:
         raise InvalidInput(
-            "The tool of this job has no single tilt: give path.orientation in the job file."
+            "The tilt of the tool cannot be set here, because path.orientation is a list or the "
+            "arm is planar. Edit path.orientation in the job file."
         )
     angle, towards = (_degrees(name, edit.get(name, now[name])) for name in ("angle", "towards"))
     flat = math.sin(angle)
@@ -126,8 +128,11 @@ def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     ]
 
 
-def _oriented(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatArray] | None:
-    """Keys, rotation (None for an axis) and axis of the tool; None for a list of orientations."""
+def _find_orientation(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatArray] | None:
+    """Keys of the orientation, rotation and tool axis; None if the job has a list of orientations.
+
+    The rotation is None if only the tool axis is specified.
+    """
     orientation = value_at(data, KEYS) or {}
     if isinstance(orientation, list):
         return None
@@ -143,7 +148,7 @@ def _oriented(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatAr
 
 
 def _degrees(name: str, value: Any) -> float:
-    """Angle [rad] from a text with a unit or a number in degrees."""
+    """Read an angle from a text with a unit or a number in degrees; returns radians."""
     number = plain_number(value) if isinstance(value, str) else value
     text = value if number is None else f"{number} deg"
     try:
@@ -153,7 +158,7 @@ def _degrees(name: str, value: Any) -> float:
 
 
 def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Add, change or remove an obstacle."""
+    """Changes that add, change or remove an obstacle."""
     action = checks.check_choice("action", edit["action"], ("add", "change", "remove"))
     named = str(edit["kind"])
     kind = checks.check_choice("kind of obstacles", BODY_KINDS.get(named, named), BODIES)
@@ -175,7 +180,7 @@ def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _body(edit: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys of a body in an edit."""
+    """Keys of the body in an edit, such as its size and pose."""
     return {
         key: x for key, x in edit.items() if key not in ("do", "action", "kind", "index", "name")
     }

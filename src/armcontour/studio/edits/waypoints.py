@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
-from armcontour.files.job_edits import Change, Keys, value_at
+from armcontour.files.job_text_edits import Change, Keys, value_at
 from armcontour.files.patch import locate_key
 from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import (
@@ -28,20 +28,20 @@ from armcontour.studio.handles import (
     uv_of,
 )
 
-# Largest index of a waypoint.
+# Upper bound of waypoint indices in messages.
 MAX_WAYPOINT = 10_000_000
 
 TO = "to"
-# A shape that starts this close to the end of the path continues it [m].
+# A drawn shape continues the path if it starts within this distance of the path's end [m].
 NEAR = 1e-9
 
 
 def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Set the tolerance of one corner; null removes it."""
+    """Changes that set the tolerance of one corner; the value None removes the tolerance."""
     if edit["index"] is None:
         raise InvalidInput(
-            "This corner is at no waypoint of a path of one contour, so that it cannot have a "
-            "tolerance of its own: set that of all corners."
+            "This corner cannot have its own tolerance, because it is not at a waypoint of a path "
+            "with a single contour. Set the tolerance of all corners."
         )
     index = checks.check_int("number of the waypoint", edit["index"], 0, MAX_WAYPOINT)
     keys = locate_key(("corners", "at"), state.data, state.run)
@@ -54,17 +54,17 @@ def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def renumber_corners(index: int, by: int, state: EditState) -> list[Change]:
-    """Changes of corner tolerances when the waypoints from `index` on are renumbered by `by`."""
+    """Changes of corner tolerances after a waypoint is inserted at `index` or removed (by = -1)."""
     changes = []
     last = len(state.handles.ends) - 1
-    # If an end of the path is removed, its neighbour becomes an end without a corner.
+    # If an end of the path is removed, its neighbour becomes the end, which is not a corner.
     ends = {1, last} if by < 0 and index in (0, last) else set()
     runs = (("runs", name, "corners", "at") for name in state.data["runs"])
     for keys in (("corners", "at"), *runs):
         tolerances = value_at(state.data, keys)
         if not isinstance(tolerances, dict):
             continue
-        # The waypoint that is removed has the number index + 1.
+        # Keys are waypoint numbers, which start at 1: the removed waypoint has number index + 1.
         remaining = {k: x for k, x in tolerances.items() if by > 0 or k != index + 1}
         moved = {k + by if k > index else k: x for k, x in remaining.items()}
         new = {k: x for k, x in moved.items() if k not in ends}
@@ -74,7 +74,7 @@ def renumber_corners(index: int, by: int, state: EditState) -> list[Change]:
 
 
 def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Move a waypoint in the picture; `step` rounds its coordinates."""
+    """Changes that move a waypoint to a point in the picture; `step` [m] rounds its coordinates."""
     point = _waypoint(edit, state)
     within = EXACT
     if edit.get("step") is not None:
@@ -84,12 +84,13 @@ def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Set the coordinates of a waypoint, as typed."""
+    """Changes that set the coordinates of a waypoint to typed values."""
     point = _waypoint(edit, state)
     values = edit["value"]
     if not isinstance(values, list) or len(values) != len(point.written):
         raise InvalidInput(
-            f"Waypoint {point.index + 1} has {len(point.written)} coordinates, not {show(values)}."
+            f"The value of waypoint {point.index + 1} must be a list of {len(point.written)} "
+            f"coordinates, but is {show(values)}."
         )
     new = [
         format_value(x, old, (*point.keys, k))
@@ -105,7 +106,7 @@ def _coordinates(keys: Keys, old: Sequence[Any], new: Sequence[Any]) -> list[Cha
 
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Insert a waypoint at an index of the path."""
+    """Changes that insert a waypoint before the waypoint with an index."""
     handles, index = require_editable(state), edit["index"]
     ends = handles.ends
     checks.check_int("number of the waypoint", index, 0, len(ends))
@@ -122,7 +123,7 @@ def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _insert_segment(index: int, coordinates: list[Any], state: EditState) -> list[Change]:
-    """Insert a waypoint between segments: a line is divided into two."""
+    """Changes that insert a waypoint into a list of segments; a line is divided into two lines."""
     path = state.data["path"]
     segments = path[SEGMENTS]
     if index == 0:
@@ -136,23 +137,23 @@ def _insert_segment(index: int, coordinates: list[Any], state: EditState) -> lis
     parted = segments[index - 1]
     if parted.get(VIA) is not None or parted.get(CENTER) is not None:
         raise InvalidInput(
-            f"Segment {index} is an arc, which cannot be divided: move its end or the point "
-            "that it goes through."
+            f"Segment {index} is an arc, which cannot be divided. Move its end, via point or "
+            "centre instead."
         )
     return [Change(("path", SEGMENTS, index - 1), {**parted, "to": coordinates}, insert=True)]
 
 
 def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Remove a waypoint at the end of a segment."""
+    """Changes that remove a waypoint at an end of a segment."""
     handles, point = require_editable(state), _waypoint(edit, state, computed=True)
     if point.role not in (POINT, END):
         raise InvalidInput(
-            f"Waypoint {point.index + 1} is the {point.role} point of an arc, which needs it: "
-            "remove the end of the arc."
+            f"Waypoint {point.index + 1} cannot be removed, because it is the {point.role} point "
+            "of an arc. Remove the end of the arc instead."
         )
     index, ends = point.index, handles.ends
     if len(ends) <= 2:
-        raise InvalidInput("A path needs two points, so that none of them can be removed.")
+        raise InvalidInput("The waypoint cannot be removed, because a path needs two points.")
     if handles.kind != SEGMENTS:
         changes = [Change((*_list_of(handles), index))]
     elif index > 0:
@@ -161,8 +162,8 @@ def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         first = state.data["path"][SEGMENTS][0].get("to")
         if first is None:
             raise InvalidInput(
-                "The path starts with an arc around a centre, so that its first point cannot be "
-                "removed: move it."
+                "The first point of the path cannot be removed, because the path starts with an "
+                "arc around a centre. Move the point instead."
             )
         changes = [Change(("path", "start"), first), Change(("path", SEGMENTS, 0))]
     orientation = value_at(state.data, ("path", "orientation"))
@@ -172,7 +173,7 @@ def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def copy_orientation(index: int, like: int, state: EditState) -> list[Change]:
-    """Copy the orientation of a neighbour for a new waypoint."""
+    """Changes that give a new waypoint the orientation of the waypoint `like`."""
     orientations = value_at(state.data, ("path", "orientation"))
     if not isinstance(orientations, list) or like >= len(orientations):
         return []
@@ -180,14 +181,14 @@ def copy_orientation(index: int, like: int, state: EditState) -> list[Change]:
 
 
 def require_editable(state: EditState) -> Handles:
-    """The handles of a job; refuses points that come from a file."""
+    """Handles of the job; raises InvalidInput if its points come from a drawing."""
     if state.handles.why_not is not None:
         raise InvalidInput(state.handles.why_not)
     return state.handles
 
 
 def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = False) -> Waypoint:
-    """The waypoint of an edit. It must exist and be movable."""
+    """Waypoint of an edit; raises InvalidInput if it cannot be moved, unless `computed`."""
     points = require_editable(state).waypoints
     point = points[checks.check_int("number of the waypoint", edit["index"], 0, len(points) - 1)]
     if point.why_not is not None and not computed:
@@ -200,13 +201,15 @@ def _list_of(handles: Handles) -> Keys:
 
 
 def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Append drawn segments: lines to points, arcs via points, circles around centres."""
+    """Changes that append drawn segments: lines to points, arcs via points, circles by centre."""
     handles, path = require_editable(state), state.data["path"]
     if handles.kind == SPLINE:
-        raise InvalidInput("A spline has no lines and arcs: draw on an empty plane instead (New).")
+        raise InvalidInput(
+            "Lines and arcs cannot be added to a spline. Draw on an empty plane instead (New)."
+        )
     drawn = edit["segments"]
     if not isinstance(drawn, list) or not all(isinstance(x, Mapping) for x in drawn):
-        raise InvalidInput("The pen draws a list of segments.")
+        raise InvalidInput("`segments` of the edit draw must be a list of mappings.")
     ends, start = handles.ends, uv_of("start", edit["start"])
     like = next((x for x in reversed(ends) if x.role == POINT), handles.origin)
     normal = handles.frame.rotation.T @ handles.plane.normal
@@ -228,7 +231,7 @@ def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         count = len(path[kind])
         changes = [Change((*keys, count + k), x, insert=True) for k, x in enumerate(new)]
     else:
-        # Points become lines.
+        # The path becomes a list of segments: its points are converted to lines.
         begin, *others = path.get(POINTS) or [first]
         values = {"start": begin, SEGMENTS: [*({TO: x} for x in others), *segments]}
         changes = [Change(("path", POINTS)), *(Change(("path", k), x) for k, x in values.items())]

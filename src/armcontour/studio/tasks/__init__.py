@@ -1,4 +1,5 @@
 """Tasks of the task process: exact figures, checks, searches, files.
 
-A task maps a `Request` to a frame. A file is the array `content`, its header has `name` and `type`.
+A task takes a `Request` and returns a message frame. A frame with a file has the array `content`,
+and `name` and `type` in its header.
 """

@@ -24,9 +24,9 @@ from armcontour.studio.tasks.searches import place, sweep
 Listener: TypeAlias = Callable[[bytes], None]
 # Minimum interval of progress frames [s].
 PROGRESS_INTERVAL = 0.1
-# Period of checks that the parent process exists [s].
+# Period of the checks whether the parent process still exists [s].
 PARENT_CHECK_PERIOD = 1.0
-# Small job that loads the modules of all tasks.
+# Small job that is computed to load the modules that tasks need.
 WARMUP_JOB = """
 name: small
 arm: pmk3s
@@ -53,7 +53,7 @@ TASKS: dict[str, Callable[[Request], PageFrame]] = {
 
 
 class TaskInput(NamedTuple):
-    """A task for the task process; `id` identifies it for `cancel`."""
+    """A task for the task process; `id` identifies the task for `cancel`."""
 
     id: str
     task: str
@@ -63,8 +63,8 @@ class TaskInput(NamedTuple):
 WARM = TaskInput("", "warm", {})
 
 
-def work(task_input: TaskInput, listener: Listener = child_process.tell) -> bytes:
-    """Run a task in its process; returns the final frame as bytes; WARM only loads modules."""
+def work(task_input: TaskInput, listener: Listener = child_process.report_to_parent) -> bytes:
+    """Run a task in the task process; returns the encoded final frame. WARM only loads modules."""
     id, task, request = task_input
     if task_input == WARM:
         _warm_up()
@@ -75,12 +75,14 @@ def work(task_input: TaskInput, listener: Listener = child_process.tell) -> byte
     except ArmContourError as error:
         frame = PageFrame("failed", {"sentence": str(error), "error": type(error).__name__})
     except Exception as error:
-        frame = PageFrame("failed", {"sentence": f"{task} failed: {type(error).__name__}: {error}"})
+        kind = type(error).__name__
+        sentence = f"Internal error of the task {task} ({kind}): {error}"
+        frame = PageFrame("failed", {"sentence": sentence})
     return frame.stamped(id=id, task=task).pack()
 
 
 class _TaskProgress:
-    """Reports the progress of a task at intervals."""
+    """Progress callback that sends frames at intervals, with the estimated remaining time."""
 
     def __init__(self, id: str, task: str, listener: Listener) -> None:
         self._facts = {"id": id, "task": task}
@@ -99,23 +101,26 @@ class _TaskProgress:
 
 
 def _warm_up() -> None:
-    """Load the modules that tasks need, and end this process with its parent."""
+    """Load the modules that tasks need, and let this process end when its parent ends."""
     if child_process.is_child() and hasattr(os, "nice"):
         threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=WARMUP_JOB))
 
 
 def _end_with_parent(parent: int) -> None:
-    """End this process when its parent has ended, also during a task."""
+    """End this process when its parent has ended, even during a task."""
     while os.getppid() == parent:
         time.sleep(PARENT_CHECK_PERIOD)
     os._exit(1)
 
 
 def do(task: str, request: Mapping[str, Any], progress: Progress) -> PageFrame:
-    """Run a task; refusals of exact figures are a result, those of other tasks an error."""
+    """Run a task and return its frame.
+
+    The task `figures` returns an error of the job as a frame `refusal`; other tasks raise it.
+    """
     if task not in TASKS:
-        raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
+        raise InvalidInput(f"The task must be one of {', '.join(TASKS)}, but is {task!r}.")
     full = Request(**request, progress=progress)
     named = [FilePath(x) for x in full.named]
     with reading_below(map(FilePath, full.allowed), named) if full.allowed else nullcontext():

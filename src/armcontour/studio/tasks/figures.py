@@ -1,4 +1,4 @@
-"""Tasks with figures of a run: results, advice, comparison, checks of limits and clearance."""
+"""Tasks that compute figures of a run: results, advice, comparison, limit check, clearance."""
 
 from __future__ import annotations
 
@@ -18,23 +18,27 @@ if TYPE_CHECKING:
     from armcontour.jobs.improvements import Advice
 
 
-# Larger jobs get no advice in the Studio, because it plans them many times.
+# Maximum number of segments of a job for which the Studio computes advice, which requires many
+# plans of the job.
 MAX_SEGMENTS = 200
-LONG_NOTE = "The program is long: the command run plans its changes with --changes."
-# Generator of the advice for the last figures, by text and run.
+LONG_NOTE = (
+    "The Studio computes no proposals for this program, because it is long. Use the command "
+    "armcontour run with --changes."
+)
+# Generator that computes the advice for the last figures, by text and run.
 _advising: dict[tuple[str, str | None], Generator[float, None, Advice]] = {}
 
-# Points of each curve.
+# Number of points of each compared curve.
 POINTS = 2_000
 
-# Number of times at which the clearance is computed, and of nearest pairs in the table.
+# Number of times at which clearance is computed, and maximum number of pairs in the table.
 CLEARANCE_TIMES, MAX_PAIRS = 400, 10
 
 
 def figures(request: Request) -> PageFrame:
-    """Exact figures of a run, or its refusal with the position."""
+    """Frame with the exact figures of a run, or a refusal with the position of the error."""
     from armcontour.core.render import frame
-    from armcontour.jobs.advice import advising, is_small
+    from armcontour.jobs.advice import advice_steps, is_small
     from armcontour.jobs.job_result import judging_rows
     from armcontour.studio.picture import refusal_header, time_header
     from armcontour.studio.preview import Tier
@@ -45,7 +49,7 @@ def figures(request: Request) -> PageFrame:
         try:
             refusal = refusal_header(error, request.view, tier=3, run=request.run or "")
         except InvalidInput:
-            # The data make no job, so there is no plane for a position.
+            # The data are not a valid job, so there is no picture in which to mark a position.
             refusal = {"tier": 3, "run": request.run, "sentence": str(error), "at": {}}
         return PageFrame("refusal", refusal)
     data = result.to_data()
@@ -60,19 +64,19 @@ def figures(request: Request) -> PageFrame:
     }
     _advising.clear()
     if is_small(request.job, MAX_SEGMENTS):
-        _advising[request.text, request.run] = advising(request.job, result)
+        _advising[request.text, request.run] = advice_steps(request.job, result)
     return PageFrame("figures", header)
 
 
 def changes(request: Request) -> PageFrame:
-    """Next step of the advice; the last one contains the proposed changes."""
-    from armcontour.jobs.advice import advising, is_small
+    """Compute the next step of the advice; the frame of the last step has the proposed changes."""
+    from armcontour.jobs.advice import advice_steps, is_small
 
     if not is_small(request.job, MAX_SEGMENTS):
         return PageFrame(
             "changes", {"run": request.run, "share": 1.0, "changes": [], "note": LONG_NOTE}
         )
-    steps = _advising.get((request.text, request.run)) or advising(request.job, request.result)
+    steps = _advising.get((request.text, request.run)) or advice_steps(request.job, request.result)
     _advising[request.text, request.run] = steps
     try:
         return PageFrame("changes", {"run": request.run, "share": next(steps)})
@@ -95,24 +99,27 @@ def _set(key: str, value: Any) -> dict[str, Any]:
 
 
 def compare(request: Request) -> PageFrame:
-    """Comparison of the shown run with another run or with the job before the last edit."""
+    """Compare the shown run with another run, or with the same run before the last edit."""
     from armcontour.core.render import cells, number
     from armcontour.jobs.differences import differences
     from armcontour.studio.view import to_float32
 
     other = request.option("with", "")
     if other:
-        names, that = (str(request.run), other), replace(request, run=other)
+        names, other_request = (str(request.run), other), replace(request, run=other)
     else:
         names, text = ("now", "before"), request.option("text", "")
         if not text:
-            raise InvalidInput("There is no edit yet: edit the job, or choose another run.")
-        that = replace(request, text=text)
-    results = request.result, that.result
+            raise InvalidInput(
+                "The job has not been edited yet. Edit the job, or choose another run to compare."
+            )
+        other_request = replace(request, text=text)
+    results = request.result, other_request.result
     table = differences(results[0].to_data(), results[1].to_data(), names)
     saved = results[1].trajectory.duration - results[0].trajectory.duration
     words = "shorter" if saved > 0 else "longer"
-    sentence = f"The motion is {number(abs(saved), 's')} {words}: {names[0]} against {names[1]}."
+    subject = f"The motion of {names[0]} is" if other else "The motion is now"
+    sentence = f"{subject} {number(abs(saved), 's')} {words} than {names[1]}."
     length = max(y.path.length for y in results)
     duration = max(y.motion.t[-1] for y in results)
     s, t = np.linspace(0, length, POINTS), np.linspace(0, duration, POINTS)
@@ -124,7 +131,7 @@ def compare(request: Request) -> PageFrame:
 
 
 def _speed(result: RunResult, s: FloatArray) -> FloatArray:
-    """Planned tool speeds at arc lengths, NaN beyond the end [m/s]."""
+    """Planned tool speeds at arc lengths [m/s], (n,); NaN beyond the end of the path."""
     within = s <= result.path.length
     speed = np.full(len(s), np.nan)
     speed[within] = result.trajectory.speed_at(s[within])
@@ -132,14 +139,14 @@ def _speed(result: RunResult, s: FloatArray) -> FloatArray:
 
 
 def _error(result: RunResult, t: FloatArray) -> FloatArray:
-    """Contour errors at times, NaN outside of contours [m]."""
+    """Contour errors at times, interpolated [m], (n,); NaN before the first and after the last."""
     assert result.evaluation is not None
     e = result.evaluation.contour_error
     return np.interp(t, e.t, e.values, left=np.nan, right=np.nan)
 
 
 def check(request: Request) -> PageFrame:
-    """Check of the plan against all limits, without code of the planner."""
+    """Check the plan against all limits with code that is independent of the planner."""
     from armcontour.core.render import number
     from armcontour.verification import check
 
@@ -148,7 +155,7 @@ def check(request: Request) -> PageFrame:
     worst = result.worst
     most_used = ""
     if worst is not None:
-        most_used = f" {_words(worst.name)} is used most: {number(worst.ratio, '1')}."
+        most_used = f" The most used limit is {_words(worst.name)}: {number(worst.ratio, '1')}."
     rows = [
         (
             _words(y.name) + ("" if y.joint is None else f", joint {y.joint + 1}"),
@@ -158,8 +165,10 @@ def check(request: Request) -> PageFrame:
         )
         for y in result.uses
     ]
-    verdict = {"kept": "All limits are kept.", "violated": "A limit is exceeded."}
-    sentence = verdict.get(result.verdict, "The check cannot decide if all limits are kept.")
+    verdict = {"kept": "The plan respects all limits.", "violated": "The plan violates a limit."}
+    sentence = verdict.get(
+        result.verdict, "The check cannot tell whether the plan respects all limits."
+    )
     return PageFrame(
         "result",
         {
@@ -175,7 +184,7 @@ def _words(name: str) -> str:
 
 
 def clearance(request: Request) -> PageFrame:
-    """Distances of the arm from itself and its cell over time, and the nearest pairs."""
+    """Compute distances of the arm from itself and its cell over time, and the nearest pairs."""
     from armcontour.core.render import cells, frame
     from armcontour.jobs import run
     from armcontour.studio.view import to_float32
@@ -184,7 +193,7 @@ def clearance(request: Request) -> PageFrame:
     try:
         plan = request.set_points
     except Collision:
-        # The task reports the distances also of a colliding motion.
+        # The distances are also computed if the motion collides.
         job = replace(request.job, ignore_collisions=True)
         (plan,) = run(job, simulate=False, progress=request.progress).runs.values()
     result = cell.check(plan.trajectory)

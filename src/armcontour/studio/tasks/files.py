@@ -1,4 +1,4 @@
-"""Tasks that end with a file: exports, reports and certificates."""
+"""Tasks that create a file: exports, reports and certificates."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from armcontour.files.exports.formats import ExportFormat
     from armcontour.jobs import Job, RunResult
 
-# Template with file names of KRL, and their largest length.
+# Template whose file names must be KRL identifiers, and the maximum length of these names.
 KUKA, MAX_LETTERS = "kuka", 24
 
 
 def report(request: Request) -> PageFrame:
-    """HTML report of the run; with the option `all`, of all runs."""
+    """Create an HTML report of the run; with the option `all`, of all runs."""
     from armcontour.jobs import run
     from armcontour.report import render_report
 
@@ -42,7 +42,7 @@ def report(request: Request) -> PageFrame:
 
 
 def certify(request: Request) -> PageFrame:
-    """Certificate as a report; options are fields of `CertificateGoal`."""
+    """Certify the run and create a report; the options are fields of `CertificateGoal`."""
     from armcontour.core.render import plain, verdict
     from armcontour.report import render_report
     from armcontour.studies.certification import certify
@@ -50,7 +50,8 @@ def certify(request: Request) -> PageFrame:
 
     if request.whole_job.certificate is None and "tolerance" not in request.options:
         raise InvalidInput(
-            "Certify needs a tolerance, because the job has none: enter it next to Certify."
+            "Certify requires a tolerance, because the job does not specify one. Enter it next to "
+            "Certify."
         )
     goal = goal_of(request.whole_job, **request.options)
     certificate = certify(request.whole_job, request.run, goal=goal, progress=request.progress)
@@ -68,10 +69,13 @@ def certify(request: Request) -> PageFrame:
 
 
 def export(request: Request) -> PageFrame:
-    """Exported set-points or plan; options `format`, `template`, `format_class`, `cycle` [s]."""
+    """Export set-points or the plan.
+
+    Options: `format`, `template`, `of` (set_points, planned or learned), `cycle` [s].
+    """
     from armcontour.files.exports.formats import TemplateFormat, format_named, write_destination
     from armcontour.files.exports.table import make_table
-    from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
+    from armcontour.files.exports.template import BUILT_IN, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
     format_class = format_named(str(request.option("format", "csv")))
@@ -85,16 +89,17 @@ def export(request: Request) -> PageFrame:
     template, ending = None, format.ending
     if isinstance(format, TemplateFormat):
         template = format.label
-        if template not in SHIPPED:
-            names = ", ".join(SHIPPED)
-            raise InvalidInput(f"There is no template {template!r}: there are {names}.")
+        if template not in BUILT_IN:
+            names = ", ".join(BUILT_IN)
+            raise InvalidInput(f"The template must be one of {names}, but is {template!r}.")
         ending = ending_of(template)
     set_points = source != "planned"
     request.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
         stem = f"{request.job.name}-{plan.run.name}"
         if template == KUKA:
-            # KRL identifies a program by the name of its file and allows only short names.
+            # The file name of a KRL program is its identifier, so it must be short and without
+            # special characters.
             stem = re.sub(r"\W", "_", stem if stem[:1].isalpha() else f"p_{stem}", flags=re.ASCII)
             stem = stem[:MAX_LETTERS]
         file = FilePath(folder) / f"{stem}{ending}"
@@ -125,7 +130,7 @@ def export(request: Request) -> PageFrame:
 
 
 def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
-    """Analog outputs of a plan, if the format supports them."""
+    """Analog outputs of a plan; None if there are none or the format does not support them."""
     from armcontour.files.exports.formats import WITH_ANALOG
 
     if not isinstance(format, WITH_ANALOG):
@@ -134,7 +139,7 @@ def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[.
 
 
 def _content_of(file: FilePath) -> tuple[str, bytes]:
-    """Name and bytes of a file; a folder becomes an archive."""
+    """Name and bytes of a file; a folder is packed into a ZIP archive."""
     if not file.is_dir():
         return file.name, file.read_bytes()
     archive = BytesIO()

@@ -1,6 +1,6 @@
-"""Tasks on logs of the robot: comparison with the plan, identification, learning.
+"""Tasks that read logs of the robot: comparison with the plan, identification, learning.
 
-The option `logs` names the logs of successive runs; `columns` is as in `read_log`.
+Options: `logs`, the names of the logs of successive runs, and `columns` as in `read_log`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def measured(request: Request) -> PageFrame:
-    """Comparison of the plan with the last log: contour errors and measured tool path."""
+    """Compare the plan with the last log: contour errors and measured tool path."""
     from armcontour.jobs.run_learning import judge_last
     from armcontour.studio.execution_picture import tool_lines
 
@@ -36,7 +36,7 @@ def measured(request: Request) -> PageFrame:
 
 
 def identify(request: Request) -> PageFrame:
-    """Identified servo of each joint, and the edit that writes it into the job."""
+    """Identify the servo of each joint; the frame has the edit that writes it into the job."""
     from armcontour.control.identification import ServoFit, identify
     from armcontour.files.robot_file import servo_values
 
@@ -54,7 +54,7 @@ def identify(request: Request) -> PageFrame:
 
 
 def learn(request: Request) -> PageFrame:
-    """Set-points of the next run, as written by `armcontour learn`."""
+    """Learn the set-points of the next run; creates the same file as `armcontour learn`."""
     from armcontour.files.exports.table import set_point_pieces
 
     study = learn_from_logs(request)
@@ -66,29 +66,34 @@ def learn(request: Request) -> PageFrame:
 
 
 def learn_from_logs(request: Request) -> LearningStudy:
-    """Learning study of the logs of successive runs."""
+    """Learn from the logs of successive runs; returns the learning study."""
     from armcontour.jobs.run_learning import learn_logs
 
     return learn_logs(request.whole_job, request.run, read_logs(request), request.progress)
 
 
 def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
-    """Read the logs of a task; joints in the order of the arm."""
+    """Read the logs of a task, with joints in the order of the arm.
+
+    `commanded`: the logs must contain set-points.
+    """
     from armcontour.files.log_file import read_run_log
 
     if not request.logs:
-        raise InvalidInput("This needs a log of the robot: drop one on the page, and tick it.")
+        raise InvalidInput(
+            "This task requires a log of the robot. Drop a log on the page and select it."
+        )
     request.progress(Step(("reading the log",)))
     columns, names = str(request.option("columns", "")) or None, request.job.arm.joint_names
     try:
         return [read_run_log(y, names, columns=columns, commanded=commanded) for y in request.logs]
     except InvalidInput as error:
-        # Messages name the log without its folder.
+        # The message names the log without the folder of uploads.
         raise InvalidInput(str(error).replace(f"{FilePath(request.logs[0]).parent}/", "")) from None
 
 
 def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
-    """Figures, tables and notes of a result, as the terminal prints them."""
+    """Figures, tables and notes of a result, the same as the terminal prints."""
     from armcontour.studio.page_frame import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]

@@ -1,4 +1,4 @@
-"""A task on a document, and what is made of the document once."""
+"""Class `Request`: a task for a document, with objects that are computed once."""
 
 from __future__ import annotations
 
@@ -18,29 +18,36 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class Request:
-    """A task on a document, with cached results."""
+    """A task for a document; its properties are computed once."""
 
+    # Text of the job.
     text: str
+    # Name of the document in messages.
     source: str = "job"
+    # Folder to which file names in the job are relative.
     folder: str = ""
     run: str | None = None
     trust_xacro: bool = False
+    # Options of the task.
     options: Mapping[str, Any] = field(default_factory=dict)
+    # Files of the selected logs.
     logs: Sequence[str] = ()
+    # Folders from which files may be read; empty: no restriction.
     allowed: Sequence[str] = ()
+    # Further files that may be read.
     named: Sequence[str] = ()
     progress: Progress = lambda step: None
 
     @cached_property
     def data(self) -> dict[str, Any]:
-        """Data of the job."""
+        """Keys and values of the job text."""
         from armcontour.files.job_file import read_data
 
         return read_data(self.text, self.source)
 
     @cached_property
     def previewer(self) -> CoarsePlanner:
-        """Planner that keeps results from one task to the next."""
+        """Planner whose cached results are also used for the next tasks in the same folder."""
         key = self.folder, self.trust_xacro
         if key not in _previewers:
             from armcontour.studio.preview import CoarsePlanner
@@ -51,7 +58,7 @@ class Request:
 
     @cached_property
     def job(self) -> Job:
-        """The job with only this run, without the keys of a certificate."""
+        """The job with only this run, and without its certificate."""
         return self.previewer.job(self.data, self.run)
 
     @cached_property
@@ -68,7 +75,7 @@ class Request:
 
     @cached_property
     def set_points(self) -> RunResult:
-        """Plan and set-points of the run."""
+        """Plan and set-points of the run, without simulation."""
         from armcontour.jobs import run
 
         (plan,) = run(self.job, simulate=False, progress=self.progress).runs.values()
@@ -76,7 +83,7 @@ class Request:
 
     @cached_property
     def result(self) -> RunResult:
-        """Result of the run, judged as in the preview."""
+        """Result of the run, simulated with the same experiment as in the preview."""
         from armcontour.jobs import run
 
         (single,) = self.job.runs
@@ -88,7 +95,7 @@ class Request:
 
     @cached_property
     def view(self) -> View:
-        """Projection of the document onto the picture."""
+        """Projection of the job onto the plane of the picture."""
         from armcontour.studio.handles import handles_of
         from armcontour.studio.view import View
 
@@ -96,10 +103,10 @@ class Request:
         return View(handles.plane, handles.centre)
 
     def option(self, name: str, default: Any) -> Any:
-        """An option of the task, or a default."""
+        """Value of an option of the task; the default if it is None or missing."""
         value = self.options.get(name)
         return default if value is None else value
 
 
-# The planner of the last folder.
+# Planner of the last folder, by folder and `trust_xacro`; at most one entry.
 _previewers: dict[tuple[str, bool], CoarsePlanner] = {}

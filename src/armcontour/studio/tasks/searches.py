@@ -1,4 +1,4 @@
-"""Tasks with many plans of one job: sweep of a key, placement of the part."""
+"""Tasks that plan a job many times: sweep of a key, placement of the part."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import Step
 from armcontour.jobs import PlaceSearch
-from armcontour.jobs.place_search import LENGTHS
+from armcontour.jobs.placement_options import LENGTHS
 from armcontour.robot.scene import BASE
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.request import Request
@@ -25,8 +25,11 @@ SWEEP_POINTS = 15
 
 
 def sweep(request: Request) -> PageFrame:
-    """Duration and error in previews over `values`, or `min`, `max`, `count`, `log`, of `key`."""
-    from armcontour.files.job_edits import change_data
+    """Compute duration and contour error in previews over values of a job key.
+
+    Options: `key`, and either `values` or `min`, `max`, `count` and `log`.
+    """
+    from armcontour.files.job_text_edits import change_data
     from armcontour.studio.edits.keys import set_value
     from armcontour.studio.handles import EditState, handles_of
 
@@ -62,13 +65,13 @@ def _values(request: Request) -> Any:
         return np.array(values, dtype=np.float64)
     low, high = request.options.get("min"), request.options.get("max")
     if low is None or high is None:
-        raise InvalidInput("A sweep needs values, or min and max.")
+        raise InvalidInput("A sweep requires the option `values`, or `min` and `max`.")
     space = np.geomspace if request.option("log", False) else np.linspace
     return space(float(low), float(high), int(request.option("count", SWEEP_POINTS)))
 
 
 def place(request: Request) -> PageFrame:
-    """Map of part placements; options are `processes`, `as_job` and fields of `PlaceSearch`."""
+    """Compute a map of part placements; options: `processes`, `as_job`, fields of `PlaceSearch`."""
     from armcontour.core.render import frame, verdict
     from armcontour.studies.placement import place
 
@@ -87,7 +90,7 @@ def place(request: Request) -> PageFrame:
     best = result.refined
     sentence = verdict(result.to_data())
     anchor = result.moves.anchor
-    # Shifts are relative to the current position of the part.
+    # Absolute positions are converted to shifts from the current position of the part.
     part = dict(zip(LENGTHS, anchor.tolist(), strict=True))
     zero = {name: part[name] for name in result.moves.absolute}
     header = {
@@ -105,7 +108,7 @@ def place(request: Request) -> PageFrame:
     }
     refused = [kinds.index(y.refusal) if y.refusal else 255 for y in verdicts]
     scores = np.array([y.score(objective) for y in verdicts])
-    # Shifts are written into the file, so they keep float64.
+    # Shifts have 64 bits, because the page writes them into the job.
     arrays: dict[str, Any] = {
         "by": np.array([_shift(request.view, y, zero) for y in placements]),
         "turn": np.array([y.get("yaw", 0.0) for y in placements]),
@@ -117,13 +120,14 @@ def place(request: Request) -> PageFrame:
 
 
 def _refuse_unseen(search: PlaceSearch) -> None:
-    """Refuse placements outside of the plane of the picture."""
+    """Raise InvalidInput for placements that the picture cannot show."""
     axes = [name for name in ("z", "tilt") if name in search.over]
     if axes or search.what == BASE:
-        moved = f"along {' and '.join(axes)}" if axes else "the base"
+        moved = f"the part in {' and '.join(axes)}" if axes else "the base"
         raise InvalidInput(
-            f"The map of places is in the plane of the drawing, so it cannot place {moved}: "
-            "use `armcontour place`, or untick *as in the job* and give ranges of x, y and turn."
+            f"The map shows placements of the part in the plane of the drawing, so it cannot move "
+            f"{moved}. Use `armcontour place`, or deselect *as in the job* and specify ranges of "
+            "x, y and turn."
         )
 
 

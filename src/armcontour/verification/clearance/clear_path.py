@@ -1,4 +1,4 @@
-"""Collision-free joint paths between two postures, for rapids around obstacles."""
+"""Search for collision-free joint paths between two postures, for rapids around obstacles."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from armcontour.core.checks import FloatArray
 from armcontour.motion import JointPath
 from armcontour.verification.clearance.clearance import Cell
 
-# Fractions of half of each line that the rounding of its corners takes, in order of the trials;
-# with 0 the motion stops at the corners.
+# Fractions of half of each line that the rounding of its corners occupies, in the order in which
+# they are tried. With 0 the motion stops at the corners.
 ROUNDED = (0.9, 0.5, 0.2, 0.0)
-# Search for intermediate postures: growth of a branch per step [rad], margin around both ends for
-# random postures [rad], and largest number of checked lines.
+# Search for intermediate postures: length of one step of a tree [rad], margin of the sampled box
+# around both ends [rad], and maximum number of checked lines.
 STEP, AROUND, MAX_PIECES = 0.4, 1.5, 1500
 # Number of attempted shortcuts between two postures of a path.
 SHORTCUTS = 60
@@ -29,8 +29,8 @@ def connect(
 
 
 def path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
-    """A collision-free joint path through postures with rounded corners; None if there is none."""
-    # postures (n, dof) [rad].
+    """Make a collision-free joint path through postures; None if no rounding is collision-free."""
+    # postures: joint positions [rad], (n, dof).
     apart = np.append(True, np.abs(np.diff(postures, axis=0)).max(axis=1) > 1e-9)
     for share in ROUNDED if apart.sum() > 2 else ROUNDED[-1:]:
         path = round_postures(postures[apart], share)
@@ -40,8 +40,8 @@ def path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
 
 
 def round_postures(postures: FloatArray, share: float) -> JointPath:
-    """Straight lines in joint space between postures, with parabolas at the corners."""
-    # share: fraction of half of each line that its parabolas take; 0 stops at every corner.
+    """Make a joint path of straight lines between postures, with parabolas at the corners."""
+    # share: fraction of half of each line that its parabolas occupy; 0 stops at every corner.
     steps = np.diff(postures, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     directions = steps / lengths[:, None]
@@ -54,7 +54,7 @@ def round_postures(postures: FloatArray, share: float) -> JointPath:
         widths.append(line)
         if cut[k + 1] > 0:
             r = cut[k + 1]
-            # From r before the corner to r after it; dq_ds changes between the directions.
+            # The parabola extends from r before to r after the corner and connects both directions.
             rows.append(
                 [
                     postures[k + 1] - r * direction,
@@ -71,13 +71,13 @@ def round_postures(postures: FloatArray, share: float) -> JointPath:
 def _search(
     cell: Cell, first: FloatArray, last: FloatArray, ranges: tuple[FloatArray, FloatArray]
 ) -> FloatArray | None:
-    """Postures from the first to the last with collision-free lines; None if not found."""
+    """Postures from the first to the last, connected by collision-free lines; None if not found."""
     low = np.maximum(np.minimum(first, last) - AROUND, ranges[0])
     high = np.minimum(np.maximum(first, last) + AROUND, ranges[1])
     random = np.random.default_rng(0)
-    lines = _Lines(cell)
+    lines = _LineChecker(cell)
     trees = _Tree(first), _Tree(last)
-    while lines.left > 0:
+    while lines.remaining > 0:
         goal = random.uniform(low, high)
         for a, b in (trees, trees[::-1]):
             reached = a.grow(goal, lines)
@@ -85,40 +85,35 @@ def _search(
                 continue
             met = b.grow(a.postures[reached], lines, whole=True)
             if met is not None and np.array_equal(b.postures[met], a.postures[reached]):
-                ends = (a.back(reached), b.back(met))
+                ends = (a.trace_to_root(reached), b.trace_to_root(met))
                 begin, end = ends if a is trees[0] else ends[::-1]
                 return np.array([*begin[::-1], *end[1:]])
     return None
 
 
-class _Lines:
-    """Straight lines in joint space, with a budget of checks."""
-
-    # cell: the arm and its cell.
-    # left: number of remaining checks.
+class _LineChecker:
+    """Checker of straight lines in joint space, with a limited number of checks."""
 
     def __init__(self, cell: Cell) -> None:
         self._cell = cell
-        self.left = MAX_PIECES
+        self.remaining = MAX_PIECES
 
-    def clear(self, first: FloatArray, last: FloatArray) -> bool:
-        """True if the line between two postures is collision-free; False after the last check."""
-        self.left -= 1
-        return self.left >= 0 and self._cell.keeps(JointPath.spline([first, last]))
+    def is_clear(self, first: FloatArray, last: FloatArray) -> bool:
+        """True if the line is collision-free; False if it is not or no checks are left."""
+        self.remaining -= 1
+        return self.remaining >= 0 and self._cell.keeps(JointPath.spline([first, last]))
 
 
 class _Tree:
     """Postures connected to a root by collision-free lines."""
 
-    # root: the root [rad], (dof,).
-
     def __init__(self, root: FloatArray) -> None:
         self.postures = [root]
         self.parents = [0]
 
-    def grow(self, goal: FloatArray, lines: _Lines, *, whole: bool = False) -> int | None:
-        """Grow from the nearest posture towards a goal; index of the last new posture, or None."""
-        # With `whole` the growth continues to the goal, otherwise it is one step.
+    def grow(self, goal: FloatArray, lines: _LineChecker, *, whole: bool = False) -> int | None:
+        """Grow from the nearest posture towards a goal; index of the newest posture, or None."""
+        # With `whole`, the growth continues to the goal; otherwise it is one step.
         rows = np.array(self.postures)
         k = int(np.argmin(np.linalg.norm(rows - goal, axis=1)))
         newest: int | None = None
@@ -129,7 +124,7 @@ class _Tree:
                 return k
             ends = length <= STEP
             new = goal if ends else self.postures[k] + step * (STEP / length)
-            if not lines.clear(self.postures[k], new):
+            if not lines.is_clear(self.postures[k], new):
                 return newest
             self.postures.append(new)
             self.parents.append(k)
@@ -137,8 +132,8 @@ class _Tree:
             if ends or not whole:
                 return newest
 
-    def back(self, k: int) -> list[FloatArray]:
-        """Postures from one of the tree to its root."""
+    def trace_to_root(self, k: int) -> list[FloatArray]:
+        """Postures from posture k to the root of the tree."""
         postures = [self.postures[k]]
         while k:
             k = self.parents[k]
@@ -147,7 +142,7 @@ class _Tree:
 
 
 def _shorten(cell: Cell, postures: FloatArray) -> FloatArray:
-    """The same path with detours replaced by collision-free lines."""
+    """Replace detours by collision-free lines; returns the remaining postures."""
     random = np.random.default_rng(1)
     for _ in range(SHORTCUTS):
         if len(postures) < 3:

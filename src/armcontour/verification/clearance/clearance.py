@@ -29,7 +29,8 @@ FINEST = 1e-6
 # Accuracy of the first time at which a margin is violated, as a travel [m]; number of pieces per
 # window of the search.
 STEP, PIECES = 1e-5, 16
-# Number of pieces per window, with the largest number of windows for it; otherwise two.
+# Number of pieces per window, by the largest number of windows for which it is used; two pieces if
+# there are more windows.
 FEW = {8: 25, 4: 100}
 # Number of breaks of a motion per batch, to bound the memory.
 AT_ONCE = 20_000
@@ -49,9 +50,9 @@ class PairClearance:
         low: Proven lower bound of their distance [m]; negative if they overlap.
         high: Their distance at time t [m].
         t: Time of the distance `high` [s].
-        points: Nearest points of both at the first time, otherwise at t, in the work frame [m], (2,
-            3).
-        first_time: First time at which the margin is violated [s]; None if it never is.
+        points: Nearest points of both bodies in the work frame [m], (2, 3): at `first_time`, or at
+            `t` if no margin is violated.
+        first_time: First time at which the margin is violated [s]; None if it is always satisfied.
     """
 
     first: str
@@ -153,9 +154,9 @@ class Clearance(Result):
         first, *others = self.too_near
         names = list_some([f"{x.second} and {x.first}" for x in others], 5)
         raise Collision(
-            f"{first}, and may not come nearer than {number(first.margin, 'm')}"
-            f"{f' (also {names})' if others else ''}: "
-            "move the part, the obstacle or the start posture, or allow them to touch.",
+            f"{first}, but must not come nearer than {number(first.margin, 'm')}"
+            f"{f' (also {names})' if others else ''}. "
+            "Move the part, the obstacle or the start posture, or allow them to touch.",
             t=first.first_time,
             point=first.points[1].tolist(),
             limit="clearance",
@@ -230,15 +231,15 @@ class Clearance(Result):
 
     @property
     def below_base(self) -> str | None:
-        """A sentence on links that go below the base; None without."""
+        """A sentence on links that go below the base; None if there are none."""
         if not self.below:
             return None
         lowest, *others = self.below
         also = f" (also {list_some([x.second for x in others], 5)})" if others else ""
         return (
             f"{lowest.second} goes {number(-lowest.high, 'm')} below the base of the arm, at t = "
-            f"{lowest.t:.4g} s{also}: give the height of the floor or table as scene.floor, or "
-            "none if nothing is there."
+            f"{lowest.t:.4g} s{also}. Specify the height of the floor or table as scene.floor, or "
+            "none if there is no floor."
         )
 
 
@@ -304,7 +305,7 @@ class Cell:
 
         Args:
             motion: The motion.
-            resolution: How well the least distance of every kind of pairs is known [m].
+            resolution: Accuracy of the smallest distance of every kind of pair [m].
         """
         below = self.below(motion, resolution)
         if self._distances is None:
@@ -324,7 +325,7 @@ class Cell:
 
         Args:
             motion: The motion.
-            resolution: As of `check`.
+            resolution: Accuracy of the height of the lowest point [m].
         """
         if self._heights is None or self.stays_above(motion):
             return ()
@@ -347,7 +348,7 @@ class Cell:
     def smallest_distances(self, q: FloatArray) -> dict[str, FloatArray]:
         """Smallest distance of every kind of pair at joint positions, (n,) each [m].
 
-        For plots; `check` also proves the distances between them.
+        For plots; `check` also proves the distances between these positions.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -382,7 +383,7 @@ class Cell:
 
 @lru_cache(maxsize=CELLS)
 def cell_of(arm: Arm, scene: Scene | None) -> Cell:
-    """The cell of an arm and a scene, from a cache; by default without obstacles."""
+    """Cached cell of an arm and a scene; without obstacles if the scene is None."""
     return Cell(arm, Scene() if scene is None else scene)
 
 
@@ -416,9 +417,9 @@ class _ClearanceSearch:
         self._at = np.zeros(n)
 
     def run(self) -> bool:
-        """Divide time windows until their bounds decide; True if all margins are satisfied."""
-        # With an infinite resolution only this is determined, and the first violation ends the
-        # search.
+        """Subdivide time windows until all are decided; True if all margins are satisfied."""
+        # If the resolution is infinite, only this result is determined, and the first violation
+        # ends the search.
         for first in range(0, len(self._t) - 1, AT_ONCE):
             last = min(first + AT_ONCE, len(self._t) - 1)
             travel = self._travel[first : last + 1] - self._travel[first]
@@ -429,7 +430,7 @@ class _ClearanceSearch:
 
     @property
     def _decided(self) -> bool:
-        """True if a margin is violated, if only this is to be determined."""
+        """True if a margin is violated and only the violation is to be determined."""
         return self._resolution == np.inf and bool((self._high < self._margins).any())
 
     def results(self) -> list[PairClearance]:
@@ -475,9 +476,10 @@ class _ClearanceSearch:
                 (travelled[0][goes_on], travelled[1][goes_on]),
                 (distance[0][goes_on], distance[1][goes_on]),
             )
-            # A round with few windows has constant costs.
+            # An iteration with few windows takes a constant time, so it divides them into more
+            # pieces.
             count = next((n for n, windows in FEW.items() if len(pair) <= windows), 2)
-            # Ends of the pieces of each window, in columns.
+            # Edges of the pieces, one row per window.
             shares = np.arange(count + 1) / count
             edges = begin[:, None] + (end - begin)[:, None] * shares
             edges[:, -1] = end
@@ -502,7 +504,7 @@ class _ClearanceSearch:
     def _bound_approach(
         self, t: FloatArray, travel: FloatArray, times: FloatArray, pair: IntArray
     ) -> FloatArray:
-        """Bound on the approach of pairs of bodies until some times [m], (n,)."""
+        """Bounds on the approach of pairs from the start of the part to the times [m], (n,)."""
         i = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
         fraction = ((times - t[i]) / (t[i + 1] - t[i]))[:, None]
         moved = (1 - fraction) * travel[i] + fraction * travel[i + 1]
@@ -538,7 +540,8 @@ class _ClearanceSearch:
             t = np.interp(edges, travelled, self._t)
             distance = self._measure(np.full(len(t), k), t)
             if distance[0] < margin:
-                # An arm that rests at first has no travel for a while.
+                # If the arm rests at the start, several times have no travel: use the first of
+                # them.
                 return float(t[0] if begin > 0 else self._t[0])
             low = (distance[:-1] + distance[1:] - np.diff(edges)) / 2
             doubtful = np.flatnonzero(np.minimum(low, distance[1:]) < margin).tolist()

@@ -1,4 +1,4 @@
-"""Distances of bodies, by the library coal, and pairs that touch in every posture."""
+"""Distances of bodies, by the library coal; exclusion of pairs that touch in every posture."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from armcontour.robot.scene import (
 )
 from armcontour.verification.clearance.pairs import Body, Pair, pairs_of
 
-# Uncertainty of distances: the tolerance of the library's iteration [m].
+# Uncertainty of distances, due to the tolerance of the library's iteration [m].
 UNCERTAINTY = 2e-6
 REASON = "touching with all joints at 0, and in every other posture that was tried"
-# Number of other postures that are tried.
+# Number of sampled postures in addition to the posture with all joints at 0.
 POSTURES = 15
-# Library objects of meshes in use, because hulls take milliseconds.
+# Cache of the library objects of meshes, because computing a hull takes milliseconds.
 MESHES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
 
 
@@ -44,7 +44,7 @@ class Distances:
 
     def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
         self._coal = _coal()
-        # `ComputeDistance` is faster, but its result depends on the calls before.
+        # `ComputeDistance` is faster, but its result depends on the previous calls.
         self._least = self._coal.distance
         self._pairs = pairs
         # Indices in the list of all bodies; bodies are compared by identity.
@@ -77,8 +77,9 @@ class Distances:
         self._still = self._coal.Transform3s()
 
     def measure(self, q: FloatArray, state: IntArray, pair: IntArray) -> FloatArray:
-        """Distances of pairs at joint positions [m], (m,); where they overlap, below zero."""
-        # q (n, dof) [rad], at (m,), pair (m,).
+        """Distances of pairs at joint positions [m], (m,); negative if the bodies overlap."""
+        # q: joint positions [rad], (n, dof). state: row of q of each result, (m,). pair: index of
+        # its pair, (m,).
         turned, moved = self._relative(q, state, pair)
         distances, placement, result = [], self._coal.Transform3s(), self._coal.DistanceResult()
         for p, turn, move in zip(pair.tolist(), turned, moved, strict=True):
@@ -88,10 +89,10 @@ class Distances:
 
     def points(self, q: FloatArray) -> FloatArray:
         """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3)."""
-        # q (pairs, dof) [rad].
+        # q: joint positions of each pair [rad], (pairs, dof).
         every = np.arange(len(self._pairs))
         turned, moved = self._relative(q, every, every)
-        # The result object is new in each call because several threads may call.
+        # Each call has its own result object, because several threads may call.
         points, result = np.empty((len(every), 2, 3)), self._coal.DistanceResult()
         for k in range(len(every)):
             self._distance(k, self._coal.Transform3s(turned[k], moved[k]), result)
@@ -101,9 +102,9 @@ class Distances:
         return np.asarray(points @ np.swapaxes(first[..., :3], 1, 2) + first[:, None, :, 3])
 
     def _distance(self, pair: int, placement: Any, result: Any) -> float:
-        """Distance of a pair, with the placement of the second body in the frame of the first."""
+        """Distance of a pair [m]; `placement`: second body in the frame of the first body."""
         first, second = self._shapes[pair]
-        # A copy of `_between`, because this function is called 100,000 times.
+        # This repeats the code of `_between`, because it runs up to 100,000 times.
         result.clear()
         distance: float = self._least(first, self._still, second, placement, self._request, result)
         exact = self._exact[pair]
@@ -112,16 +113,16 @@ class Distances:
         return distance
 
     def _between(self, first: Any, second: Any, placement: Any, result: Any) -> float:
-        """Distance of two bodies of the library."""
+        """Distance of two library objects [m]; negative if they overlap."""
         result.clear()
         return float(
             self._coal.distance(first, self._still, second, placement, self._request, result)
         )
 
     def _placements(self, q: FloatArray) -> FloatArray:
-        """Placements of all bodies, (n, bodies, 3, 4)."""
+        """Placements of all bodies in the work frame, (n, bodies, 3, 4)."""
         joints = frames_of(self._links, kernel_array(q))
-        # The base (link 0) is stored at the index -1, instead of the tool.
+        # The base (link 0) is stored at index -1, in place of the tool.
         joints[:, -1] = self._base
         poses = joints[:, self._joints]
         placements: FloatArray = poses[..., :3] @ self._places
@@ -132,7 +133,7 @@ class Distances:
         self, q: FloatArray, state: IntArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
         """Rotations (m, 3, 3) and positions (m, 3) of second bodies in the frames of first ones."""
-        # The library takes contiguous arrays in half of the time.
+        # The library reads contiguous arrays in half of the time.
         placed = self._placements(q)
         first, second = placed[state, self._ends[pair, 0]], placed[state, self._ends[pair, 1]]
         back = np.swapaxes(first[:, :, :3], 1, 2)
@@ -142,33 +143,33 @@ class Distances:
 
 
 def can_measure() -> bool:
-    """True if the library of distances is installed."""
+    """True if the library coal is installed."""
     return importlib.util.find_spec("coal") is not None
 
 
 def _coal() -> Any:
-    """The library coal, which comes with pinocchio."""
+    """Import the library coal, which is installed with pinocchio."""
     try:
         import coal
     except ImportError:
         raise InvalidInput(
-            "Clearance needs the package coal: pip install 'armcontour[dynamics]' (there are no "
-            "wheels for Windows), or remove scene from the job."
+            "Clearance needs the package coal. Install it with pip install "
+            "'armcontour[dynamics]' (not available for Windows), or remove scene from the job."
         ) from None
     return coal
 
 
 def _hulls_decide(pair: Pair) -> bool:
-    """True if the distance of the convex shapes of a pair is that of its bodies."""
+    """True if the convex shapes of a pair have the same distance as its bodies."""
     bodies = (pair.first, pair.second)
-    # A body and its convex hull have the same distance from a plane.
+    # A body and its convex hull have the same distance from a half-space.
     return all(x.exact is None for x in bodies) or any(
         isinstance(x.shape, HalfSpace) for x in bodies
     )
 
 
 def _geometry(coal: Any, shape: Shape) -> Any:
-    """A shape as one of the library."""
+    """Make the library object of a shape."""
     match shape:
         case Sphere():
             return coal.Sphere(shape.radius)
@@ -191,7 +192,7 @@ def _geometry(coal: Any, shape: Shape) -> Any:
 
 
 def _hull(coal: Any, shape: Mesh) -> Any:
-    """The convex hull of the points of a mesh."""
+    """Make the library object of the convex hull of a mesh."""
     model = coal.BVHModelOBBRSS()
     model.beginModel(0, len(shape.points))
     model.addVertices(np.ascontiguousarray(shape.points))
@@ -199,12 +200,12 @@ def _hull(coal: Any, shape: Mesh) -> Any:
     # `buildConvexRepresentation` would assume that the triangles are convex.
     model.buildConvexHull(True, "Qt")
     if model.convex is None:
-        raise InvalidInput(f"No convex hull can be computed of {shape.source or 'a mesh'}.")
+        raise InvalidInput(f"The convex hull of {shape.source or 'a mesh'} cannot be computed.")
     return model.convex
 
 
 def _triangles(coal: Any, shape: Mesh) -> Any:
-    """The triangles of a mesh."""
+    """Make the library object of the triangles of a mesh."""
     assert shape.triangles is not None
     model = coal.BVHModelOBBRSS()
     model.beginModel(len(shape.triangles), len(shape.points))
@@ -215,9 +216,9 @@ def _triangles(coal: Any, shape: Mesh) -> Any:
 
 
 def exclude_touching(arm: Arm) -> ArmShapes:
-    """Shapes of an arm, with pairs excluded that touch with all joints at 0 and elsewhere."""
-    # The arm may not be able to take the posture with all joints at 0, so a pair is excluded only
-    # if it touches in all other sampled postures, too.
+    """Exclude pairs of an arm that touch in all sampled postures; returns the shapes."""
+    # The posture with all joints at 0 may be invalid, so a pair is excluded only if it also touches
+    # in all other sampled postures.
     assert arm.shapes is not None
     pairs, _ = pairs_of(arm, Scene())
     if not pairs or not can_measure():
@@ -236,7 +237,7 @@ def exclude_touching(arm: Arm) -> ArmShapes:
 def _postures(arm: Arm) -> FloatArray:
     """All joints at 0, and postures distributed over the joint ranges [rad], (n, dof)."""
     low, high = (np.clip(x, -np.pi, np.pi) for x in arm.limits.joint_range(arm.dof))
-    # Multiples of square roots of primes are evenly distributed, differently for each joint.
+    # Multiples of the square root of a prime, modulo 1, are evenly distributed.
     steps = np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37][: arm.dof])
     steps = np.concatenate([steps, np.sqrt(41 + np.arange(arm.dof - len(steps)))])
     shares = np.arange(1, POSTURES + 1)[:, None] * steps % 1

@@ -1,4 +1,4 @@
-"""Pairs of bodies for clearance checks: margins, and bounds of approach per joint motion."""
+"""Pairs of bodies for clearance checks, with margins and bounds on the approach speed."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ FIRST_RAISED, BELOW = 2, 1e-3
 class Body:
     """A shape that moves with a link, or is fixed."""
 
-    name: str  # Name of the link or obstacle
-    link: int  # The link that it moves with; 0 for the base and for obstacles
+    name: str  # Name of link or obstacle
+    link: int  # Link with which the body moves; 0 for the base and for obstacles
     shape: Shape
-    place: Frame  # The frame of the shape, in the frame of the link
-    exact: Shape | None = None  # The exact body if the shape is a larger one
-    tool: bool = False  # True if it belongs to the tool
+    place: Frame  # Frame of the shape in the frame of the link
+    exact: Shape | None = None  # Exact shape if `shape` is its convex hull
+    tool: bool = False  # True if the body belongs to the tool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
     """Two bodies whose distance is checked."""
 
-    # first, second: the bodies; the second one moves with the later link.
+    # first, second: the bodies. The second one moves with the later link.
     first: Body
     second: Body
     kind: str  # "environment", "own" or "tool"
     margin: float  # Smallest allowed distance [m]
-    radii: FloatArray  # Largest approach per joint motion [m/rad], (dof,)
+    radii: FloatArray  # Bounds on the approach speed per joint speed [m/rad], (dof,)
 
 
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
-    """Pairs of bodies of an arm and its cell: the checked ones, and the excluded ones."""
+    """Pairs of bodies of an arm and its cell: the pairs to check, and the excluded pairs."""
     chain, shapes = _parts(arm)
     bodies = [
         Body(name=x.name, link=x.link, shape=x.shape, place=x.place, exact=x.exact, tool=x.tool)
@@ -96,20 +96,20 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
 
 
 def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
-    """Chain and shapes of an arm; an error if one is missing."""
+    """Chain and shapes of an arm; raises an error if one of them is unknown."""
     if arm.chain is None:
         raise InvalidInput(f"The arm {arm.name} has no chain of links, so it has no clearance.")
     if arm.shapes is None or not arm.shapes.shapes:
         raise InvalidInput(
             f"The shapes of the links of the arm {arm.name} are not known, so its clearance "
-            "cannot be computed: give a description (URDF) with collision geometry, or "
-            "arm.shapes of a job (arm.with_shapes in Python)."
+            "cannot be computed. Specify a URDF with collision geometry, or arm.shapes in the job "
+            "(arm.with_shapes in Python)."
         )
     return arm.chain, arm.shapes
 
 
 def _links_without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
-    """Links without a known shape, which are not checked."""
+    """Exclusions of the links whose shape is unknown."""
     links = {x.link for x in bodies}
     return [
         LeftOut(
@@ -123,7 +123,7 @@ def _links_without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
 
 
 def _check_obstacles(bodies: Iterable[Body], scene: Scene) -> None:
-    """Check that obstacles are no moving links, and allow only known bodies to touch."""
+    """Check that obstacles are no moving links, and that `allow` names known bodies only."""
     bodies = list(bodies)
     names, moving = {x.name for x in bodies} | {TOOL}, {x.name for x in bodies if x.link}
     end = max((x for x in bodies if not x.tool), key=lambda x: x.link, default=None)
@@ -131,8 +131,8 @@ def _check_obstacles(bodies: Iterable[Body], scene: Scene) -> None:
     for obstacle in scene.obstacles:
         if obstacle.name in moving:
             raise InvalidInput(
-                f"{obstacle.name} is an obstacle of the scene, and a body of the arm that moves: "
-                "give its scene without the arm, or the obstacle another name."
+                f"{obstacle.name} is an obstacle of the scene, but also a moving body of the arm. "
+                "Remove the arm from the scene, or rename the obstacle."
             )
         for name in obstacle.allow:
             if name not in names:
@@ -146,10 +146,10 @@ def _check_obstacles(bodies: Iterable[Body], scene: Scene) -> None:
 def _obstacle_pairs(
     chain: Chain, bodies: Iterable[Body], scene: Scene
 ) -> Iterable[tuple[Body, Body, float, bool]]:
-    """Every obstacle with every body of the arm: their margin, and whether they may touch."""
+    """Yield every obstacle with every body of the arm, their margin, and if they may touch."""
     bodies = list(bodies)
     for x in scene.obstacles:
-        # Link 0 is the base, whose frame in the work frame is the chain's base.
+        # Link 0 is the base; `chain.base` is its frame in the work frame.
         frame = x.place if x.fixed_to == BASE else chain.base.inverse @ x.place
         hull, exact = x.shape, None
         if isinstance(hull, Mesh) and hull.triangles is not None:
@@ -162,21 +162,21 @@ def _obstacle_pairs(
 
 
 def _exclusion_reason(first: Body, second: Body, reasons: dict[frozenset[str], str]) -> str | None:
-    """Reason to exclude two bodies of the arm; None if their distance is checked."""
+    """Reason to exclude two bodies of the arm; None if their distance must be checked."""
     if first.link == second.link:
         return "they move together"
     reason = reasons.get(frozenset((first.name, second.name)))
     if reason is not None:
         return reason
-    # A tool may be bent back to the link before the last one.
+    # A bent tool can reach the link before the last one, so tools are never neighbours.
     return "neighbours" if second.link == first.link + 1 and not second.tool else None
 
 
 def _make_pair(
     radii: Mapping[int, FloatArray], first: Body, second: Body, kind: str, margin: float
 ) -> Pair:
-    """A pair, with its largest approach per joint motion."""
-    # Only joints between both links cause relative motion.
+    """Make a pair with the bounds on its approach speed."""
+    # Only joints between the links of both bodies cause relative motion.
     between = np.arange(len(radii[id(second)])) >= first.link
     return Pair(
         first=first, second=second, kind=kind, margin=margin, radii=radii[id(second)] * between
@@ -184,12 +184,12 @@ def _make_pair(
 
 
 def _radii(chain: Chain, body: Body) -> FloatArray:
-    """Largest distances of points of a body from the joint axes, in any posture [m], (dof,)."""
+    """Largest distances of points of a body from the joint axes in any posture [m], (dof,)."""
     radii = np.zeros(len(chain))
     middle, radius = body.shape.ball
     middle = body.place.position + body.place.rotation @ middle
     for k in range(body.link - 1, -1, -1):
-        # A ball about a point of the axis contains the body at any joint position.
+        # A ball about a point on the axis contains the body at any joint position.
         along = chain.axes[k] * float(chain.axes[k] @ middle)
         radii[k] = radius = radius + float(np.linalg.norm(middle - along))
         middle = chain.positions[k] + chain.rotations[k] @ along

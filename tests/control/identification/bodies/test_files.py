@@ -64,13 +64,13 @@ def test_what_is_written_is_what_jobs_take(folder):
 def test_options_that_cannot_be_used(folder):
     out = folder / "other"
     for options, message in (
-        ({"arm": "ur5e", "model": "second"}, "--model is for joints without an arm"),
-        ({"arm": "ur5e", "drive_cycle": "1"}, "--drive-cycle: '1' has no unit"),
+        ({"arm": "ur5e", "model": "second"}, "--model applies only to"),
+        ({"arm": "ur5e", "drive_cycle": "1"}, "--drive-cycle requires a unit"),
         ({"arm": "ur5e", "gravity": "half"}, "gravity .*must be"),
         ({"arm": "ur5e", "servo": Path("none.yaml")}, "no servo file|There is no"),
-        ({"arm": "ur5e", "package": ["a=b"], "out": Path("x")}, "cannot name packages"),
-        ({"gravity": "none"}, "--gravity goes with --arm"),
-        ({"arm": "ur5e", "validate": [folder / "x"]}, "--validate is for joints without an arm"),
+        ({"arm": "ur5e", "package": ["a=b"], "out": Path("x")}, "cannot contain packages"),
+        ({"gravity": "none"}, "--gravity requires --arm"),
+        ({"arm": "ur5e", "validate": [folder / "x"]}, "--validate applies only"),
         ({"arm": "panda", "out": out}, "has 6 joints .* but the arm has 7"),
     ):
         with pytest.raises(InvalidInput, match=message):

@@ -8,8 +8,11 @@ import pytest
 import armcontour as ac
 from armcontour import identify_bodies
 from armcontour.control.identification.bodies.body_model import RobotUnknowns
-from armcontour.control.identification.bodies.log_grid import Gridded
-from armcontour.control.identification.bodies.output_error import attempt, derivatives
+from armcontour.control.identification.bodies.log_grid import LogGrid
+from armcontour.control.identification.bodies.output_error import (
+    position_derivatives,
+    simulate_logs,
+)
 from armcontour.core.errors import InvalidInput
 from armcontour.motion import Log
 from armcontour.motion.log_checks import arrange_joints
@@ -103,7 +106,7 @@ def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
     """By central differences, at values that are neither nominal nor true."""
     short = log.between(0.0, 2.5)
     model = RobotUnknowns(
-        arm=nominal, servo=nominal_servo().for_joints(6), keep_kv=True, gravity="nominal", lag=1e-4
+        arm=nominal, servo=nominal_servo().for_joints(6), fixed_kv=True, gravity="nominal", lag=1e-4
     )
     values = np.array(model.nominal)
     names = model.names
@@ -111,15 +114,15 @@ def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
         values[names == name] = value
     for axis, value in zip("xyz", (0.02, -0.03, 0.05), strict=True):
         values[names == f"payload_center_{axis}"] = value
-    grids = [Gridded.from_log(short, "linear", 0.3)]
-    exact = derivatives(model, grids, attempt(model, grids, values))
+    grids = [LogGrid.from_log(short, "linear", 0.3)]
+    exact = position_derivatives(model, grids, simulate_logs(model, grids, values))
     steps = {"dead_time": 1e-3, "payload_mass": 1e-2, "coulomb": None}
     for k, name in enumerate(names):
         step = steps.get(name, 1e-3)
         if step is None:
             continue
         shift = step * (np.arange(len(values)) == k)
-        up, down = (attempt(model, grids, values + s * shift) for s in (1, -1))
+        up, down = (simulate_logs(model, grids, values + s * shift) for s in (1, -1))
         slope = (down.residuals[0] - up.residuals[0]) / (2 * step)
         assert np.abs(exact[:, :, k] - slope).max() < 0.02 * np.abs(slope).max(), name
 

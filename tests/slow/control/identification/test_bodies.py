@@ -51,8 +51,9 @@ def test_drive_inertias_set_the_scale_of_a_planar_arm():
 
 
 def test_a_search_that_does_not_come_to_rest_determines_nothing(log, nominal, monkeypatch):
-    monkeypatch.setattr("armcontour.control.identification.bodies.output_error.REST", 1e-12)
-    monkeypatch.setattr("armcontour.control.identification.bodies.output_error.EXPLAINS", -np.inf)
+    module = "armcontour.control.identification.bodies.output_error"
+    monkeypatch.setattr(f"{module}.MAX_NEXT_STEP", 1e-12)
+    monkeypatch.setattr(f"{module}.LEAST_EXPLAINED", -np.inf)
     fit = identify_bodies(log.between(0, 2.1), nominal, nominal_servo(), NOMINAL)
     assert not any(x.determined for joint in fit.joints for x in joint.estimates)
     assert any("did not converge in kp of joint 1" in x for x in fit.notes)

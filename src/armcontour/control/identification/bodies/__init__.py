@@ -1,1 +1,1 @@
-"""Identification of an arm with masses and its drives; uses the nominal robot of `drives`."""
+"""Identification of an arm with masses and of its drives; simulates with `robot.drives`."""

@@ -20,19 +20,19 @@ from armcontour.robot.servo import ServoModel
 class BodyJoint(JointEstimates):
     """The identified parameters of one joint.
 
-    They are the gains `kp` and `kv` [1/s], the friction `viscous` [N m s/rad] and `coulomb` [N m],
-    and, if the nominal drive inertias are zero, the inertia of the drive `armature`, reflected to
-    the joint [kg m²].
+    The parameters are the gains `kp` and `kv` [1/s] and the friction `viscous` [N m s/rad] and
+    `coulomb` [N m]. If the nominal drive inertias are zero, the parameter `armature` is added: the
+    inertia of the drive, reflected to the joint [kg m²].
 
     Args:
-        explained: Share of the mean square of command less measured position that the model
-            explains.
+        explained: Share of the mean square of the tracking error (command less measured position)
+            that the model explains.
     """
 
     explained: float
 
     def to_data(self) -> Data:
-        """The residuals and the estimates."""
+        """Data of the residuals and of the estimates."""
         return Data(
             self.name,
             (
@@ -48,16 +48,17 @@ class BodyJoint(JointEstimates):
 class BodyIdentification(IdentifiedJoints):
     """The identified parameters of an arm with masses and of its drives.
 
-    Those of the whole robot are `payload_mass` [kg], `payload_center` in the frame of the tip [m],
-    `armature`, a factor of the nominal drive inertias unless these are zero, and `dead_time` [s]. A
-    parameter that the logs do not determine keeps its nominal value in `arm` and `servo_model()`.
+    The parameters of the whole robot are `payload_mass` [kg], `payload_center` in the frame of the
+    tip [m] and `dead_time` [s], and `armature`, a common factor of the nominal drive inertias
+    unless these are zero. A parameter that the logs do not determine has its nominal value in
+    `arm` and `servo_model()`.
 
     Args:
         nominal: The nominal arm.
         gravity: Gravity feed-forward of the controller: "loaded", "nominal" or "none".
         arm: The identified arm, with payload, friction and inertias of the drives.
-        notes: Findings, as sentences.
-        gains: The servo for `arm`; a guess for gains that are neither determined nor nominal.
+        notes: Remarks on the result, as sentences.
+        gains: The servo for `arm`. Gains that are neither determined nor nominal are guesses.
         gains_known: True if a nominal servo was given.
     """
 
@@ -70,7 +71,7 @@ class BodyIdentification(IdentifiedJoints):
     gains_known: bool
 
     def to_data(self) -> Data:
-        """Verdict (all parameters determined), parameters of the robot, then every joint."""
+        """Data of the verdict (all parameters determined), of the robot, and of every joint."""
         nominal = f"nominal: {', '.join(self.open)}" if self.open else ""
         samples = sum(int(np.sum(np.isfinite(x))) for x in self.joints[0].rests)
         return Data(
@@ -92,12 +93,12 @@ class BodyIdentification(IdentifiedJoints):
 
     @property
     def payload_center(self) -> tuple[Estimate, ...]:
-        """Centre of mass of the payload in the frame of the tip [m], along x, y and z."""
+        """Estimates of the payload's centre of mass in the frame of the tip [m]: x, y and z."""
         return tuple(self.parameters[x] for x in CENTER)
 
     @property
     def open(self) -> tuple[str, ...]:
-        """Parameters that the logs do not determine, such as "coulomb of joint 2"."""
+        """Names of the parameters that the logs do not determine, such as "coulomb of joint 2"."""
         tied = "kv" if self.gains_known else "viscous"
         massless = self.payload_mass.determined and self.payload_mass.low <= 0
         joints = [(f"{x.name} of {y.name}", x) for y in self.joints for x in y.estimates]
@@ -112,27 +113,27 @@ class BodyIdentification(IdentifiedJoints):
 
     @property
     def determined(self) -> bool:
-        """True if the logs determine every parameter that logs can determine."""
+        """True if the logs determine all parameters, except those that no log can determine."""
         return not self.open
 
     def servo_model(self) -> ServoModel:
-        """The identified servo, with the inertia J that its gains belong to.
+        """The identified servo, with the inertia J to which its gains refer.
 
         Raises:
             InvalidInput: A gain is not determined and has no nominal value, or the dead time is
-                below zero.
+                negative.
         """
         for joint in self.joints:
             for gain in (joint.kp, joint.kv):
                 if not gain.determined and not self.gains_known:
                     raise InvalidInput(
-                        f"{self.source} does not determine {gain.name} of {joint.name}, and there "
-                        "is no nominal servo whose value it could keep: give servo=."
+                        f"{self.source} does not determine {gain.name} of {joint.name}, and no "
+                        "nominal servo is given whose value could be used. Specify servo=."
                     )
         if self.dead_time.high < 0:
             raise InvalidInput(
-                f"{self.source}: the dead time is {number(self.dead_time.value, 's')}, below zero: "
-                "commands are logged with a delay, or set-points are held instead of interpolated "
-                "(interpolation step)."
+                f"{self.source}: the dead time must not be negative, but is "
+                f"{number(self.dead_time.value, 's')}. Either commands are logged with a delay, or "
+                "the controller holds set-points: use the interpolation step."
             )
         return self.gains

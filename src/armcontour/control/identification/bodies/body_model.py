@@ -1,4 +1,4 @@
-"""Robot model of the identification: drives for values of the unknowns, and their derivatives."""
+"""Robot model of the identification: drives and torque derivatives for values of the unknowns."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ from armcontour.robot.drives.response import NominalMotion
 from armcontour.robot.servo import ServoModel
 
 CENTER = ("payload_center_x", "payload_center_y", "payload_center_z")
-OF_JOINTS = ("kp", "kv", "viscous", "coulomb", "armature")
-# Time by which commands are shifted for the derivative by the dead time [s].
-SHIFT = 1e-3
-# A frictionless joint whose speed is below this [rad/s] may also stick.
-CREEP = 1e-3
+JOINT_UNKNOWNS = ("kp", "kv", "viscous", "coulomb", "armature")
+# Time step of the numerical derivative of the command by the dead time [s].
+DELAY_STEP = 1e-3
+# Velocity up to which the derivative by the Coulomb friction of a frictionless joint is
+# proportional to the velocity, because the joint may also stick [rad/s].
+CREEP_SPEED = 1e-3
 # The centre of a payload with less mass than this [kg] is undefined.
 LEAST_MASS = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RobotUnknowns:
-    """The nominal robot and the unknowns."""
+    """The nominal robot, and the names, joints and nominal values of the unknowns."""
 
     arm: Arm
-    # The servo at which the search starts, of order "second", with values per joint.
-    servo: ServoModel
-    # True if K_v is fixed and viscous friction unknown, else the reverse: a log shows only the sum
-    # of J K_v and viscous friction.
-    keep_kv: bool
+    servo: ServoModel  # Servo of order "second" at which the search starts, with values per joint
+    # fixed_kv: True if K_v is fixed and viscous friction is unknown, False for the reverse, because
+    # a log determines only the sum of J K_v and viscous friction.
+    fixed_kv: bool
     gravity: str  # Gravity feed-forward of the controller, one of GRAVITIES
-    lag: float = 0.0  # Delay of the torques of the loops [s]
-    # J, with which the controller scales its loops [kg m²], (dof,).
+    lag: float = 0.0  # Delay of the torques of the loops, half of the drive cycle [s]
+    # inertia: J with which the controller scales its loops [kg m²], (dof,).
     inertia: FloatArray = field(init=False)
-    # Names of the unknowns, keys of UNITS, (unknowns,). The unknown of the payload's centre is the
-    # mass of the payload times the deviation of the centre from its nominal position [kg m].
+    # names: names of the unknowns, keys of UNITS, (unknowns,). The unknown of the payload's centre
+    # is the mass of the payload times the deviation of the centre from its nominal position [kg m].
     names: Any = field(init=False)
-    # Their joints, from 0; -1 for those of the whole robot, (unknowns,). Of "armature" -1 means a
-    # factor of all nominal drive inertias.
+    # joints: joint index of each unknown, -1 for the whole robot, (unknowns,). The unknown
+    # "armature" of the whole robot is a common factor of the nominal drive inertias.
     joints: IntArray = field(init=False)
-    # Their nominal values, logarithms for gains, (unknowns,).
+    # nominal: nominal values of the unknowns, logarithms for gains, (unknowns,).
     nominal: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -54,7 +54,7 @@ class RobotUnknowns:
         chain, load = self.arm.dynamics.chain, self.load
         kv = np.asarray(self.servo.kv)
         initial: dict[str, Any] = {"kp": np.log(self.servo.kp)}
-        initial |= {"viscous": chain.viscous} if self.keep_kv else {"kv": np.log(kv)}
+        initial |= {"viscous": chain.viscous} if self.fixed_kv else {"kv": np.log(kv)}
         initial |= {
             "coulomb": chain.coulomb,
             "payload_mass": load.mass,
@@ -65,7 +65,9 @@ class RobotUnknowns:
         values = [np.atleast_1d(x) for x in initial.values()]
         names = np.repeat(list(initial), [len(x) for x in values])
         joints = [
-            np.arange(len(x)) if y in OF_JOINTS and np.ndim(initial[y]) else np.full(len(x), -1)
+            np.arange(len(x))
+            if y in JOINT_UNKNOWNS and np.ndim(initial[y])
+            else np.full(len(x), -1)
             for y, x in zip(initial, values, strict=True)
         ]
         nominal = checks.frozen_array(np.concatenate(values))
@@ -74,7 +76,7 @@ class RobotUnknowns:
 
     @property
     def scales(self) -> bool:
-        """True if one factor of all nominal drive inertias is unknown, else each inertia."""
+        """True if the unknown is a common factor of the drive inertias, False if each inertia."""
         return bool(np.any(np.asarray(self.arm.dynamics.chain.armature) > 0))
 
     @property
@@ -82,29 +84,30 @@ class RobotUnknowns:
         """The nominal payload."""
         return self.arm.dynamics.chain.payload or Payload(mass=0.0)
 
-    def are(self, *names: str) -> BoolArray:
-        """Mask of the unknowns with one of some names, (unknowns,)."""
+    def mask(self, *names: str) -> BoolArray:
+        """Mask of the unknowns with one of these names, (unknowns,)."""
         return np.isin(self.names, names)
 
     @property
     def relative(self) -> BoolArray:
-        """Mask of the unknowns with relative tolerances (gains, factor of inertias)."""
-        return self.are(*LOGARITHMIC) | (self.are("armature") & (self.joints < 0))
+        """Mask of the unknowns with relative tolerances: gains, factor of inertias, (unknowns,)."""
+        return self.mask(*LOGARITHMIC) | (self.mask("armature") & (self.joints < 0))
 
     def value(self, values: FloatArray, name: str) -> FloatArray:
-        """The values of the unknowns of one name, (joints, axes or 1,); empty if not sought."""
+        """Values of the unknowns of this name, gains without logarithm, (joints or 1,)."""
+        # The array is empty if no unknown has this name.
         selected = values[self.names == name]
         return np.asarray(np.exp(selected) if name in LOGARITHMIC else selected)
 
     def payload(self, values: FloatArray) -> Payload:
-        """The payload: the nominal one with another mass and centre, with the same inertia."""
+        """The nominal payload with mass and centre from the unknowns."""
         mass = max(float(self.value(values, "payload_mass")[0]), 0.0)
         center = np.array(self.load.center)
         if mass > LEAST_MASS:
-            center = center + values[self.are(*CENTER)] / mass
+            center = center + values[self.mask(*CENTER)] / mass
         return Payload(mass=mass, center=center, inertia=self.load.inertia)
 
-    def with_bodies(self, values: FloatArray) -> Arm:
+    def make_arm(self, values: FloatArray) -> Arm:
         """The arm with payload, Coulomb friction and drive inertias, but no viscous friction."""
         armature = np.maximum(self.value(values, "armature"), 0.0)
         if self.scales:
@@ -118,17 +121,17 @@ class RobotUnknowns:
 
     def viscous(self, values: FloatArray) -> FloatArray:
         """Viscous friction [N m s/rad], (dof,)."""
-        if self.keep_kv:
+        if self.fixed_kv:
             return self.value(values, "viscous")
         return np.array(self.arm.dynamics.chain.viscous)
 
     def drives(self, values: FloatArray) -> Drives:
-        """The drives of the robot with some values of the unknowns."""
+        """The drives of the robot for values of the unknowns."""
         changes = {"kp": self.value(values, "kp"), "inertia": self.inertia}
-        if not self.keep_kv:
+        if not self.fixed_kv:
             changes["kv"] = self.value(values, "kv")
         return Drives(
-            arm=self.with_bodies(values),
+            arm=self.make_arm(values),
             servo=self.servo.replace(**changes),
             gravity_feedforward=self.gravity != "none",
             controller=self.arm if self.gravity == "nominal" else None,
@@ -137,14 +140,15 @@ class RobotUnknowns:
     def torques(
         self, values: FloatArray, motion: NominalMotion, lead: FloatArray, slope: FloatArray
     ) -> FloatArray:
-        """Torques on the joints per unit of the unknowns, (n, dof, unknowns)."""
-        # lead (n, dof) [rad], slope (n, dof) [rad/s].
+        """Derivatives of the joint torques by the unknowns, (n, dof, unknowns)."""
+        # lead: command less position [rad], (n, dof). slope: velocity of the command [rad/s],
+        # (n, dof).
         drives = self.drives(values)
         load, each = self._load_torques(drives, motion), np.eye(self.arm.dof)
         spring = drives.stiffness * (lead + self.lag * motion.dq)
         delayed = motion.dq - self.lag * motion.ddq
-        # A first friction would act against the velocity.
-        slow = np.clip(motion.dq / CREEP, -1.0, 1.0)
+        # If the current Coulomb friction is 0, added friction acts against the velocity.
+        slow = np.clip(motion.dq / CREEP_SPEED, -1.0, 1.0)
         friction = np.sign(motion.friction) * ~motion.held
         slides = np.where(motion.friction.any(axis=0), friction, slow)
         scaled = -np.asarray(self.arm.dynamics.chain.armature) * motion.ddq
@@ -161,27 +165,28 @@ class RobotUnknowns:
         return np.concatenate([columns[x] for x in dict.fromkeys(self.names.tolist())], axis=2)
 
     def _load_torques(self, drives: Drives, motion: NominalMotion) -> FloatArray:
-        """Joint torques per mass of the payload and per mass times deviation of its centre."""
-        # Returns torques per mass at the nominal centre [N m/kg], and per moment along the tip's
-        # axes [N m/(kg m)], (n, dof, 4).
+        """Derivatives of joint torques by mass and first moments of the payload, (n, dof, 4)."""
+        # First column: per mass at the nominal centre [N m/kg]. Others: per mass times deviation of
+        # the centre along the axes of the tip [N m/(kg m)].
         dynamics, nominal = drives.arm.dynamics, self.load.center
         load, tip = dynamics.chain.payload, dynamics.chain.tip
         center = nominal if load is None else load.center
         regressor = dynamics.last_body_regressor(
             motion.q, motion.dq, motion.ddq, gravity=self.gravity != "loaded"
         )
-        # Mass, first moments and inertia of the last body per mass and moment of the payload.
+        # per: derivatives of the mass (1), first moments (3) and inertia (6) of the last body by
+        # the mass and the first moments of the payload, (10, 4).
         per = np.zeros((10, 4))
         position, away = tip.position + tip.rotation @ center, tip.rotation @ (center - nominal)
         per[0, 0], per[1:4, 0], per[1:4, 1:] = 1.0, position - away, tip.rotation
-        per[4:, 0] = _inertia(position, position - 2 * away)
+        per[4:, 0] = _symmetric_inertia(position, position - 2 * away)
         for i in range(3):
-            per[4:, 1 + i] = 2 * _inertia(position, tip.rotation[:, i])
+            per[4:, 1 + i] = 2 * _symmetric_inertia(position, tip.rotation[:, i])
         return np.asarray(regressor @ per)
 
 
-def _inertia(a: FloatArray, b: FloatArray) -> FloatArray:
-    """The symmetric part of `a b 1 - a bᵀ` as xx, xy, yy, xz, yz, zz, (6,)."""
+def _symmetric_inertia(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Symmetric part of `(a · b) 1 - a bᵀ` as xx, xy, yy, xz, yz, zz, (6,)."""
     product = (np.outer(a, b) + np.outer(b, a)) / 2
     full = np.trace(product) * np.eye(3) - product
     return np.asarray(full[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]])

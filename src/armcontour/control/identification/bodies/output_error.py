@@ -1,4 +1,4 @@
-"""Output-error method: unknowns for which the simulated motion is nearest to the measured one."""
+"""Output-error method: fits the simulated motion to the measured motion of the logs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 from armcontour.control.identification.bodies.body_model import (
     CENTER,
+    DELAY_STEP,
     LEAST_MASS,
-    SHIFT,
     RobotUnknowns,
 )
-from armcontour.control.identification.bodies.log_grid import Gridded, noise_of
+from armcontour.control.identification.bodies.log_grid import LogGrid, largest_noise
 from armcontour.control.identification.estimates import LOGARITHMIC
 from armcontour.control.identification.least_squares import (
     Precision,
@@ -27,93 +27,97 @@ from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.sampling import interpolate
 from armcontour.robot.drives.response import NominalMotion, simulate
 
-# A search ends when a step reduces the sum of squares by less than this share: 0.04 standard
-# deviations of an unknown with 20,000 residuals.
-NEAR = 1e-7
-# Largest number of simulations of a search, and of searches with new weights of the joints.
-MAX_SIMULATIONS, SEARCHES = 50, 3
-# Weights of the joints are final if the scatter of no joint changes by more than this share.
-SAME_SCATTER = 0.01
-# Gains stay within this factor of where the search starts.
+# A search ends when an iteration reduces the sum of squares by less than this share, which is 0.04
+# standard deviations of an unknown for 20,000 residuals.
+LEAST_REDUCTION = 1e-7
+# Largest number of simulations of a search, and largest number of searches, each with new weights
+# of the joints.
+MAX_SIMULATIONS, MAX_SEARCHES = 50, 3
+# The weights of the joints are final if the RMS residual of every joint changes by less than this
+# share.
+SCATTER_CHANGE = 0.01
+# Bounds of the gains in a search, as a factor of their initial values.
 LARGEST_FACTOR = 8.0
-# Residuals below this [rad] are rounding.
+# Lower bound of the RMS residual of a joint, because smaller residuals are rounding errors [rad].
 ROUNDING = 1e-9
-# Unknowns that are never below zero.
-POSITIVE = ("coulomb", "payload_mass", "armature")
-# Standard deviations that are small enough: these shares of a joint's damping and inertia, the
-# friction that moves a joint by this angle [rad], a mass [kg], the payload's centre [m], a dead
-# time [s].
-OF_DAMPING = 0.10
-ANGLE = 1e-4
-MASS = 0.05
-AWAY = 0.01
-DELAY = 0.5e-3
-# If only a combination of unknowns is determined, the one with the largest ratio of standard
+# Unknowns with the lower bound 0.
+NONNEGATIVE = ("coulomb", "payload_mass", "armature")
+# An unknown is determined if its standard deviation is at most one of the following values, however
+# small the unknown is. For viscous friction and drive inertia: share of a joint's damping and
+# inertia.
+DAMPING_SHARE = 0.10
+# For Coulomb friction: the torque that deflects the position loop of the joint by this angle [rad].
+FRICTION_ANGLE = 1e-4
+MASS_SD = 0.05  # For the mass of the payload [kg]
+CENTER_SD = 0.01  # For the centre of the payload [m]
+DELAY_SD = 0.5e-3  # For the dead time [s]
+# If only a combination of unknowns is determined, the unknown with the largest ratio of standard
 # deviation to tolerance becomes nominal. Ratios of gains are multiplied by this factor, because
-# nominal gains are more reliable than a nominal load or friction.
-TRUSTED = 2.0
-# Another gravity feed-forward must reduce the cost by this share: if the controller knows the load,
-# all of them fit equally well.
-SURELY = 0.05
-# Errors below this multiple of the noise count as noise.
-ALL_NOISE = 2.0
-# A search has converged in an unknown if its next step is at most this share of a standard
-# deviation; otherwise the unknown stays nominal.
-REST = 0.5
-# A model that explains less than this share of the tracking error is rejected: with two joints
-# exchanged, it explains at most 0.99 of one of them.
-EXPLAINS = 0.99
-# Share of the sum of squares below which a reduction ends the search for the gravity feed-forward.
-COARSE_NEAR = 1e-3
-# A joint whose command changes by less than this [rad] does not move.
-MOVES = 1e-3
+# nominal gains are more reliable than a nominal load or nominal friction.
+GAIN_TRUST = 2.0
+# Another gravity feed-forward is chosen only if it reduces the cost by this share. If the nominal
+# arm has the true load, "nominal" and "loaded" fit equally well.
+LEAST_GAIN = 0.05
+# Residuals below this multiple of the encoder noise count as noise.
+NOISE_MULTIPLE = 2.0
+# A search has converged in an unknown if the next step of the unknown is at most this share of its
+# standard deviation. Otherwise the unknown becomes nominal.
+MAX_NEXT_STEP = 0.5
+# Smallest share of the squared tracking error of each joint that a model must explain. If a log has
+# two joints exchanged, the model explains at most this share for one of them.
+LEAST_EXPLAINED = 0.99
+# Replaces LEAST_REDUCTION in the search for the gravity feed-forward.
+COARSE_REDUCTION = 1e-3
+# A joint does not move if its command spans at most this angle [rad].
+LEAST_MOTION = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SimulatedLogs:
-    """The simulated motion of every log, and its difference from the measured motion."""
+    """Simulated motions of all logs for values of the unknowns, and their residuals."""
 
     values: FloatArray  # Values of the unknowns
-    motions: tuple[NominalMotion, ...]
+    motions: tuple[NominalMotion, ...]  # Simulated motion of every log
     # Measured less simulated positions of every log [rad], (samples, dof) each.
     residuals: tuple[FloatArray, ...]
 
     @property
     def scatter(self) -> FloatArray:
-        """Root mean square of the residuals of each joint [rad], (dof,)."""
+        """RMS residual of each joint over all logs [rad], at least ROUNDING, (dof,)."""
         every = np.concatenate(self.residuals)
         return np.asarray(np.maximum(np.sqrt(np.mean(every**2, axis=0)), ROUNDING))
 
     def cost(self, scatter: FloatArray) -> float:
-        """Sum of the squared residuals in multiples of `scatter` [rad]."""
+        """Sum of the squared residuals, which are divided by `scatter` [rad], (dof,)."""
         return float(sum(np.sum((x / scatter) ** 2) for x in self.residuals))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OutputError:
-    """Unknowns with the smallest errors."""
+    """Result of a fit: values of the unknowns with the smallest weighted residuals."""
 
-    trial: SimulatedLogs  # The motion with these values
-    free: BoolArray  # Unknowns that were sought; the others are nominal
-    # Derivatives of the simulated positions in multiples of `scatter`, (samples, dof, unknowns).
+    trial: SimulatedLogs  # The simulated motions for the fitted values
+    free: BoolArray  # Mask of the fitted unknowns; the others have nominal values, (unknowns,)
+    # jacobian: derivatives of the simulated positions by the unknowns, divided by `scatter`,
+    # (samples, dof, unknowns).
     jacobian: FloatArray
-    residuals: FloatArray  # Residuals in multiples of `scatter`, (samples, dof)
-    scatter: FloatArray  # Root mean square of the residuals of each joint [rad], (dof,)
-    remaining: FloatArray  # The next linear step of the unknowns, (unknowns,)
+    residuals: FloatArray  # Residuals of all logs, divided by `scatter`, (samples, dof)
+    scatter: FloatArray  # RMS residual of each joint [rad], (dof,)
+    remaining: FloatArray  # Next linear step of each unknown, 0 at a bound, (unknowns,)
 
     @property
     def precision(self) -> Precision:
-        """The precision of the unknowns."""
+        """Fisher information about the unknowns, for correlated residuals."""
         return Precision.correlated(self.jacobian, self.residuals)
 
 
-def attempt(
+def simulate_logs(
     model: RobotUnknowns,
-    grids: list[Gridded],
+    grids: list[LogGrid],
     values: FloatArray,
     before: SimulatedLogs | None = None,
 ) -> SimulatedLogs:
-    """Simulate all logs with some values of the unknowns."""
+    """Simulate all logs with some values of the unknowns; starts from the motions `before`."""
     drives, delay = model.drives(values), float(values[-1])
     motions, residuals = [], []
     for k, grid in enumerate(grids):
@@ -121,7 +125,7 @@ def attempt(
             drives,
             grid.command(delay + model.lag),
             grid.t,
-            grid.near if before is None else before.motions[k].q,
+            grid.smoothed if before is None else before.motions[k].q,
             speed=grid.speed,
             viscous=model.viscous(values),
             lag=model.lag,
@@ -131,13 +135,15 @@ def attempt(
     return SimulatedLogs(values=values, motions=tuple(motions), residuals=tuple(residuals))
 
 
-def derivatives(model: RobotUnknowns, grids: list[Gridded], trial: SimulatedLogs) -> FloatArray:
-    """Derivatives of the positions by the unknowns at all samples, (samples, dof, unknowns)."""
+def position_derivatives(
+    model: RobotUnknowns, grids: list[LogGrid], trial: SimulatedLogs
+) -> FloatArray:
+    """Derivatives of the simulated positions by the unknowns, (samples, dof, unknowns)."""
     parts = []
     for grid, motion in zip(grids, trial.motions, strict=True):
         delay = float(trial.values[-1]) + model.lag
-        early, later = (grid.command(delay + s * SHIFT) for s in (-1, 1))
-        lead, slope = (early + later) / 2 - motion.q, (early - later) / (2 * SHIFT)
+        early, later = (grid.command(delay + s * DELAY_STEP) for s in (-1, 1))
+        lead, slope = (early + later) / 2 - motion.q, (early - later) / (2 * DELAY_STEP)
         torque = model.torques(trial.values, motion, lead, slope)
         parts.append(grid.sampled(motion.to_torque(torque)))
     return np.concatenate(parts)
@@ -145,18 +151,18 @@ def derivatives(model: RobotUnknowns, grids: list[Gridded], trial: SimulatedLogs
 
 def fit(
     model: RobotUnknowns,
-    grids: list[Gridded],
+    grids: list[LogGrid],
     values: FloatArray,
     free: BoolArray,
-    near: float = NEAR,
+    near: float = LEAST_REDUCTION,
 ) -> OutputError:
-    """Fit the free unknowns by bounded least squares, each joint weighted by its scatter."""
-    # A reduction of the sum of squares by less than the share `near` ends the search.
-    gains = model.are(*LOGARITHMIC)
-    lowest = np.where(model.are(*POSITIVE), 0.0, -np.inf)
+    """Fit the free unknowns by bounded least squares, with joints weighted by 1 / RMS residual."""
+    # The search ends when an iteration reduces the sum of squares by less than the share `near`.
+    gains = model.mask(*LOGARITHMIC)
+    lowest = np.where(model.mask(*NONNEGATIVE), 0.0, -np.inf)
     low = np.where(gains, values - np.log(LARGEST_FACTOR), lowest)
     high = np.where(gains, values + np.log(LARGEST_FACTOR), np.inf)
-    trial, ends = attempt(model, grids, values), ~free
+    trial, ends = simulate_logs(model, grids, values), ~free
     scatter = trial.scatter
 
     def move(unknowns: FloatArray) -> SimulatedLogs:
@@ -164,11 +170,11 @@ def fit(
         if (unknowns != trial.values[free]).any():
             values = trial.values.copy()
             values[free] = unknowns
-            trial = attempt(model, grids, values, trial)
+            trial = simulate_logs(model, grids, values, trial)
         return trial
 
     def residuals(unknowns: FloatArray) -> FloatArray:
-        """Residuals; nan if the robot cannot be simulated."""
+        """Simulated less measured positions, weighted; nan if the robot cannot be simulated."""
         try:
             errors = move(unknowns).residuals
         except (ExecutionError, InvalidInput):
@@ -176,17 +182,17 @@ def fit(
         return np.asarray(-(np.concatenate(errors) / scatter).ravel())
 
     def slopes(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        columns = derivatives(model, grids, move(unknowns)) / scatter[:, None]
+        columns = position_derivatives(model, grids, move(unknowns)) / scatter[:, None]
         return residuals(unknowns), columns[:, :, free].reshape(-1, len(unknowns))
 
-    for _ in range(SEARCHES if free.any() else 0):
+    for _ in range(MAX_SEARCHES if free.any() else 0):
         bounds = low[free], high[free]
         solution = solve(residuals, slopes, trial.values[free], bounds, MAX_SIMULATIONS, near)
         before, scatter, ends = scatter, move(solution.x).scatter, ~free
         ends[free] = solution.active_mask != 0
-        if (np.abs(scatter / before - 1) < SAME_SCATTER).all():
+        if (np.abs(scatter / before - 1) < SCATTER_CHANGE).all():
             break
-    jacobian = derivatives(model, grids, trial) / scatter[:, None]
+    jacobian = position_derivatives(model, grids, trial) / scatter[:, None]
     errors, remaining = np.concatenate(trial.residuals) / scatter, np.zeros(len(free))
     columns, size = normalize(jacobian[:, :, ~ends].reshape(errors.size, -1))
     remaining[~ends] = np.linalg.lstsq(columns, errors.ravel(), rcond=1e-6)[0] / size
@@ -200,47 +206,49 @@ def fit(
     )
 
 
-def allowed(model: RobotUnknowns, values: FloatArray) -> FloatArray:
-    """Standard deviations up to which each unknown is determined, (unknowns,)."""
+def allowed_deviations(model: RobotUnknowns, values: FloatArray) -> FloatArray:
+    """Largest standard deviation with which each unknown is determined, (unknowns,)."""
     drives, mass = model.drives(values), float(model.value(values, "payload_mass")[0])
     j = model.joints
     also: dict[str, Any] = {
-        "armature": OF_DAMPING * drives.inertia[j] * (j >= 0),
-        "viscous": OF_DAMPING * drives.damping[j],
-        "coulomb": ANGLE * drives.stiffness[j],
-        "payload_mass": MASS,
-        "dead_time": DELAY,
+        "armature": DAMPING_SHARE * drives.inertia[j] * (j >= 0),
+        "viscous": DAMPING_SHARE * drives.damping[j],
+        "coulomb": FRICTION_ANGLE * drives.stiffness[j],
+        "payload_mass": MASS_SD,
+        "dead_time": DELAY_SD,
     }
-    smallest = np.select([model.are(x) for x in also], list(also.values()))
+    smallest = np.select([model.mask(x) for x in also], list(also.values()))
     deviations = allowed_deviation(np.where(model.relative, 1.0, values), smallest)
-    return np.where(model.are(*CENTER), AWAY * mass, deviations)
+    return np.where(model.mask(*CENTER), CENTER_SD * mass, deviations)
 
 
-def moved(model: RobotUnknowns, grids: list[Gridded]) -> BoolArray:
-    """Unknowns except those of joints that no log moves, (unknowns,)."""
-    # A joint that only moves due to others shows that friction holds it, but not how large it is.
+def mask_moved(model: RobotUnknowns, grids: list[LogGrid]) -> BoolArray:
+    """Mask of the unknowns of the whole robot and of the joints that a log moves, (unknowns,)."""
+    # Joints without own motion are excluded, because their motion due to other joints shows that
+    # friction holds them, but not the magnitude of this friction.
     ranges = np.max([np.ptp(x.log.command, axis=0) for x in grids], axis=0)
-    return np.asarray((model.joints < 0) | (ranges > MOVES)[model.joints])
+    return np.asarray((model.joints < 0) | (ranges > LEAST_MOTION)[model.joints])
 
 
-def seen(model: RobotUnknowns, grids: list[Gridded], values: FloatArray) -> BoolArray:
-    """Unknowns that the logs would determine if there were only the noise of the encoders."""
-    jacobian = derivatives(model, grids, attempt(model, grids, values))
-    scaled = jacobian / noise_of(grids)[:, None]
+def mask_observable(model: RobotUnknowns, grids: list[LogGrid], values: FloatArray) -> BoolArray:
+    """Mask of the unknowns that logs with only encoder noise would determine, (unknowns,)."""
+    jacobian = position_derivatives(model, grids, simulate_logs(model, grids, values))
+    scaled = jacobian / largest_noise(grids)[:, None]
     precision = Precision.from_jacobian(scaled.reshape(-1, len(values)))
-    # A load that is not known yet counts as 1 kg.
-    bold = np.where(model.are("payload_mass"), np.maximum(values, 1.0), values)
-    limit = allowed(model, bold) * np.where(model.are(*LOGARITHMIC), 1.0, 2.0)
-    return determined(model, precision, moved(model, grids), limit)
+    # A smaller payload counts as 1 kg, because the payload is not known yet.
+    bold = np.where(model.mask("payload_mass"), np.maximum(values, 1.0), values)
+    limit = allowed_deviations(model, bold) * np.where(model.mask(*LOGARITHMIC), 1.0, 2.0)
+    return mask_determined(model, precision, mask_moved(model, grids), limit)
 
 
-def determined(
+def mask_determined(
     model: RobotUnknowns, precision: Precision, free: BoolArray, limit: FloatArray
 ) -> BoolArray:
-    """Mask of determined unknowns: the worst become nominal until all others are determined."""
-    # free (unknowns,), limit (unknowns,).
+    """Mask of the free unknowns that are determined if the others are nominal, (unknowns,)."""
+    # The least determined unknown becomes nominal until the standard deviations of all others are
+    # at most `limit`, (unknowns,).
     free = free.copy()
-    trust = np.where(model.are(*LOGARITHMIC), TRUSTED, 1.0)
+    trust = np.where(model.mask(*LOGARITHMIC), GAIN_TRUST, 1.0)
     while free.any():
         with np.errstate(invalid="ignore", divide="ignore"):
             worse = np.where(free, precision.sd(free) / limit, 0.0)
@@ -248,28 +256,35 @@ def determined(
         if worse.max() <= 1.0:
             break
         free[np.argmax(trust * worse)] = False
-        free &= with_mass(model, free)
+        free &= mask_defined(model, free)
     return free
 
 
-def with_mass(model: RobotUnknowns, free: BoolArray) -> BoolArray:
-    """Mask without the centre of a payload whose mass is neither unknown nor nominal."""
-    has_mass = free[model.are("payload_mass")] | (model.load.mass > LEAST_MASS)
-    return ~model.are(*CENTER) | has_mass
+def mask_defined(model: RobotUnknowns, free: BoolArray) -> BoolArray:
+    """Mask of the unknowns except the payload's centre if its mass is neither free nor nominal."""
+    has_mass = free[model.mask("payload_mass")] | (model.load.mass > LEAST_MASS)
+    return ~model.mask(*CENTER) | has_mass
 
 
-def doubts(model: RobotUnknowns, grids: list[Gridded], fit: OutputError) -> FloatArray:
+def estimate_bias(model: RobotUnknowns, grids: list[LogGrid], fit: OutputError) -> FloatArray:
     """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,)."""
-    # It is the change of the estimates if commands had their corners between the samples instead of
-    # at them, or held set-points came one interval earlier, and if the drives' cycle were longer by
-    # half. Without this bias, 95 % intervals contained the true value in 60 to 80 % of the cases.
+    # The first part is the change of the estimates if interpolated commands have their corners
+    # midway between the samples instead of at the samples, or if held set-points come one interval
+    # earlier. The second part is the change if the drive cycle is longer by half. Without this
+    # bias, 95 % intervals contain the true value in 60 to 80 % of the cases.
     drives = model.drives(fit.trial.values)
     delay = float(fit.trial.values[-1]) + model.lag
     changes = []
     for grid, motion in zip(grids, fit.trial.motions, strict=True):
         command = grid.command(delay)
-        sooner = grid.command(delay - grid.log.interval) if grid.held else grid.bent_command(delay)
-        rate = (grid.command(delay - SHIFT) - grid.command(delay + SHIFT)) / (2 * SHIFT)
+        sooner = (
+            grid.command(delay - grid.log.interval)
+            if grid.held
+            else grid.shifted_corner_command(delay)
+        )
+        rate = (grid.command(delay - DELAY_STEP) - grid.command(delay + DELAY_STEP)) / (
+            2 * DELAY_STEP
+        )
         delayed = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
         torque = np.stack([drives.stiffness * (sooner - command), model.lag / 2 * delayed], axis=-1)
         changes.append(grid.sampled(motion.to_torque(torque)))
@@ -283,21 +298,23 @@ def doubts(model: RobotUnknowns, grids: list[Gridded], fit: OutputError) -> Floa
 
 
 def choose_model(
-    models: list[RobotUnknowns], grids: list[Gridded]
+    models: list[RobotUnknowns], grids: list[LogGrid]
 ) -> tuple[RobotUnknowns, SimulatedLogs]:
-    """The model whose gravity feed-forward leaves the smallest errors, and its motion."""
+    """Model whose gravity feed-forward has the smallest residuals, and its simulated motions."""
     best, failure = None, ExecutionError("it cannot be simulated.")
     for model in models:
         start = np.array(model.nominal)
         try:
-            trial = fit(model, grids, start, seen(model, grids, start), COARSE_NEAR).trial
+            trial = fit(
+                model, grids, start, mask_observable(model, grids, start), COARSE_REDUCTION
+            ).trial
         except ExecutionError as error:
             failure = error
             continue
-        if (trial.scatter < ALL_NOISE * noise_of(grids)).all():
+        if (trial.scatter < NOISE_MULTIPLE * largest_noise(grids)).all():
             return model, trial
         scatter = trial.scatter if best is None else best[1].scatter
-        if best is None or trial.cost(scatter) < (1 - SURELY) * best[1].cost(scatter):
+        if best is None or trial.cost(scatter) < (1 - LEAST_GAIN) * best[1].cost(scatter):
             best = model, trial
     if best is None:
         raise failure
@@ -305,31 +322,31 @@ def choose_model(
 
 
 def fit_determined(
-    model: RobotUnknowns, grids: list[Gridded], values: FloatArray
+    model: RobotUnknowns, grids: list[LogGrid], values: FloatArray
 ) -> tuple[OutputError, BoolArray]:
-    """The fit of the unknowns that the logs determine; the others stay nominal."""
-    # Returns the fit, and the unknowns in which the search did not converge.
-    free, restless = seen(model, grids, values), np.zeros(len(values), dtype=bool)
+    """Fit of the determined unknowns, and mask of the unknowns in which it did not converge."""
+    # All other unknowns become nominal.
+    free, unconverged = mask_observable(model, grids, values), np.zeros(len(values), dtype=bool)
     while True:
         result = fit(model, grids, np.where(free, values, model.nominal), free)
         values = result.trial.values
         precision = result.precision
-        accepted = determined(model, precision, free, allowed(model, values))
+        accepted = mask_determined(model, precision, free, allowed_deviations(model, values))
         if (accepted == free).all():
             sd = np.maximum(precision.sd(free), 1e-300)
-            accepted = free & ~(np.abs(result.remaining) > REST * sd)
-            restless |= free & ~accepted
+            accepted = free & ~(np.abs(result.remaining) > MAX_NEXT_STEP * sd)
+            unconverged |= free & ~accepted
             if (accepted == free).all():
-                return result, restless
-        free = accepted & with_mass(model, accepted)
+                return result, unconverged
+        free = accepted & mask_defined(model, accepted)
 
 
-def check_fit(grids: list[Gridded], trial: SimulatedLogs) -> FloatArray:
-    """Share of the mean square lag behind the commands that the model explains, (dof,)."""
+def check_fit(grids: list[LogGrid], trial: SimulatedLogs) -> FloatArray:
+    """Share of the squared tracking error that the model explains, (dof,); error if too small."""
     errors = np.zeros(grids[0].log.dof)
     lags, ranges = 0 * errors, 0 * errors
     for grid, residuals in zip(grids, trial.residuals, strict=True):
-        # The model need not explain the noise of the encoders.
+        # The noise of the encoders is subtracted, because the model cannot explain it.
         errors += np.sum(residuals**2, axis=0) - len(residuals) * grid.noise**2
         lags += np.sum(
             (interpolate(grid.log.t[grid.rows], grid.log.t, grid.log.command) - grid.measured) ** 2,
@@ -337,14 +354,15 @@ def check_fit(grids: list[Gridded], trial: SimulatedLogs) -> FloatArray:
         )
         ranges = np.maximum(ranges, np.ptp(grid.log.command, axis=0))
     explained = np.asarray(1 - np.maximum(errors, 0.0) / np.maximum(lags, 1e-300))
-    poor = (ranges > MOVES) & (explained < EXPLAINS)
+    poor = (ranges > LEAST_MOTION) & (explained < LEAST_EXPLAINED)
     if poor.any():
         j = int(np.argmin(np.where(poor, explained, np.inf)))
         log = grids[0].log
         raise InvalidInput(
-            f"{log.source}: the model explains {max(float(explained[j]), 0.0) * 100:.0f} % of the "
-            f"lag of {log.joint_names[j]} behind its command, and {EXPLAINS:.0%} are needed: give "
-            "the log of this arm, with its joints in the arm's order.",
+            f"{log.source}: the model must explain at least {LEAST_EXPLAINED:.0%} of the squared "
+            f"tracking error of {log.joint_names[j]}, but explains "
+            f"{max(float(explained[j]), 0.0) * 100:.0f} %. Specify a log of this arm, with the "
+            "joints in the order of the arm.",
             joint=j,
         )
     return explained

@@ -13,29 +13,29 @@ from armcontour.control.identification.bodies.body_identification import (
 )
 from armcontour.control.identification.bodies.body_model import (
     CENTER,
+    JOINT_UNKNOWNS,
     LEAST_MASS,
-    OF_JOINTS,
     RobotUnknowns,
 )
-from armcontour.control.identification.bodies.log_grid import Gridded
+from armcontour.control.identification.bodies.log_grid import LogGrid
 from armcontour.control.identification.bodies.output_error import (
-    POSITIVE,
+    NONNEGATIVE,
     OutputError,
     check_fit,
     choose_model,
-    doubts,
+    estimate_bias,
     fit_determined,
-    moved,
+    mask_moved,
 )
 from armcontour.control.identification.estimates import LOGARITHMIC, UNITS, Estimate
 from armcontour.control.identification.fit_options import (
     GRAVITIES,
     BodyFit,
     choose_interpolation,
-    dead_times,
+    dead_time_range,
     list_logs,
 )
-from armcontour.control.identification.servos import changes_velocity
+from armcontour.control.identification.servo_identification import changes_velocity
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import checked
@@ -48,12 +48,11 @@ from armcontour.robot.servo import ServoModel
 BODY_FIT = BodyFit()
 # Initial gains without a nominal servo [1/s].
 KP, KV = 25.0, 150.0
-# The effect of the initial state decays in this many time constants of the position loops,
-FORGOTTEN = 10.0
-# and takes at least this time [s].
-SETTLED = 0.3
-# Step of the simulations of the first search, which chooses the gravity feed-forward [s].
-COARSE = 5e-3
+# Samples at the start of a log are not compared, because they depend on the initial state: number
+# of time constants of the slowest position loop, and shortest time [s].
+SETTLING, SETTLING_TIME = 10.0, 0.3
+# Time step of the simulations that choose the gravity feed-forward [s].
+COARSE_STEP = 5e-3
 
 
 @checked
@@ -67,9 +66,9 @@ def identify_bodies(
 ) -> BodyIdentification:
     """Identify payload, friction and drives of an arm with masses from logs.
 
-    The model is the arm's rigid bodies, moved by drives with the torques
-    `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward, with viscous and Coulomb
-    friction and a payload. Undetermined parameters keep their nominal values.
+    The model consists of the rigid bodies of the arm, a payload, viscous and Coulomb friction, and
+    drives with the torques `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward.
+    Parameters that the logs do not determine have their nominal values.
 
     >>> log = ac.Log(t=set_points.t, command=set_points.q, measured=set_points.q)
     >>> ac.identify_bodies(log, arm)
@@ -80,14 +79,15 @@ def identify_bodies(
     Args:
         logs: A log of all joints of the arm, or several.
         arm: The nominal arm, with masses, payload, friction and drive inertias.
-        servo: The nominal servo, of order "second". Its K_v is kept, since a log shows only the sum
-            of J K_v and viscous friction; without it friction is kept, and K_v sought.
+        servo: The nominal servo, of order "second". Its K_v is fixed and viscous friction is
+            identified, because a log determines only the sum of J K_v and viscous friction. Without
+            a servo, the viscous friction of the arm is fixed and K_v is identified.
         options: Options, such as `BodyFit(gravity="nominal")`.
-        progress: Called with a step, the name of a stage, before each.
+        progress: Called with a step that names the stage, before each stage.
 
     Raises:
-        InvalidInput: Samples too far apart, a log that is too short, or logs that are not of the
-            arm.
+        InvalidInput: The sample interval of a log is too long, a log is too short, or the logs do
+            not belong to the arm.
     """
     every = [arrange_joints(x, arm.joint_names) for x in list_logs(logs)]
     for log in every:
@@ -96,29 +96,29 @@ def identify_bodies(
     interpolation = choose_interpolation(every, options.interpolation)
     guess = ServoModel(kp=KP, kv=KV) if servo is None else servo
     guess = guess.for_joints(arm.dof).replace(interpolation=interpolation)
-    settled, lag = max(FORGOTTEN / float(guess.kp.min()), SETTLED), options.drive_cycle / 2
+    settled, lag = max(SETTLING / float(guess.kp.min()), SETTLING_TIME), options.drive_cycle / 2
     try:
         check_logs(every, arm)
         models = [
-            RobotUnknowns(arm=arm, servo=guess, keep_kv=servo is not None, gravity=x, lag=lag)
+            RobotUnknowns(arm=arm, servo=guess, fixed_kv=servo is not None, gravity=x, lag=lag)
             for x in (GRAVITIES if options.gravity is None else [options.gravity])
         ]
         report(Step(("gravity",)))
-        coarse = [Gridded.from_log(x, interpolation, settled, step=COARSE) for x in every]
+        coarse = [LogGrid.from_log(x, interpolation, settled, step=COARSE_STEP) for x in every]
         model, near = choose_model(models, coarse)
         check_fit(coarse, near)
         report(Step(("fit",)))
-        grids = [Gridded.from_log(x, interpolation, settled) for x in every]
-        fit, restless = fit_determined(model, grids, near.values)
-        delays = dead_times(every, options.longest_dead_time)
-        return _describe(model, grids, fit, restless, delays)
+        grids = [LogGrid.from_log(x, interpolation, settled) for x in every]
+        fit, unconverged = fit_determined(model, grids, near.values)
+        delays = dead_time_range(every, options.longest_dead_time)
+        return _describe(model, grids, fit, unconverged, delays)
     except (ExecutionError, InvalidInput) as error:
         names = ", ".join(dict.fromkeys(x.source for x in every))
         positions = ((x.t - x.t[0], y) for x in every for y in (*x.command.T, *x.measured.T))
         if not any(changes_velocity(*x) for x in positions):
             raise InvalidInput(
                 f"Every joint in {names} rests or moves at a uniform velocity, which determines no "
-                "gains, dead time or inertias: record a motion whose velocity changes, such as a "
+                "gains, dead time or inertias. Record a motion whose velocity changes, such as a "
                 "multisine around the bandwidth of the position loops."
             ) from None
         if isinstance(error, InvalidInput):
@@ -128,17 +128,19 @@ def identify_bodies(
 
 def _describe(
     model: RobotUnknowns,
-    grids: list[Gridded],
+    grids: list[LogGrid],
     fit: OutputError,
-    restless: BoolArray,
+    unconverged: BoolArray,
     delays: tuple[float, float],
 ) -> BodyIdentification:
-    """Estimates and notes of a fit."""
+    """Make the result of the identification from a fit."""
+    # unconverged: mask of unknowns in which the search did not converge. delays: range of the dead
+    # time of the search [s].
     explained, values = check_fit(grids, fit.trial), fit.trial.values
     common, *every = _list_estimates(model, grids, fit)
-    # Logs show only the sum of J K_v and viscous friction: one of the two is nominal.
+    # Logs determine only the sum of J K_v and viscous friction, so one of the two is nominal.
     tied, nominal = "kv", np.asarray(model.servo.kv)
-    if not model.keep_kv:
+    if not model.fixed_kv:
         tied, nominal = "viscous", np.asarray(model.arm.dynamics.chain.viscous)
     joints = []
     for j, name in enumerate(model.arm.joint_names):
@@ -152,13 +154,13 @@ def _describe(
         joints.append(
             BodyJoint(
                 name=name,
-                parameters={x: estimates[x] for x in OF_JOINTS if x in estimates},
+                parameters={x: estimates[x] for x in JOINT_UNKNOWNS if x in estimates},
                 rms=float(fit.trial.scatter[j]),
                 explained=float(explained[j]),
                 rests=tuple(rests),
             )
         )
-    arm, gains = identified(model, values)
+    arm, gains = make_robot(model, values)
     return BodyIdentification(
         logs=tuple(x.log for x in grids),
         interpolation=model.servo.interpolation,
@@ -167,15 +169,16 @@ def _describe(
         nominal=model.arm,
         gravity=model.gravity,
         arm=arm,
-        notes=_list_notes(model, values, restless & moved(model, grids), delays),
+        notes=_list_notes(model, values, unconverged & mask_moved(model, grids), delays),
         gains=gains,
-        gains_known=model.keep_kv,
+        gains_known=model.fixed_kv,
     )
 
 
-def identified(model: RobotUnknowns, values: FloatArray) -> tuple[Arm, ServoModel]:
-    """The arm and the servo for values of the unknowns."""
-    # Negative viscous friction is moved to K_v, because only the sum of both has an effect.
+def make_robot(model: RobotUnknowns, values: FloatArray) -> tuple[Arm, ServoModel]:
+    """Arm and servo with the values of the unknowns."""
+    # Negative viscous friction becomes 0 and reduces K_v instead, because only the sum of both has
+    # an effect.
     drives, viscous = model.drives(values), model.viscous(values)
     lower = np.minimum(viscous, 0.0)
     kv = (drives.damping + lower) / model.inertia
@@ -192,20 +195,20 @@ def identified(model: RobotUnknowns, values: FloatArray) -> tuple[Arm, ServoMode
 
 
 def _list_estimates(
-    model: RobotUnknowns, grids: list[Gridded], fit: OutputError
+    model: RobotUnknowns, grids: list[LogGrid], fit: OutputError
 ) -> list[dict[str, Estimate]]:
-    """Estimates of the robot and of each joint by name; undetermined parameters are nominal."""
-    precision, doubt = fit.precision, doubts(model, grids, fit)
+    """Estimates by name, first of the robot, then of each joint."""
+    precision, doubt = fit.precision, estimate_bias(model, grids, fit)
     values, covariance = fit.trial.values, precision.covariance(fit.free)
-    m = int(np.argmax(model.are("payload_mass")))
+    m = int(np.argmax(model.mask("payload_mass")))
     mass, centers = float(values[m]), dict(zip(CENTER, model.load.center.tolist(), strict=True))
     estimates: list[dict[str, Estimate]] = [{} for _ in range(1 + model.arm.dof)]
     for k, (name, j) in enumerate(zip(model.names.tolist(), model.joints.tolist(), strict=True)):
         value, free, bias = float(values[k]), bool(fit.free[k]), float(doubt[k])
-        # The estimate is a linear function of the unknowns.
+        # row: derivatives of the estimate by the unknowns, (unknowns,).
         row = np.eye(len(values))[k]
         if name in CENTER:
-            # The unknown is the mass times the deviation from the nominal centre.
+            # The unknown is the mass times the deviation of the centre from its nominal position.
             free = free and mass > LEAST_MASS
             away = value / mass if free else 0.0
             value = centers[name] + away
@@ -219,7 +222,7 @@ def _list_estimates(
         if free:
             sd = math.sqrt(max(float(row @ covariance @ row), 0.0))
             reach = precision.quantile * sd + bias
-            ends = -min(reach, value) if name in POSITIVE else -reach, reach
+            ends = -min(reach, value) if name in NONNEGATIVE else -reach, reach
             sd = math.hypot(sd, bias)
             one = Estimate.from_interval(name, value, sd, ends, unit=unit, determined=True)
         estimates[1 + j][name] = one
@@ -227,22 +230,25 @@ def _list_estimates(
 
 
 def _list_notes(
-    model: RobotUnknowns, values: FloatArray, restless: BoolArray, delays: tuple[float, float]
+    model: RobotUnknowns, values: FloatArray, unconverged: BoolArray, delays: tuple[float, float]
 ) -> tuple[str, ...]:
-    """Notes on the fit, as sentences."""
+    """Sentences about convergence, dead time and negative friction."""
     notes = []
-    if restless.any():
+    if unconverged.any():
         names = [
             name.replace("_", " ") + (f" of joint {j + 1}" if j >= 0 else "")
-            for name, j in zip(model.names[restless], model.joints[restless], strict=True)
+            for name, j in zip(model.names[unconverged], model.joints[unconverged], strict=True)
         ]
-        notes.append(f"The search did not converge in {', '.join(names)}.")
+        notes.append(f"The search did not converge for {', '.join(names)}.")
     if not delays[0] < float(values[-1]) < delays[1]:
-        notes.append(f"The dead time is outside the search range, up to {delays[1] * 1e3:g} ms.")
-    negative = np.flatnonzero(model.viscous(values) < 0) + 1
-    if model.keep_kv and len(negative):
         notes.append(
-            f"The viscous friction of joint {', '.join(map(str, negative))} would be below zero, "
-            "so K_v is reduced instead."
+            f"The dead time is outside the search range of {delays[0] * 1e3:g} to "
+            f"{delays[1] * 1e3:g} ms."
+        )
+    negative = np.flatnonzero(model.viscous(values) < 0) + 1
+    if model.fixed_kv and len(negative):
+        notes.append(
+            f"The fitted viscous friction of joint {', '.join(map(str, negative))} is negative, so "
+            "it is set to 0 and K_v is reduced instead."
         )
     return tuple(notes)

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
-from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main
+from armcontour.controllers.feeders.feeder import DeviceError, Row, Sample, main
 
 RTDE_PORT, SCRIPT_PORT = 30004, 30002
 DOF, SLOTS, FIRST = 6, 4, 24
@@ -71,8 +71,8 @@ end
 """
 
 
-class Ur:
-    """A robot of Universal Robots.
+class UrDevice:
+    """A robot from Universal Robots.
 
     Args:
         address: Address of the robot.
@@ -268,4 +268,4 @@ class Ur:
 
 
 if __name__ == "__main__":
-    main(Ur(sys.argv[2], *map(float, sys.argv[3:6])))
+    main(UrDevice(sys.argv[2], *map(float, sys.argv[3:6])))

@@ -1,4 +1,4 @@
-"""Check of the commands that a controller sends for points of a trajectory."""
+"""Check of the commands into which a controller interpolates the points of a trajectory."""
 
 from __future__ import annotations
 
@@ -24,37 +24,39 @@ from armcontour.robot.limit_use import use_of
 from armcontour.verification.limit_verdict import VERDICTS, LimitUse
 from armcontour.verification.trajectory_check import PathDeviation, TimeSamples, check
 
-# Times per interval of a law at which its distance is computed, and the number of them in all above
-# which there are fewer: the peak of a smooth error is 0.3 % higher at most with 32.
-PLACES, MAX_TIMES = 32, 400_000
-# Interpolations whose velocity jumps at points.
+# Number of times per interval of a law at which the distance from the path is computed, and total
+# number of times above which fewer are used. With 32 the peak of a smooth error exceeds the largest
+# value by at most 0.3 %.
+MAX_PER_INTERVAL, MAX_TIMES = 32, 400_000
+# Interpolations whose velocity is discontinuous at the points.
 IN_STEPS = ("lines", "held", "next point")
-# Ratio above which the points themselves, and not the interpolation, exceed a limit.
+# Ratio to the acceleration limit above which the points themselves exceed the limit, not only their
+# interpolation.
 FAR_ABOVE = 1.5
-# Fraction by which commands may exceed a limit: interpolation adds as much to a valid plan with
-# limited jerk.
+# Fraction by which commands may exceed a limit, because interpolation adds up to this fraction to a
+# valid plan with limited jerk.
 COMMAND_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CommandCheck(Result):
-    """The result of `check_commands`.
+class InterpolationCheck(Result):
+    """Result of `check_interpolation`.
 
     Args:
         controller: Name of the controller.
-        law: Its interpolation of these points.
-        rate: Its rate [1/s].
-        uses: Uses of the limits by the commands: velocities are differences over a cycle,
-            accelerations second differences.
+        law: Interpolation of the points by the controller.
+        rate: Rate of the controller [1/s].
+        uses: Uses of the limits by the commands. Velocities are first differences of the commands
+            over a cycle, accelerations are second differences.
         deviation: Largest distance of the tool from the reference at the same time [m].
-        deviation_time: Its time, from the first point on [s].
+        deviation_time: Time of `deviation` since the first point [s].
         joint_deviation: Largest distance of a joint from the reference [rad].
         reference: Name of the reference.
-        acceleration: Largest acceleration of the interpolation over the limit; NaN if its
-            velocity jumps, or without a limit.
-        own_acceleration: Largest second difference of the points over the limit.
+        acceleration: Largest ratio of the acceleration of the interpolation to the limit; NaN if
+            its velocity is discontinuous, or without a limit.
+        own_acceleration: Largest ratio of the second difference of the points to the limit.
         path_deviation: Largest distance from the path; None without a path.
-        advice: How to reduce accelerations that exceed the limit; empty if none does.
+        advice: How to reduce accelerations that exceed the limit; empty if none exceeds it.
     """
 
     controller: str
@@ -93,7 +95,7 @@ class CommandCheck(Result):
                 *(Row(x, getattr(self, x)) for x in ("controller", "reference")),
                 Row("rate", self.rate, "Hz"),
                 Row("law", self.law, "", "interpolation"),
-                # Without the plan, quintics and cubics are their own reference.
+                # If the plan is unknown, quintics and cubics are their own reference.
                 Row("deviation", self.deviation, "m", "deviation" * (self.deviation > 0), time),
                 Row("deviation_time", self.deviation_time, "s"),
                 Row("joint_deviation", self.joint_deviation, "rad"),
@@ -107,7 +109,7 @@ class CommandCheck(Result):
 
 
 @checked
-def check_commands(
+def check_interpolation(
     points: TimeSamples,
     arm: Arm,
     controller: Annotated[str, Choice(NAMES)],
@@ -119,33 +121,35 @@ def check_commands(
     deviation: Tolerance | None = None,
     orientation_deviation: Annotated[float, Quantity("rad", sign="positive")] | None = None,
     tolerance: NotNegative = COMMAND_TOLERANCE,
-) -> CommandCheck:
+) -> InterpolationCheck:
     """Check a trajectory as a controller interpolates it.
 
     Velocities and accelerations of joints and tool are differences of the commands at the
-    controller's rate. Jerk is not checked. Distances are those of the interpolation at any time,
-    without the delay of the controller.
+    controller's rate. Jerk is not checked. Distances are evaluated on the interpolation at any
+    time, without the delay of the controller.
 
     Args:
         points: The trajectory, as in `armcontour.motion.controller_laws.interpolate_points`.
         arm: The arm.
         controller: Name of the controller.
-        rate: Its rate [1/s].
+        rate: Rate of the controller [1/s].
         limits: Limits instead of those of the arm.
         path: The path or program that the tool should follow.
         reference: The motion that was sampled; by default the quintics, cubics or the clamped
             spline through the points.
-        deviation: Largest distance of the tool from the path [m].
-        orientation_deviation: Largest angle from the required tool orientation [rad].
+        deviation: Permitted distance of the tool from the path [m].
+        orientation_deviation: Permitted angle from the required tool orientation [rad].
         tolerance: Fraction by which commands may exceed a limit.
 
     Raises:
-        InvalidInput: The controller does not take these points, or they are not of this arm.
+        InvalidInput: The controller does not accept these points, or they do not fit the arm.
     """
     curve = interpolate_points(points, controller)
     if (dof := curve.curve.dof) != arm.dof:
-        raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but the trajectory {dof}.")
-    bounds = resolve_limits("check_commands", arm, limits)
+        raise InvalidInput(
+            f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {dof}."
+        )
+    bounds = resolve_limits("check_interpolation", arm, limits)
     commanded = _commands(curve, rate)
     smooth = bounds.replace(joint_jerk=None, tool_jerk=None, path_jerk=None)
     uses = check(commanded, arm, smooth, path, tolerance=tolerance).uses
@@ -158,12 +162,12 @@ def check_commands(
             deviation=deviation, orientation_deviation=orientation_deviation, tolerance=tolerance,
         )  # fmt: skip
         uses, far = uses + followed.uses, followed.path_deviation
-    # Without the plan, its derivatives at the points are the best that is known.
+    # If the plan is unknown, it is estimated by the spline through its derivatives at the points.
     best = interpolate_points(points, "jtc_spline")
     ideal = reference or best.curve
     q, exact = curve(times), ideal(np.minimum(times, ideal.duration))
     distance = np.linalg.norm(arm.tool_position(q) - arm.tool_position(exact), axis=1)
-    result = CommandCheck(
+    result = InterpolationCheck(
         controller=controller,
         law=curve.law,
         rate=rate,
@@ -181,21 +185,21 @@ def check_commands(
 
 
 def _commands(curve: CommandCurve, rate: float) -> TimeSamples:
-    """The commands of a controller as samples."""
+    """Commands that a controller sends, as samples."""
     t, q = curve.commands(rate)
     return SimpleNamespace(t=t, q=q)
 
 
 def _times(points: TimeSamples) -> FloatArray:
-    """Times at the points and between them, from the first point on [s], (n,)."""
+    """Times at the points and between them, since the first point [s], (n,)."""
     t = np.round(np.asarray(points.t) - points.t[0], 9)
-    count = int(np.clip(MAX_TIMES // len(t), 2, PLACES))
+    count = int(np.clip(MAX_TIMES // len(t), 2, MAX_PER_INTERVAL))
     inside = t[:-1, None] + np.arange(count) / count * np.diff(t)[:, None]
     return np.append(inside.ravel(), t[-1])
 
 
 def _law_acceleration(curve: CommandCurve, limits: Limits, t: FloatArray) -> float:
-    """Largest acceleration of an interpolation over its limit; NaN if its velocity jumps."""
+    """Largest ratio of an interpolation's acceleration to its limit; NaN if velocity jumps."""
     if curve.law in IN_STEPS or limits.joint_acceleration is None:
         return np.nan
     inside = np.clip(t + curve.origin, 0.0, curve.curve.duration)
@@ -204,7 +208,7 @@ def _law_acceleration(curve: CommandCurve, limits: Limits, t: FloatArray) -> flo
 
 
 def _second_differences(points: TimeSamples, limits: Limits) -> FloatArray:
-    """Second differences of the points over the limit of acceleration, (dof,)."""
+    """Largest ratio of the second differences of the points to the acceleration limit, (dof,)."""
     t, q = np.asarray(points.t), np.asarray(points.q)
     if limits.joint_acceleration is None or len(t) < 3:
         return np.full(q.shape[1], np.nan)
@@ -213,8 +217,8 @@ def _second_differences(points: TimeSamples, limits: Limits) -> FloatArray:
     return use_of("joint_acceleration", limits, mean).largest
 
 
-def _advise(result: CommandCheck, points: TimeSamples, limits: Limits, arm: Arm) -> str:
-    """A sentence on commands whose accelerations exceed the limit; empty if none does."""
+def _advise(result: InterpolationCheck, points: TimeSamples, limits: Limits, arm: Arm) -> str:
+    """Advice on commands whose accelerations exceed the limit; empty if none does."""
     use = next((x for x in result.uses if x.name == "joint_acceleration"), None)
     if use is None or use.joint is None or use.verdict != "violated":
         return ""
@@ -222,19 +226,19 @@ def _advise(result: CommandCheck, points: TimeSamples, limits: Limits, arm: Arm)
     needed = f"{number(use.ratio, '1')} of its acceleration limit at {rate}"
     if result.own_acceleration > FAR_ABOVE:
         return (
-            f"The velocity of the points changes in steps: joint {joint} needs {needed}. No "
-            "interpolation is much gentler; a limit of jerk (limits: joint_jerk) or a reserve "
-            "reduces this."
+            f"The velocity of the points changes in steps, so joint {joint} needs {needed}. No "
+            "interpolation reduces this much. Limit the jerk (limits: joint_jerk) or plan with a "
+            "reserve."
         )
     if result.law in IN_STEPS:
         smooth = _commands(interpolate_points(points, "jtc_spline"), result.rate)
         spline = _second_differences(smooth, limits).max()
         return (
-            f"The velocity of {result.law} changes in steps at the points: joint {joint} needs "
+            f"The velocity of {result.law} changes in steps at the points, so joint {joint} needs "
             f"{needed}. With velocities and accelerations at the points (--derivatives 2) it needs "
-            f"{number(spline, '1')}; one point per cycle needs less, too."
+            f"{number(spline, '1')}. One point per cycle also reduces this."
         )
     return (
-        f"Between the points, the {result.law} of joint {joint} need {needed}: one point per "
-        "cycle, a limit of jerk or a reserve reduces this."
+        f"Between the points, the {result.law} of joint {joint} need {needed}. One point per "
+        "cycle, a jerk limit or a reserve reduces this."
     )

@@ -16,7 +16,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry.biarcs import dot, length, make_biarcs, unit
 from armcontour.geometry.connections import around_vertices, connect, draw_connections
-from armcontour.geometry.corner_curves import CornerBounds, CornerCurves, CornerKind
+from armcontour.geometry.line_corners import CornerBounds, CornerCurves, CornerKind
 from armcontour.geometry.rounded_orientation import middle_fraction
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, combine_limits
 

@@ -1,4 +1,4 @@
-"""`PlaceSearch`: options of a placement: grid, objective and uncertainty."""
+"""`PlaceSearch`: options of a placement search (grid, objective and uncertainty)."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from armcontour.core.fields import Checked
 from armcontour.core.quantities import About, Choice
 from armcontour.robot.scene import BASE, PART
 
-# The axes, with their units; in a grid the last one changes fastest.
+# Axes of a search and their units. In a grid, the last axis changes fastest.
 UNITS = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "tilt": "rad"}
 AXES = tuple(UNITS)
 LENGTHS = AXES[:3]
-# In the plane of a planar arm.
+# Axes for a planar arm.
 IN_PLANE = ("x", "y", "yaw")
-# Largest number of places of a grid: about 0.5 kB each, and an hour of bounds.
+# Maximum number of candidates in a grid: 0.5 kB each, and an hour for the bounds of all.
 MAX_PLACES = 500_000
-# Decimals of places in SI units.
+# Number of decimals of coordinates in SI units.
 DIGITS = 12
-# Largest coordinates of places, uncertainties and the anchor [m, rad]: larger values are mistakes
-# in a unit or a digit, and cause rounding errors.
+# Maximum amounts of coordinates, uncertainties and the anchor [m, rad]. Larger values are mistakes
+# in a unit or a digit, and would cause rounding errors.
 FARTHEST = {"m": 1e4, "rad": 1e3}
-# Ends of a range of angles count as the same direction within this [rad].
+# If a range of angles differs from a full turn by less than this, its ends count as equal [rad].
 SAME_DIRECTION = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Axis:
-    """One axis of a grid.
+    """Axis of the grid of a placement search.
 
     Args:
         name: "x", "y", "z", "yaw" or "tilt".
@@ -50,22 +50,23 @@ class Axis:
 
     @property
     def unit(self) -> str:
-        """Its unit."""
+        """Unit of the axis."""
         return UNITS[self.name]
 
     @property
     def step(self) -> float:
-        """Distance of neighbouring places; 0 for a single one."""
+        """Largest distance of adjacent values [m or rad]; 0 for a single value."""
         return float(np.diff(self.values).max()) if len(self.values) > 1 else 0.0
 
 
 def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, ...]:
-    """The axes of a grid, in the order of `AXES`."""
+    """Read the axes of a grid, in the order of `AXES`."""
     names = AXES if dimension == 3 else IN_PLANE
     if not isinstance(over, Mapping) or not over:
         raise InvalidInput(
-            "over names the axes along which to place, each with its range and number of places, "
-            "such as over={'x': (-0.1, 0.1, 11)}; in a job file they are the key placement.over."
+            "over must be a mapping of the axes of the search to their ranges and numbers of "
+            "places, such as over={'x': (-0.1, 0.1, 11)}. In a job file, use the key "
+            "placement.over."
         )
     for name in over:
         _check_axis(name, names, "over")
@@ -73,8 +74,8 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
     count = math.prod(len(x.values) for x in axes)
     if count > MAX_PLACES:
         raise InvalidInput(
-            f"over has {count:,} places, but at most {MAX_PLACES:,} are compared: take fewer "
-            "steps, and refine around the best place.",
+            f"over has {count:,} places, but at most {MAX_PLACES:,} are allowed. Use fewer steps, "
+            "and refine around the best place.",
             needed=count,
             allowed=MAX_PLACES,
         )
@@ -82,7 +83,7 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
 
 
 def read_uncertainty(deviations: Mapping[str, float], dimension: int) -> dict[str, float]:
-    """Position uncertainty of the part, of some axes [m, rad], without zeros."""
+    """Read the position uncertainty of the part by axis [m or rad]; zeros are omitted."""
     names = AXES if dimension == 3 else IN_PLANE
     for name in deviations:
         _check_axis(name, names, "uncertainty")
@@ -97,7 +98,7 @@ def read_uncertainty(deviations: Mapping[str, float], dimension: int) -> dict[st
 
 
 def corners_of(uncertainty: Mapping[str, float]) -> list[dict[str, float]]:
-    """The corners of the box of an uncertainty, as differences [m, rad]; none without one."""
+    """Corners of the box of an uncertainty, as shifts by axis [m or rad]; empty without axes."""
     if not uncertainty:
         return []
     signs = product((-1.0, 1.0), repeat=len(uncertainty))
@@ -108,18 +109,18 @@ def corners_of(uncertainty: Mapping[str, float]) -> list[dict[str, float]]:
 
 
 def _check_axis(name: str, names: tuple[str, ...], label: str) -> None:
-    """Check that an axis exists for this arm."""
+    """Raise InvalidInput if an axis does not exist for this arm."""
     if name not in names:
-        plane = " for an arm in the plane" if name in AXES else ""
-        raise InvalidInput(f"{label} has no axis {name!r}{plane}: axes are {', '.join(names)}.")
+        plane = " for a planar arm" if name in AXES else ""
+        raise InvalidInput(f"{label} has no axis {name!r}{plane}. The axes are {', '.join(names)}.")
 
 
 def _axis(name: str, limits: Sequence[Any]) -> Axis:
-    """An axis: a whole turn ends before its start, as both are one direction."""
+    """Read an axis; a full turn omits the last value, because it equals the first direction."""
     if isinstance(limits, str) or len(limits) != 3:
         raise InvalidInput(
-            f"over {name} takes the first value, the last value and the number of places, such as "
-            "(-0.1, 0.1, 11)."
+            f"over {name} must have the first value, the last value and the number of places, such "
+            "as (-0.1, 0.1, 11)."
         )
     unit = UNITS[name]
     far = FARTHEST[unit]
@@ -127,38 +128,38 @@ def _axis(name: str, limits: Sequence[Any]) -> Axis:
     count = checks.check_int(f"number of places along {name}", limits[2], 1, MAX_PLACES)
     if low > high:
         raise InvalidInput(
-            f"The range of {name} from {low:g} to {high:g} {unit} is empty: give the smaller value "
-            "first.",
+            f"The range of {name} from {low:g} to {high:g} {unit} is empty. Specify the smaller "
+            "value first.",
             needed=low,
             allowed=high,
         )
     if (low == high) != (count == 1):
         raise InvalidInput(
-            f"{count} place{'s' * (count != 1)} along {name} from {low:g} to {high:g} {unit}: give "
-            "two places or more of a range, or the same value twice and one place."
+            f"over {name} has {count} place{'s' * (count != 1)} from {low:g} to {high:g} {unit}. "
+            "Specify at least two places for a range, or one place and the same value twice."
         )
     whole = unit == "rad" and abs(high - low - 2 * np.pi) < SAME_DIRECTION
-    # Without the rounding errors of steps: 0 is 0.
+    # Values are rounded, so that 0 is exactly 0 in spite of rounding errors of the steps.
     values = np.round(np.linspace(low, high, count, endpoint=not whole), DIGITS) + 0.0
     return Axis(name=name, values=checks.frozen_array(values), whole_turn=whole)
 
 
 DURATION, MANIPULABILITY, CLEARANCE, TORQUE = "duration", "manipulability", "clearance", "torque"
 OBJECTIVES = (DURATION, MANIPULABILITY, CLEARANCE, TORQUE)
-# Objects that can be moved.
+# Objects that a search can move.
 WHAT = (PART, BASE)
-# Points that x, y, z and angles are of: the middle of the path, or the origin of its coordinates.
+# Named points to which x, y, z and angles refer: middle of the path, or origin of its coordinates.
 MIDDLE, ORIGIN = POINTS = ("middle", "origin")
 SPACE = 3
-# Help of options.
+# Help texts of options.
 OVER = "Axis (x, y, z, yaw or tilt), range and number of places: 'x: -300 mm .. 300 mm, 25'."
-OFF = "Position error of the part, whose worst corner counts: 'x: 2 mm'; 0 takes an axis out."
+OFF = "Position error of the part; the worst corner of it counts: 'x: 2 mm'; 0 removes an axis."
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceSearch(Checked):
-    """Options of a placement: the grid of positions, the objective and the uncertainty.
+    """Options of a placement search: grid of placements, objective and uncertainty.
 
     >>> search = ac.PlaceSearch(over={"x": (-0.01, 0.01, 3)}, objective="duration")
     >>> search.objective
@@ -175,10 +176,11 @@ class PlaceSearch(Checked):
             worst case, planned at the place and at each corner of this box. 0 ignores the axis.
         what: Moved object: the "part", with the obstacles that are fixed to it; or the "base" of
             the arm, relative to its cell.
-        absolute: Whether x, y and z are coordinates of the point that they move; by default they
-            are added to it.
-        about: The point that they move, and that angles turn about: the "middle" of the path, the
-            "origin" of its coordinates, or a point [m], (3,). A base turns about its own origin.
+        absolute: Whether x, y and z are the new coordinates of the point `about`; by default they
+            are added to its coordinates.
+        about: The point to which x, y and z refer and about which angles rotate: the "middle" of
+            the path, the "origin" of its coordinates, or a point [m], (3,). A base rotates about
+            its own origin.
         every: Whether to plan every place, for a map without bounds; this takes far longer.
         refined: Whether to look for a better place between those of the grid.
         run: Name of the run; by default the only one, or the only one with the timing optimal.
@@ -210,12 +212,14 @@ class PlaceSearch(Checked):
             return
         about = checks.check_numbers("about", self.about, "m")
         if about.shape != (SPACE,):
-            raise InvalidInput(f"about is a point of 3 coordinates in m, not {about.size}.")
+            raise InvalidInput(
+                f"about must be a point with 3 coordinates in m, but has {about.size}."
+            )
         for axis in about:
             checks.check_range("about", axis, -FARTHEST["m"], FARTHEST["m"], "m")
 
     def check(self, dimension: int) -> None:
-        """Check that an arm has these axes.
+        """Check that the axes of the search exist for an arm.
 
         Args:
             dimension: Dimension of the tool motion of the arm, 2 or 3.

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import pylibfranka
 from pylibfranka import FrankaException, JointPositions, RealtimeConfig, RobotMode, RobotState
 
-from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main
+from armcontour.controllers.feeders.feeder import DeviceError, Row, Sample, main
 
 # Cycle [s].
 CYCLE = 1e-3
@@ -23,8 +23,8 @@ SAME = 1e-6
 ALIGNING, FARTHEST = 500, 2e-3
 
 
-class Franka:
-    """A robot with Franka's control interface.
+class FrankaDevice:
+    """A robot with the Franka Control Interface (FCI).
 
     The robot's clock says which row is due: where states were lost, rows are skipped. From the
     first motion on it controls the robot, which holds its position between motions.
@@ -175,4 +175,4 @@ class Franka:
 
 
 if __name__ == "__main__":
-    main(Franka(sys.argv[2]))
+    main(FrankaDevice(sys.argv[2]))

@@ -1,4 +1,4 @@
-"""Edits of keys of job files, which keep all other text and the comments."""
+"""Edits of keys in the text of job files; all other text and the comments do not change."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from typing import Any, Final, TypeAlias
 import yaml
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.text import show
 from armcontour.core.yaml_loader import Loader, load_with_node
 from armcontour.files.job_arm import ARM_FILES
-from armcontour.files.problems import key_text
-from armcontour.files.yaml_text import Shared, Splice, YamlText, equal_data, flow_text
+from armcontour.files.key_errors import key_text
+from armcontour.files.yaml_text import SharedValue, Splice, YamlText, equal_data, flow_text
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
-# Keys whose values are names of files, relative to the folder of the job file.
-FILES = ("file", "files", "joint_limits", "srdf", "packages")
+# Keys whose values are file names relative to the folder of the job file.
+FILE_NAME_KEYS = ("file", "files", "joint_limits", "srdf", "packages")
 
 
 class Remove(Enum):
-    """Marker for the value of a key that is removed."""
+    """Type of `REMOVE`, the value of a change that removes a key."""
 
     REMOVE = "remove"
 
@@ -36,43 +37,43 @@ REMOVE: Final = Remove.REMOVE
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of one key of a job file: a value that is set, inserted into a list, or removed."""
+    """Change of one key of a job file: set a value, insert it into a list, or remove the key."""
 
-    # The keys of the value, from the outermost; a number is a position in a list, from 0, or the
-    # key of a mapping.
+    # Key path of the value, from the outermost key; a number is a list index, from 0, or the key of
+    # a mapping
     keys: Keys
-    value: Any = REMOVE  # The new value; `REMOVE` removes the key or the item, if it exists
-    # Whether the value becomes a new item of a list, before the item at this position; the position
-    # after the last item is allowed.
+    value: Any = REMOVE  # New value; `REMOVE` removes the key or the item if it exists
+    # Whether the value is inserted into a list, before the item with the index at the end of
+    # `keys`; the length of the list is allowed as an index
     insert: bool = False
 
 
 def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
-    """A YAML text with some keys changed; all other lines stay as they were written."""
-    data, root = _parsed(text, source)
-    for group in _together(data, changes):
+    """Apply changes to YAML text; all other lines do not change."""
+    data, root = _parse(text, source)
+    for group in _group_changes(data, changes):
         written = YamlText(text, root)
         try:
-            text = _spliced(text, [y for x in group for y in _splices(written, data, x)])
+            text = _apply_splices(text, [y for x in group for y in _splices(written, data, x)])
             changed = change_data(data, group)
-            # If the text is no YAML any more, the change removed an anchor that is still used.
-            data, root = _parsed(text, source)
+            # Parsing fails if the change removed an anchor that an alias still uses.
+            data, root = _parse(text, source)
             if not equal_data(data, changed):
-                raise Shared
-        except (Shared, InvalidInput):
-            raise _shared(source, group[-1]) from None
+                raise SharedValue
+        except (SharedValue, InvalidInput):
+            raise _shared_error(source, group[-1]) from None
     return text
 
 
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
-    """The data of a job file with some keys changed; the given data stay as they are."""
+    """Copy of the data of a job file with changes."""
     for change in changes:
-        data = _changed(data, change.keys, change)
+        data = _change_value(data, change.keys, change)
     return data
 
 
 def move_files(text: str, folder: FilePath, to: FilePath) -> str:
-    """A job file that names the same files from another folder."""
+    """Text of a job file whose relative file names are converted from `folder` to `to`."""
     root = yaml.compose(text, Loader=Loader)
     edits = []
     for node in _file_names(root):
@@ -80,16 +81,16 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
         if not FilePath(node.value).is_absolute() and location.exists():
             name = FilePath(os.path.relpath(location.resolve(), to.resolve())).as_posix()
             edits.append(Splice(node.start_mark.index, node.end_mark.index, flow_text(name)))
-    return _spliced(text, edits)
+    return _apply_splices(text, edits)
 
 
 def file_names(text: str, source: str = "job") -> list[str]:
-    """The files and folders that a job file names."""
-    return [x.value for x in _file_names(_parsed(text, source)[1])]
+    """Names of the files and folders in a job file."""
+    return [x.value for x in _file_names(_parse(text, source)[1])]
 
 
 def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
-    """The values of a job file that are names of files or folders."""
+    """Yield the nodes of a job file that are names of files or folders."""
     if not isinstance(root, yaml.MappingNode):
         return
     for key, value in root.value:
@@ -99,61 +100,63 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
         for node in values:
             if not isinstance(node, yaml.ScalarNode):
                 yield from _file_names(node)
-            elif key.value in FILES or (
+            elif key.value in FILE_NAME_KEYS or (
                 key.value == "arm" and node.value.lower().endswith(ARM_FILES)
             ):
                 yield node
 
 
 @lru_cache(maxsize=1)
-def _parsed(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Data and nodes of a text, read-only; the last text is cached, as it is often edited next."""
+def _parse(text: str, source: str) -> tuple[Any, yaml.Node | None]:
+    """Data and root node of a text, read-only; the last text is cached for the next edit."""
     return load_with_node(text, source)
 
 
-def _changed(data: Any, keys: Keys, change: Change) -> Any:
-    """Data with a change, whose keys start there; what is no mapping or list becomes one."""
+def _change_value(data: Any, keys: Keys, change: Change) -> Any:
+    """Copy of data with a change at `keys`; creates missing mappings and lists."""
     key, *inner = keys
     last, removing = not inner, change.value is REMOVE
     if isinstance(data, list) and isinstance(key, int):
-        return _changed_list(data, key, tuple(inner), change)
+        return _change_list(data, key, tuple(inner), change)
     if last and change.insert:
-        return _changed_list([], _position(key, change), (), change)
+        return _change_list([], _check_index(key, change), (), change)
     if removing and not (isinstance(data, dict) and key in data):
         return data
     copy = dict(data) if isinstance(data, dict) else {}
     if last and removing:
         del copy[key]
     else:
-        copy[key] = change.value if last else _changed(copy.get(key), tuple(inner), change)
+        copy[key] = change.value if last else _change_value(copy.get(key), tuple(inner), change)
     return copy
 
 
-def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> list[Any]:
-    """A list with a change at one of its positions, or inside it."""
+def _change_list(data: list[Any], index: int, inner: Keys, change: Change) -> list[Any]:
+    """Copy of a list with a change of the item at an index, or inside this item."""
     adding = change.insert and not inner
     if not 0 <= index < len(data) + adding:
         raise InvalidInput(
-            f"{key_text(change.keys)} cannot be changed: the list there has {len(data)} "
+            f"{key_text(change.keys)} cannot be changed, because its list has only {len(data)} "
             f"item{'' if len(data) == 1 else 's'}."
         )
     if adding:
         return [*data[:index], change.value, *data[index:]]
     if not inner and change.value is REMOVE:
         return [*data[:index], *data[index + 1 :]]
-    new = change.value if not inner else _changed(data[index], inner, change)
+    new = change.value if not inner else _change_value(data[index], inner, change)
     return [*data[:index], new, *data[index + 1 :]]
 
 
-def _position(key: Key, change: Change) -> int:
-    """The position in a list that a key names."""
+def _check_index(key: Key, change: Change) -> int:
+    """Check that a key is an index of a list, and return the index."""
     if not isinstance(key, int):
-        raise InvalidInput(f"{key_text(change.keys)} is no position in a list.")
+        raise InvalidInput(
+            f"{key_text(change.keys)} cannot be inserted, because {show(key)} is not a list index."
+        )
     return key
 
 
-def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
-    """The changes in groups whose locations in the text are independent."""
+def _group_changes(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
+    """Yield the changes in groups whose locations in the text are independent."""
     group: list[Change] = []
     for change in changes:
         alone = (
@@ -172,13 +175,13 @@ def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
 
 
 def key_in(sentence: str) -> str:
-    """The key that an error message of a job names, such as "limits.speed"; "" without a key."""
+    """Key in the error message of a job, such as "limits.speed"; empty if it has no key."""
     named = re.search(r": (?:unknown key )?([\w-]+(?:\.[\w-]+)*)", sentence)
     return named[1] if named else ""
 
 
 def line_of(text: str, sentence: str) -> int | None:
-    """The line of a job file, from 1, to which an error message refers; None if it names no key."""
+    """Number of the line, from 1, of the key in an error message; None if the key is not found."""
     node, line = yaml.compose(text, Loader=Loader), None
     for key in key_in(sentence).split("."):
         if not isinstance(node, yaml.MappingNode):
@@ -191,7 +194,7 @@ def line_of(text: str, sentence: str) -> int | None:
 
 
 def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
-    """The value of data at some keys."""
+    """Value at a key path in data; `default` if the path does not exist."""
     for key in keys:
         if isinstance(data, list) and isinstance(key, int) and 0 <= key < len(data):
             data = data[key]
@@ -203,20 +206,22 @@ def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
 
 
 def overlap(one: Keys, other: Keys) -> bool:
-    """True if one of two locations in data is inside the other, or they are the same."""
+    """True if two key paths are equal or one contains the other."""
     shared = min(len(one), len(other))
     return one[:shared] == other[:shared]
 
 
 def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
-    """The splices of a text that make a change."""
+    """Splices of the text that apply a change."""
     part = text.root
     for depth, key in enumerate(change.keys):
         inner_keys = change.keys[depth + 1 :]
-        if not part.holds(key):
+        if not part.can_contain(key):
             removing = change.value is REMOVE
             return (
-                [] if removing else part.replace(data, _changed(data, (key, *inner_keys), change))
+                []
+                if removing
+                else part.replace(data, _change_value(data, (key, *inner_keys), change))
             )
         if change.insert and not inner_keys and isinstance(data, list):
             assert isinstance(key, int)
@@ -224,7 +229,11 @@ def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
         inner = part.part(key)
         if inner is None:
             removing = change.value is REMOVE
-            return [] if removing else part.add(key, _changed({}, (key, *inner_keys), change)[key])
+            return (
+                []
+                if removing
+                else part.add(key, _change_value({}, (key, *inner_keys), change)[key])
+            )
         if not inner_keys and change.value is REMOVE:
             return part.remove(key)
         if not inner_keys:
@@ -233,19 +242,20 @@ def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
     return []
 
 
-def _spliced(text: str, splices: Sequence[Splice]) -> str:
-    """A text with parts replaced."""
+def _apply_splices(text: str, splices: Sequence[Splice]) -> str:
+    """Text after the replacement of all splices, from the end to the start."""
     for splice in sorted(splices, key=lambda x: (x.begin, x.end), reverse=True):
         text = text[: splice.begin] + splice.text + text[splice.end :]
     return text
 
 
-def _shared(source: str, change: Change) -> InvalidInput:
-    """The error for a change that would also change other keys."""
+def _shared_error(source: str, change: Change) -> InvalidInput:
+    """Error for a change that would also change other keys, because of YAML anchors."""
     name = key_text(change.keys)
     by_hand = f"write {name}: {flow_text(change.value)}"
     if change.value is REMOVE:
         by_hand = f"remove {name}"
     return InvalidInput(
-        f"{source}: {name} is shared with other keys, so it is not changed: {by_hand} by hand."
+        f"{source}: {name} is not changed, because other keys share its value (a YAML anchor). "
+        f"Edit the file by hand: {by_hand}."
     )

@@ -1,4 +1,4 @@
-"""Curves that replace corners between two lines; curves at corners next to arcs are in blends.py.
+"""Curves that replace corners between two lines; arc_corners.py has those next to arcs.
 
 ARC, PARABOLA and SMOOTH are symmetric about the bisector and replace the same length of both lines,
 the tangent length. The size of each curve is its smallest radius, which is in the middle. h is half

@@ -1,4 +1,4 @@
-"""Error messages from the problems that pydantic finds in the data of a file."""
+"""Conversion of the validation errors of pydantic to messages in terms of keys of files."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pydantic import ValidationError
 
 from armcontour.core.text import shorten, show, suggest
 
-# Values of keys of a job file, by the keys that lead to them, from the outermost.
+# Values by key path in a job file, from the outermost key.
 Patch: TypeAlias = Mapping[tuple[str | int, ...], Any]
-# Parts of an error's location that are names of types, not keys.
+# Names of types in the location of an error of pydantic, which are not keys.
 TYPE_NAMES = {
     "bool",
     "float",
@@ -20,7 +20,7 @@ TYPE_NAMES = {
     "literal['sharp']",
     "str",
 }
-# The expected value, by the type of the problem.
+# Text for the expected value, by type of the problem.
 EXPECTED = {
     "bool_type": "true or false",
     "dict_type": "a mapping of keys",
@@ -33,34 +33,35 @@ EXPECTED = {
     "string_type": "text",
     "tuple_type": "a list",
 }
-# Problems of a value that has the right type.
-OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal", "less_than_equal")
-# Keys of older files, and their replacements.
-GONE = {
-    "ignore_jerk": "plans keep limits of jerk, so remove it; write limits: {joint_jerk: inf} "
-    "to lift the arm's own",
+# Types of problems of a value that has the correct type.
+VALUE_PROBLEMS = ("value_error", "too_short", "too_long", "greater_than_equal", "less_than_equal")
+# Keys of former versions, with the text that replaces the suggestion of a key.
+FORMER_KEYS = {
+    "ignore_jerk": "remove it, because plans always satisfy jerk limits; to remove the jerk limits "
+    "of the arm, write limits: {joint_jerk: inf}",
 }
-NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
-# Characters of a key that are repeated in a message.
-SHOWN = 80
+# Required form of the names of runs, for messages.
+RUN_NAME_RULE = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
+# Maximum length of a key in a message [characters].
+MAX_KEY_LENGTH = 80
 
 
 def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
-    """The most informative problem as a sentence, and the number of other problems."""
+    """Message with the most informative problem and the number of other problems."""
     problems = error.errors()
-    # If a key may have one of several types, take the problem of the type that fits best.
+    # If a key may have several types, pydantic reports a problem for each type.
     first = max(problems, key=_rank)
     keys = _keys(first)
     if first["type"] == "extra_forbidden":
-        sentence = f"unknown key {key_text(keys)}: {_instead(keys, schema)}"
+        sentence = f"unknown key {key_text(keys)}: {_suggest_key(keys, schema)}"
     elif first["type"] == "missing":
         sentence = f"the key {key_text(keys)} is missing"
     else:
         alike = [x for x in problems if _keys(x) == keys]
-        sentence = f"{key_text(keys) or 'the file'}: {_words(first, alike)}"
-    sentence = sentence.replace(key_text(keys), key_text(_named(keys, schema)), 1)
+        sentence = f"{key_text(keys) or 'the file'}: {_describe_problem(first, alike)}"
+    sentence = sentence.replace(key_text(keys), key_text(_with_text_keys(keys, schema)), 1)
     others = {_keys(x) for x in problems}
-    others_count = sum(not _within(x, keys) and not _within(keys, x) for x in others)
+    others_count = sum(not _is_inside(x, keys) and not _is_inside(keys, x) for x in others)
     closing = "" if sentence.endswith("?") else "."
     return (
         sentence
@@ -73,8 +74,8 @@ def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
     )
 
 
-def _named(keys: Sequence[int | str], schema: Mapping[str, Any]) -> tuple[int | str, ...]:
-    """The keys, of which numbers that are keys of mappings are texts, unlike positions in lists."""
+def _with_text_keys(keys: Sequence[int | str], schema: Mapping[str, Any]) -> tuple[int | str, ...]:
+    """Key path in which only list indices are numbers; keys of mappings become texts."""
     kinds, named = list(_alternatives(schema, schema)), list[int | str]()
     for key in keys:
         listed = any("items" in x for x in kinds)
@@ -84,11 +85,11 @@ def _named(keys: Sequence[int | str], schema: Mapping[str, Any]) -> tuple[int | 
 
 
 def key_text(keys: Sequence[int | str]) -> str:
-    """The location of a value for messages: keys, and items of lists counted from 1."""
+    """Text of a key path for messages, with items of lists counted from 1."""
     text = ""
     for i, key in enumerate(keys):
         if isinstance(key, str):
-            key = shorten(key, SHOWN)
+            key = shorten(key, MAX_KEY_LENGTH)
             text += f".{key}" if text else key
         elif i and isinstance(keys[i - 1], int):
             text = f"{text[:-1]}, item {key + 1})"
@@ -98,23 +99,31 @@ def key_text(keys: Sequence[int | str]) -> str:
 
 
 def _rank(problem: Any) -> tuple[bool, bool, bool, int]:
-    """Rank of a problem: wrong values first, then unknown keys, then the deepest location."""
-    # That a list has too many entries comes before that it is no number, which it might be as well.
+    """Rank of a problem, larger for more informative problems.
+
+    The order is wrong values (wrong lengths highest), unknown keys, then the deepest location.
+    """
+    # If a key may be a number or a list, a wrong length of a list is more informative than its
+    # type.
     kind = problem["type"]
     is_length = kind in ("too_short", "too_long")
-    return kind in OF_VALUES, is_length, kind == "extra_forbidden", len(_keys(problem))
+    return kind in VALUE_PROBLEMS, is_length, kind == "extra_forbidden", len(_keys(problem))
 
 
-def _words(problem: Any, alike: Sequence[Any]) -> str:
-    """Describe the problem of a value; `alike` are all problems of the same key."""
+def _describe_problem(problem: Any, alike: Sequence[Any]) -> str:
+    """Predicate that describes the problem of a value; `alike` are all problems of its key."""
     kind, value, facts = problem["type"], problem["input"], problem.get("ctx", {})
     expected = [x for x in map(_expected, alike) if x is not None]
     if kind == "too_short":
-        return f"needs at least {_entries(facts['min_length'])}, but has {facts['actual_length']}"
+        return (
+            f"must have at least {_entries(facts['min_length'])}, but has {facts['actual_length']}"
+        )
     if kind == "too_long":
-        return f"takes at most {_entries(facts['max_length'])}, but has {facts['actual_length']}"
+        return (
+            f"must have at most {_entries(facts['max_length'])}, but has {facts['actual_length']}"
+        )
     if kind == "string_pattern_mismatch":
-        return f"a name {NAME}, not {show(value)}"
+        return f"the name {RUN_NAME_RULE}, but is {show(value)}"
     if kind == "greater_than_equal":
         return f"must be at least {facts['ge']:g}, but is {value:g}"
     if kind == "less_than_equal":
@@ -128,7 +137,7 @@ def _words(problem: Any, alike: Sequence[Any]) -> str:
 
 
 def _expected(problem: Any) -> str | None:
-    """The expected type or choice, if the problem is a wrong type or choice."""
+    """Text for the expected type or choice; None if the problem is not a wrong type or choice."""
     if problem["type"] == "literal_error":
         return str(problem["ctx"]["expected"]).replace("'", "")
     return EXPECTED.get(problem["type"])
@@ -138,23 +147,23 @@ def _entries(number: int) -> str:
     return "one entry" if number == 1 else f"{number} entries"
 
 
-def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
-    """The known key that is most similar to an unknown key, or all known keys."""
+def _suggest_key(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
+    """Suggestion for an unknown key: advice, the most similar known key, or all known keys."""
     *outer, name = keys
-    if name in GONE:
-        return GONE[name]
+    if name in FORMER_KEYS:
+        return FORMER_KEYS[name]
     kinds = list(_alternatives(schema, schema))
     for key in outer:
         kinds = [x for kind in kinds for x in _alternatives(schema, _inside(kind, key))]
     names = [x for kind in kinds for x in kind.get("properties", ())]
     if len(outer) == 2 and outer[0] == "runs" and name in schema.get("properties", ()):
         return (
-            f"{name} belongs to the whole job, so write it next to runs; several values of it are "
-            "compared by `armcontour batch`, or by pins in the Studio"
+            f"{name} applies to the whole job, so write it at the top level, next to runs; to "
+            "compare several values, use `armcontour batch`, or pins in the Studio"
         )
     if str(name)[:1].isdigit():
-        # {tolerance: 0,2 mm} has the keys tolerance and 2 mm.
-        return "a comma between braces ends a value, so write decimals with a point, such as 0.2 mm"
+        # YAML reads {tolerance: 0,2 mm} as a mapping with the keys tolerance and 2 mm.
+        return "a comma ends a value in braces, so write decimals with a point, such as 0.2 mm"
     inner = [
         f"{key}.{name}"
         for key in ([] if outer else names)
@@ -163,11 +172,11 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     ]
     if inner:
         return f"did you mean {' or '.join(dict.fromkeys(inner))}?"
-    return suggest(str(name), names, f"the keys there are {', '.join(names)}")
+    return suggest(str(name), names, f"the known keys are {', '.join(names)}")
 
 
 def _inside(kind: Mapping[str, Any], key: int | str) -> Any:
-    """The schema of a key of a mapping, or of an item of a list."""
+    """Schema of the value of a key in a mapping, or of an item of a list."""
     if isinstance(key, int):
         return kind.get("items", {})
     others = next(
@@ -177,7 +186,7 @@ def _inside(kind: Mapping[str, Any], key: int | str) -> Any:
 
 
 def _alternatives(schema: Mapping[str, Any], kind: Any) -> Iterator[Any]:
-    """All alternatives of a part of a schema."""
+    """Yield a part of a schema and all its alternatives, with references resolved."""
     if "$ref" in kind:
         kind = schema["$defs"][kind["$ref"].rpartition("/")[2]]
     for alternative in kind.get("anyOf", ()):
@@ -186,15 +195,15 @@ def _alternatives(schema: Mapping[str, Any], kind: Any) -> Iterator[Any]:
 
 
 def _keys(problem: Any) -> tuple[Any, ...]:
-    """The keys that lead to a problem, without names of types."""
+    """Key path of a problem, without names of types."""
     *outer, last = problem["loc"] or (None,)
-    # The last part of an unknown key is a key of the file, never the name of a type.
+    # For an unknown key, the last part is the key itself, even if it equals the name of a type.
     keep = problem["type"] == "extra_forbidden" or (last is not None and not _is_type_name(last))
     return (*(x for x in outer if not _is_type_name(x)), *((last,) if keep else ()))
 
 
-def _within(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
-    """True if `inner` is `outer` or a key inside it, so that both are one problem."""
+def _is_inside(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
+    """True if the key path `inner` equals `outer` or is inside it; both count as one problem."""
     return inner[: len(outer)] == outer
 
 

@@ -31,32 +31,32 @@ from armcontour.verification.error_profile import (
 )
 from armcontour.verification.path_following import Followed, follow_path
 
-# Errors and arc lengths of the tool at some times, (n,) each.
+# Errors [m or rad] and arc lengths [m] at n times, (n,) each.
 Errors = tuple[FloatArray, FloatArray]
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
-# Largest number of steps of the search for a common delay, and its tolerance [s].
+# Maximum number of iterations of the search for a common delay, and its tolerance [s].
 MAX_DELAYS = 20
 SAME_DELAY = 1e-7
-# An arm that does not move has no delay.
+# Prevents a division by zero if the arm does not move [m²/s²].
 TINY = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContourExecution:
-    """An execution along one path."""
+    """The part of an execution on one contour (the piece), with its errors."""
 
     executed: Execution
-    path: Path  # The path that the tool was to follow
-    objective: Path | None  # The path before rounding, or None if unknown
-    which: slice  # The samples of the piece
+    path: Path  # Path that the tool should follow
+    objective: Path | None  # Path before rounding; None if unknown
+    which: slice  # Samples of the piece
     end_time: float  # End of the piece [s]
     beyond: int  # Index after the last sample at which the tool may be on the path
     work: tuple[float, float]  # Arc lengths between which the coverage error is evaluated [m]
-    # The same on the objective path, or None if unknown.
+    # The range `work` on the objective path [m]; None if the objective is unknown.
     before_work: tuple[float, float] | None = None
-    offset: float = 0.0  # Length of the contours before [m], added to arc lengths
-    since: float | None = None  # Start of the piece [s]; by default that of its first sample
+    offset: float = 0.0  # Length of the previous contours [m], added to arc lengths
+    since: float | None = None  # Start of the piece [s]; by default the time of its first sample
     # End of the time over which root mean squares are taken [s]; by default `end_time`.
     rms_end_time: float | None = None
 
@@ -72,8 +72,8 @@ class ContourExecution:
 
     @cached_property
     def _around(self) -> tuple[FloatArray, slice]:
-        """Tool points of the piece and around it [m], and the slice of the piece."""
-        # The work starts between two samples.
+        """Tool points from before the piece to `beyond` [m], and the slice of the piece in them."""
+        # The piece begins between the sample before it and its first sample.
         first = max(self.which.start - 1, 0)
         points = self.executed.arm.tool_position(self.executed.q[first : self.beyond])
         return points, slice(self.which.start - first, self.which.stop - first)
@@ -92,27 +92,27 @@ class ContourExecution:
 
     @cached_property
     def followed(self) -> Followed:
-        """Path points of the tool."""
+        """Path points of the samples: arc lengths and distances of the tool."""
         return self._follow(self.path, self.work)
 
     @cached_property
     def on_path(self) -> FloatArray:
-        """Path points of the tool [m], (n, dimension)."""
+        """Positions of the path points of the samples [m], (n, dimension)."""
         return self.path(self.followed.s)
 
     @cached_property
-    def off_objective(self) -> Followed | None:
-        """Path points of the tool on the objective path; None if unknown."""
+    def followed_objective(self) -> Followed | None:
+        """Path points of the samples on the objective path; None if the objective is unknown."""
         return None if self.objective is None else self._follow(self.objective, self.before_work)
 
     def _follow(self, path: Path, work: tuple[float, float] | None) -> Followed:
-        """Path points of the tool on a path."""
+        """Determine the path points of the samples on a path."""
         points, piece = self._around
         return follow_path(path, points, work=work, judged=piece)
 
     @cached_property
     def contour_error(self) -> ErrorProfile:
-        """Distance from the tool to the path [m]."""
+        """Profile of the distance from the tool to the path [m]."""
         side = None
         if self.path.dimension == 2:
             side = _side(self.path, self.followed, self.tool)
@@ -124,11 +124,11 @@ class ContourExecution:
         return self._find_coverage_error(self.path, self.work, self.followed, self.contour_error)
 
     def speed_ratios(self, limit: float | None, *, between: bool = False) -> FloatArray:
-        """Tool speed over the assigned velocity, (n,); see `measure_speed_ratios`."""
+        """Ratios of the tool speed to the assigned velocity, (n,); see `measure_speed_ratios`."""
         return measure_speed_ratios(self.path, self.followed, self.speed, limit, between=between)
 
     def tracking_error(self, delay: float = 0.0) -> ErrorProfile:
-        """Distance from the tool to its planned position a time `delay` earlier [m]."""
+        """Profile of the distance to the planned position a time `delay` earlier [m]."""
         trajectory = self.executed.set_points.trajectory
         planned = trajectory(np.clip(self.t - delay, 0.0, trajectory.duration))
         distance = length(self.tool - self.executed.arm.tool_position(planned))
@@ -136,7 +136,7 @@ class ContourExecution:
 
     @property
     def model_error(self) -> tuple[float, float] | None:
-        """Largest `unexplained_errors` along and across the path [m]; None if not known."""
+        """Largest errors along and across the path due to `model_error` [m]; None if unknown."""
         model_error = self.executed.model_error
         if model_error is None:
             return None
@@ -147,14 +147,14 @@ class ContourExecution:
 
     @cached_property
     def objective_error(self) -> ErrorProfile | None:
-        """Distance from the tool to the objective path [m]; None if unknown."""
-        followed = self.off_objective
+        """Profile of the distance from the tool to the objective path [m]; None if unknown."""
+        followed = self.followed_objective
         return None if followed is None else self._path_profile(followed)
 
     @property
     def objective_coverage_error(self) -> Coverage | None:
         """Largest distance from the objective path to the tool [m]; None if unknown."""
-        followed, error = self.off_objective, self.objective_error
+        followed, error = self.followed_objective, self.objective_error
         if self.objective is None or followed is None or error is None:
             return None
         work = self.before_work or (0.0, self.objective.length)
@@ -162,7 +162,7 @@ class ContourExecution:
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
-        """Angle between the tool and the required tool orientation [rad]; None if not required."""
+        """Profile of the angle from the required tool orientation [rad]; None if not required."""
         arm, orientation = self.executed.arm, self.path.orientation
         if orientation is None or not isinstance(arm, SerialArm):
             return None
@@ -181,20 +181,20 @@ class ContourExecution:
     @cached_property
     def corners(self) -> tuple[CornerDeviation, ...]:
         """Cornering deviations at the corners of the objective path; empty if unknown."""
-        if self.objective is None or self.off_objective is None:
+        if self.objective is None or self.followed_objective is None:
             return ()
         judged = self.t <= self.end_time
         return corner_deviations(
             self.tool[judged],
             self.objective,
-            self.off_objective.s[judged],
+            self.followed_objective.s[judged],
             self._maximize_nearby if self._has_fine_motion else None,
         )
 
     def _maximize_nearby(
         self, indices: IntArray, function: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """Largest values of smooth functions of tool points, at and next to some samples."""
+        """Largest values of m smooth functions of the tool point, each around one sample, (m,)."""
         # `function` maps tool points, (m, n, dimension), to values, (m, n).
         m = len(indices)
         best = np.asarray(function(self.tool[indices][:, None]))[:, 0]
@@ -220,7 +220,8 @@ class ContourExecution:
         distances, arc_lengths = followed.coverage_error, followed.coverage_error_s
         guessed = np.zeros(len(distances), dtype=bool)
         if self._has_fine_motion:
-            # Except at path points of samples, the tool's motion was assumed to be straight.
+            # `follow_path` assumes straight tool motion between samples. Therefore only the
+            # distances from path points of samples are exact.
             guessed = (np.abs(arc_lengths - followed.s) > ROUNDING) & (distances >= 0)
         exact = np.where(guessed, -1.0, distances)
         i = int(np.argmax(exact))
@@ -233,8 +234,8 @@ class ContourExecution:
             return largest
         rows = np.flatnonzero(guessed)
         bounds = (distances + self._sagitta)[rows]
-        # Between the path points of two samples on one segment, each point is the path point of a
-        # tool point.
+        # If the path points of two successive samples are on one segment, each point between them
+        # is the path point of a tool point, and its distance is at most the contour error.
         before, after = followed.s[rows], followed.s[np.minimum(rows + 1, len(distances) - 1)]
         joints = followed.geometry[1:, 11]
         alone = np.searchsorted(joints, before, "right") == np.searchsorted(joints, after)
@@ -242,14 +243,15 @@ class ContourExecution:
         bounds[alone] = np.minimum(bounds[alone], error.max)
         rows, bounds = rows[bounds > largest.max], bounds[bounds > largest.max].tolist()
         nearest = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
-        # The path point with the largest contour error may have the same distance from the tool's
-        # motion.
+        # The path point with the largest contour error is a candidate too, because its distance
+        # from the tool's motion may be equally large.
         candidates = [(error.max, nearest, error.s_max - self.offset)]
         candidates += zip(bounds, rows.tolist(), arc_lengths[rows].tolist(), strict=True)
         for bound, k, s in sorted(candidates, key=lambda x: -x[0]):
             if bound > largest.max * (1 + CLOSE) and work[0] <= s <= work[1]:
                 value, t = self._distance_to_motion(path([s])[0], k)
-                # Outside of the piece the tool may come nearer, as the samples there show.
+                # Outside of the piece the tool may come nearer; `distances` includes the samples
+                # there.
                 inside = self.t[0] < t < self.t[-1]
                 value = min(value, bound if inside else max(float(distances[k]), 0.0))
                 if value > largest.max:
@@ -263,29 +265,29 @@ class ContourExecution:
 
     @cached_property
     def _sagitta(self) -> FloatArray:
-        """Bound on the deviation of the tool's motion from a straight line per sample [m], (n,)."""
+        """Bound on the deviation of the tool's motion from a line near each sample [m], (n,)."""
         return np.pad(length(np.diff(self.tool, 2, axis=0)) / 4, 1, mode="edge")
 
     @cached_property
     def _travel(self) -> FloatArray:
-        """Travel of the tool from the first sample to each [m], (n,)."""
+        """Tool travel from the first sample to each sample [m], (n,)."""
         return np.append(0.0, np.cumsum(length(np.diff(self.tool, axis=0))))
 
     def _distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
-        """Distance from a point to the tool's motion near sample i [m], and its time [s]."""
+        """Distance [m] from a point to the motion near sample i, and the nearest sample's time."""
         reach = 2 * float(length(self.tool[i] - point))
-        # Travel of the tool between the sample and the first and the last of these.
+        # Range of the samples within a tool travel of `reach` before and after sample i.
         low, high = np.searchsorted(
             self._travel, self._travel[i] + np.array([-reach, reach])
         ).tolist()
         low, high = min(low, i), max(high, i + 1)
         k = low + int(np.argmin(length(self.tool[low:high] - point)))
-        # Squares are smooth, even where the tool passes through the point.
+        # Squared distances are smooth, even where the tool passes through the point.
         squares = self._maximize_nearby(np.array([k]), lambda x: -dot(x - point, x - point))
         return float(np.sqrt(-squares[0])), float(self.t[k])
 
     def _path_profile(self, followed: Followed, side: FloatArray | None = None) -> ErrorProfile:
-        """Profile of the distances from a path."""
+        """Profile of the distances from the tool to a path."""
 
         def measure(i: int, t: FloatArray) -> Errors | None:
             q = self._between(i, t)
@@ -297,7 +299,8 @@ class ContourExecution:
 
         hidden = None
         if self._has_fine_motion:
-            # Where the path turns sharply, a peak is at most half of the tool's step higher.
+            # Where the path turns sharply, a peak may exceed the mean of both samples by half of
+            # the tool's step.
             sharp = np.flatnonzero(followed.turns(SHARP) > SHARP)
             hidden = sharp, length(self.tool[sharp + 1] - self.tool[sharp]) / 2
         return self._over_time(followed.distance, followed.s, measure, side, hidden)
@@ -323,7 +326,7 @@ class ContourExecution:
         )
 
     def _between(self, i: int, t: FloatArray) -> FloatArray | None:
-        """Joint positions between sample i of the piece and the next one [rad], (n, dof)."""
+        """Joint positions at times between samples i and i + 1 [rad], (n, dof); None if unknown."""
         if i not in self._fine:
             index = self.which.start + i
             inside = 0 <= index < len(self.executed.t) - 1
@@ -333,19 +336,19 @@ class ContourExecution:
 
     @cached_property
     def _fine(self) -> dict[int, FineMotion | None]:
-        """Cached motions between samples."""
+        """Cache of the motions after samples, by index of the sample in the piece."""
         return {}
 
     def _nearby_errors(self, followed: Followed, i: int, tool: FloatArray) -> Errors:
-        """Distances and arc lengths of tool points between sample i and the next [m]."""
+        """Distances and arc lengths of tool points between samples i and i + 1 [m], (n,) each."""
         ends = np.clip([i, i + 1], 0, len(followed.s) - 1)
         low, high = followed.s[ends].tolist()
         return followed.near(tool, (low, high), float(followed.distance[ends].max()))
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:
-    """Time after which the tool is at rest [s], not before the end of the plan."""
-    # speed (n,) [m/s].
+    """Time after which the tool is at rest [s], at least the duration of the plan."""
+    # speed: tool speed [m/s], (n,).
     moving = np.flatnonzero(speed > REST_SPEED)
     last = float(executed.t[moving[-1]]) if len(moving) else 0.0
     return max(last, executed.set_points.trajectory.duration)
@@ -372,7 +375,7 @@ def common_delay(executed: Execution) -> float:
 
 
 def evaluated_times(executed: Execution, until: float | None) -> tuple[float, float]:
-    """Ends of the times for largest values and root mean squares of a single path [s]."""
+    """End times for largest values and for root mean squares of a single path [s]."""
     if until is not None:
         return until, until
     # Root mean squares end when the tool is at rest, because rest would reduce them. Largest values
@@ -384,20 +387,21 @@ def evaluated_times(executed: Execution, until: float | None) -> tuple[float, fl
 def pieces_of(
     executed: Execution, path: Program, objective: Program | None, end_time: float | None
 ) -> list[ContourExecution]:
-    """Split an execution into its contours, each while the process works on it."""
-    # A single path is one piece, from the first set-point to `end_time`; None is until all joints
-    # are at rest, with root mean squares until the tool is slower than `REST_SPEED`.
+    """Split an execution into one piece per contour, in which the process works on the contour."""
+    # A single path is one piece, from the first set-point to `end_time`. If `end_time` is None, the
+    # piece ends with the execution, and root mean squares end when the tool is at rest.
     spans = executed.set_points.trajectory.contour_spans
     last, rms_end_time = evaluated_times(executed, end_time)
     count = len(spans)
     if len(path.contours) != count:
         raise InvalidInput(
-            f"The execution has {count} contour{'s' if count != 1 else ''}: evaluate it with the "
-            "program that was planned."
+            f"The execution has {count} contour{'s' if count != 1 else ''}, but the program has "
+            f"{len(path.contours)}. Evaluate the execution with the planned program."
         )
     if objective is not None and len(objective.contours) != count:
         raise InvalidInput(
-            f"The objective must be a program of {count} contours, as the planned one is."
+            f"The objective must have {count} contours, as the planned program has, but it has "
+            f"{len(objective.contours)}."
         )
     if path.single_path is None:
         judged = [_find_window(executed, x) for x in spans]
@@ -429,10 +433,10 @@ def pieces_of(
 def _find_window(
     executed: Execution, span: Span
 ) -> tuple[slice, tuple[float | None, float], float]:
-    """Samples of a contour, its times [s] and the length of the contours before [m]."""
+    """Slice of the samples of a contour, its times [s], and length of the previous contours [m]."""
     assert span.work is not None
     start, end = np.searchsorted(executed.t, span.work)
-    # At least two samples, even for very short contours.
+    # A piece has at least two samples, even on a very short contour.
     start = min(int(start), len(executed.t) - 2)
     return slice(start, max(int(end), start + 2)), span.work, span.s[0]
 
@@ -444,8 +448,8 @@ def _side(path: Path, followed: Followed, tool: FloatArray) -> FloatArray:
     x, y = (tool[:, axis] - rows[axis][row] for axis in range(2))
     a, b = (rows[3 + axis][row] for axis in range(2))
     along, normal = x * a + y * b, y * a - x * b
-    # The left side of a line is the half-plane to its left. That of an arc which turns left is the
-    # inside of its circle, that of an arc which turns right is the outside.
+    # The left side of a line is the half-plane to its left. The left side of an arc is the inside
+    # of its circle if the arc turns left, and the outside if it turns right.
     to_left = rows[3] * rows[7] > rows[4] * rows[6]
     curvature = np.where(to_left, rows[9], -rows[9])[row]
     side = np.where(2 * normal < curvature * (along * along + normal * normal), -1.0, 1.0)
@@ -465,7 +469,7 @@ class CornerDeviation:
 
     Args:
         vertex: Index of the corner among the vertices of the objective path, from 0.
-        point: The corner [m].
+        point: Position of the corner [m].
         rounding: Cornering round-off CR: smallest distance between corner and tool [m].
         overshoot: Cornering overshoot CO: largest distance of the tool beyond the line that leaves
             the corner, on the side away from the line that arrives [m].
@@ -479,8 +483,8 @@ class CornerDeviation:
     contour: int | None = None
 
 
-# Function of samples, (m,), and a function of tool points, (m, n, dimension) to (m, n): largest
-# values at and next to the samples, (m,).
+# Signature of `ContourExecution._maximize_nearby`: indices of samples, (m,), and a function of tool
+# points, (m, n, dimension) to (m, n); returns the largest values around the samples, (m,).
 Largest = Callable[[IntArray, Callable[[FloatArray], FloatArray]], FloatArray]
 
 
@@ -488,15 +492,16 @@ def corner_deviations(
     tool: FloatArray, objective: Path, s: FloatArray | None = None, maximize: Largest | None = None
 ) -> tuple[CornerDeviation, ...]:
     """Cornering deviations at every corner of a path, from tool points (n, dimension) [m]."""
-    # s: arc lengths of their nearest points on the path [m], (n,); computed if None. maximize:
-    # finds the largest values between the points; None if the motion between them is unknown.
+    # s: arc lengths of the path points of the tool points [m], (n,); computed if None. maximize:
+    # finds the largest values around samples; None if the motion between samples is unknown.
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
     if not len(corners):
         return ()
     arc_lengths = objective.project(tool).s if s is None else s
     order = np.argsort(arc_lengths, kind="stable")
     arc_lengths, tool = arc_lengths[order], tool[order]
-    # The region of a corner: from the middle of the segment before to the middle of the one after.
+    # The region of a corner extends from the middle of the segment before the corner to the middle
+    # of the segment after it.
     low = objective.breaks[corners] - objective.lengths[corners - 1] / 2
     high = objective.breaks[corners] + objective.lengths[corners] / 2
     first, last = (
@@ -516,15 +521,15 @@ def corner_deviations(
     rounding = np.minimum.reduceat(away, starts)
     overshoot = np.maximum.reduceat(past, starts)
     if maximize is not None:
-        # The first extreme sample of each corner.
+        # Only the first extreme sample of each corner is refined.
         rows = [np.flatnonzero(x == y[corner]) for x, y in ((away, rounding), (past, overshoot))]
         nearest, farthest = (x[np.unique(corner[x], return_index=True)[1]] for x in rows)
-        # An overshoot at the first or last sample of the region is no peak.
+        # An overshoot at the first or last sample of the region is no peak and is not refined.
         inner = np.flatnonzero((farthest > starts) & (farthest < starts + last - first - 1))
         farthest, count = farthest[inner], len(corners)
         targets, out = np.concatenate([points, points[inner]])[:, None], across[inner][:, None]
 
-        # Squares are smooth, even where the tool passes through the corner.
+        # Squared distances are smooth, even where the tool passes through the corner.
         def both(x: FloatArray) -> FloatArray:
             gap = x - targets
             return np.concatenate(
@@ -542,7 +547,7 @@ def corner_deviations(
 
 
 def _across(path: Path, corners: IntArray) -> FloatArray:
-    """Unit vectors of overshoot, (n, dimension): arriving direction normal to the leaving one."""
+    """Unit directions of overshoot, (n, dimension): arriving tangents normal to leaving ones."""
     before = path.segments.end_tangents[corners - 1]
     after = path.tangents[corners]
     across = before - np.sum(before * after, axis=1, keepdims=True) * after
@@ -554,12 +559,12 @@ def _across(path: Path, corners: IntArray) -> FloatArray:
 def measure_speed_ratios(
     path: Path, followed: Followed, speed: FloatArray, limit: float | None, *, between: bool = False
 ) -> FloatArray:
-    """Tool speed over the velocity assigned at the path point of the tool, (n,); 0 without one."""
-    # The path point of a tool is uncertain by its distance from the path. Within this distance of a
-    # segment end, the larger of both velocities is the assigned one. If the assigned velocity
-    # changes between two samples, the linearly interpolated speed at the segment end is used. With
-    # `between` the ratios are bounds between samples, too, assuming at most the curvature of the
-    # speed at adjacent samples and one kink.
+    """Ratio of tool speed to the velocity assigned at the path point, (n,); 0 if none is."""
+    # The path point of a sample is uncertain by its distance from the tool. Within this distance of
+    # a segment end, the larger velocity of both segments is the assigned velocity. If the assigned
+    # velocity changes between two samples, the linearly interpolated speed at the segment end is
+    # used. If `between` is True, the ratios are also bounds between samples; the bounds assume at
+    # most the curvature of the speed at adjacent samples and one kink.
     assigned = np.fmin(path.speeds, np.inf if limit is None else limit)
     assigned = np.where(np.isnan(assigned), np.inf, assigned)
     if not np.isfinite(assigned).any():
@@ -573,18 +578,18 @@ def measure_speed_ratios(
     )
     ratio = high / allowed
     before, after = assigned[:-1], assigned[1:]
-    # Where the assigned velocity falls, the tool passes the segment end before the first sample
-    # after it.
+    # Where the assigned velocity falls, the speed at the segment end counts for the first sample
+    # after the end.
     falls = np.flatnonzero(after < before)
     _raise_at_segment_ends(ratio, high, first, path.breaks[1:-1][falls], after[falls], past=1)
-    # Where it rises, the motion continues from the last sample to the segment end.
+    # Where the assigned velocity rises, this speed counts for the last sample before the end.
     rises = np.flatnonzero(after > before)
     _raise_at_segment_ends(ratio, high, last, path.breaks[1:-1][rises], before[rises], past=0)
     return ratio
 
 
 def _assigned_velocities(path: Path, assigned: FloatArray, s: FloatArray, side: str) -> FloatArray:
-    """Assigned velocities at arc lengths, which may exceed the path [m/s], (n,)."""
+    """Assigned velocities at arc lengths, which are clipped to the path [m/s], (n,)."""
     inside = np.clip(s, 0.0, path.length)
     return assigned[path.locate(inside, side="left" if side == "left" else "right")]
 
@@ -598,9 +603,9 @@ def _raise_at_segment_ends(
     *,
     past: int,
 ) -> None:
-    """Raise ratios to those at the times at which the tool passes segment ends."""
-    # `assigned` is the velocity on the slow side of each end [m/s]; `past` is 1 to raise the ratio
-    # of the sample after it, 0 of the one before.
+    """Raise ratios to the ratios at the times at which the tool passes segment ends."""
+    # `assigned` is the velocity on the slow side of each end [m/s]. `past` is 1 to raise the ratio
+    # of the sample after the end, 0 to raise the ratio of the sample before it.
     s = np.maximum.accumulate(s)
     i = np.searchsorted(s, joints, side="right")
     inside = (i > 0) & (i < len(s))
@@ -617,7 +622,7 @@ def _bound_between(speed: FloatArray) -> FloatArray:
         return np.zeros(len(speed))
     bent = np.pad(np.abs(np.diff(speed, 2)), 1, mode="edge")
     # A parabola exceeds both ends by at most an eighth of its second difference, a kink by at most
-    # a quarter of the sum of the adjacent ones.
+    # a quarter of the sum of the adjacent second differences.
     pairs = (bent[1:] + bent[:-1]) / 4
     return np.asarray(np.maximum(np.append(pairs, 0.0), np.append(0.0, pairs)))
 
@@ -626,7 +631,8 @@ def unexplained_errors(
     arm: Arm, q: FloatArray, tangent: FloatArray, model_error: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """First-order bounds of the tool error along and across the path due to joint errors [m]."""
-    # Each joint has its largest error, (dof,) [rad], with the worst sign. tangent (n, dimension).
+    # model_error: largest error of each joint [rad], (dof,), assumed with the worst sign.
+    # tangent: unit tangents of the path, (n, dimension).
     moved = arm.tool_jacobian(q) * model_error
     along = (tangent[:, None] @ moved)[:, 0]
     across = moved - tangent[:, :, None] * along[:, None]

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import hal  # type: ignore[import-not-found]
 
-from armcontour.controllers.devices.feeder import PAUSE, DeviceError, Row, Sample, main_guarded
+from armcontour.controllers.feeders.feeder import PAUSE, DeviceError, Row, Sample, main_guarded
 
 COMPONENT = "armcontour-play"
 # Signal of the HAL file that enables the drives.
@@ -25,7 +25,7 @@ AGREEING, LOOK = 5, 1.7e-3
 PROGRAM = "/usr/bin/rtapi_app"
 
 
-class LinuxCNC:
+class LinuxCNCDevice:
     """HAL with a streamer of n + 1 floats and a sampler of 2 n + 1.
 
     The first float of both is the cycle of the motion, -1 at rest. The others are the commands of
@@ -154,4 +154,4 @@ class LinuxCNC:
 
 
 if __name__ == "__main__":
-    main_guarded(LinuxCNC(sys.argv[2], int(sys.argv[3]), int(sys.argv[4])))
+    main_guarded(LinuxCNCDevice(sys.argv[2], int(sys.argv[3]), int(sys.argv[4])))

@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.files.exports import interpolate_set_points, make_table
-from armcontour.verification import check_commands
+from armcontour.verification import check_interpolation
 
 ARM = ac.load_arm("ur5e")
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]])
@@ -54,7 +54,7 @@ def test_deviations_and_accelerations_of_the_interpolation(square, period):
     _, limits, plan = square
     for (derivatives, controller), printed in zip(FORMS, PERIODS[period], strict=True):
         table = make_table(plan, name="square", cycle=period * 1e-3, derivatives=derivatives)
-        found = check_commands(table, ARM, controller, 500.0, limits, reference=plan)
+        found = check_interpolation(table, ARM, controller, 500.0, limits, reference=plan)
         deviation, *acceleration = printed.split()
         assert agrees(found.deviation * 1e6, deviation), (derivatives, controller)
         for x in acceleration:
@@ -70,7 +70,7 @@ def test_second_differences_of_the_commands(square, method, derivatives):
     table = make_table(set_points, name="square", derivatives=derivatives)
     printed = SECOND_DIFFERENCES[method, derivatives].split()
     for rate, text in zip((100.0, 250.0, 500.0, 1000.0), printed, strict=True):
-        found = check_commands(table, ARM, "jtc", rate, limits)
+        found = check_interpolation(table, ARM, "jtc", rate, limits)
         assert agrees(found["joint_acceleration"].ratio, text), rate
 
 
@@ -78,26 +78,26 @@ def test_second_differences_of_the_commands(square, method, derivatives):
 def test_advice_and_the_path(square):
     path, limits, plan = square
     table = make_table(plan, name="square", derivatives=0)
-    lines = check_commands(table, ARM, "jtc", 500.0, limits, path, deviation=8e-6)
+    lines = check_interpolation(table, ARM, "jtc", 500.0, limits, path, deviation=8e-6)
     assert lines.verdict == "violated" and "--derivatives 2" in lines.advice
     # The spline through the points is near the plan.
     assert lines.deviation == pytest.approx(8.4e-6, rel=0.01)
     assert lines["path_deviation"].verdict == "kept"
     assert lines.path_deviation.distance == lines["path_deviation"].value < lines.deviation
-    at_points = check_commands(table, ARM, "jtc", 250.0, limits, path)
+    at_points = check_interpolation(table, ARM, "jtc", 250.0, limits, path)
     assert at_points.verdict == "kept" and not at_points.advice
     inverse = make_table(ac.compensate(plan, SERVO, ac.Inverse(), cycle=4e-3), name="square")
-    advice = check_commands(inverse, ARM, "jtc", 500.0, limits).advice
+    advice = check_interpolation(inverse, ARM, "jtc", 500.0, limits).advice
     assert "joint_jerk" in advice and "--derivatives" not in advice
     quintics = make_table(plan, name="square", cycle=8e-3)
-    assert "quintics" in check_commands(quintics, ARM, "jtc", 500.0, limits).advice
-    held = check_commands(table, ARM, "hold", 1000.0, limits)
+    assert "quintics" in check_interpolation(quintics, ARM, "jtc", 500.0, limits).advice
+    held = check_interpolation(table, ARM, "hold", 1000.0, limits)
     assert held["joint_velocity"].ratio > 3 * lines["joint_velocity"].ratio
     # A uniform B-spline misses its points by T² / 6 times the acceleration.
-    spline = check_commands(table, ARM, "linuxcnc", 1000.0, limits, reference=plan)
+    spline = check_interpolation(table, ARM, "linuxcnc", 1000.0, limits, reference=plan)
     assert spline.joint_deviation == pytest.approx(4e-3**2 / 6 * 6.4, rel=0.02)
     with pytest.raises(ac.InvalidInput, match="joints"):
-        check_commands(table, ac.load_arm("pmk3s"), "jtc", 500.0)
+        check_interpolation(table, ac.load_arm("pmk3s"), "jtc", 500.0)
 
 
 @pytest.mark.filterwarnings("ignore:Limits are above")

@@ -1,4 +1,4 @@
-"""Keys of files that differ from the fields of their dataclasses, in name, type or default."""
+"""File keys that differ from the fields of their dataclasses in name, type or default."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armcontour.core.quantities import (
     Ratio,
 )
 from armcontour.geometry import SegmentLimits
-from armcontour.jobs.place_search import AXES, POINTS, PlaceSearch
+from armcontour.jobs.placement_options import AXES, POINTS, PlaceSearch
 from armcontour.program import Event, Lead, Process
 from armcontour.robot.chain import Payload
 from armcontour.simulation.robustness.uncertainty import Uncertainty
@@ -73,13 +73,13 @@ class AxesModel:
     tilt: AnglesModel | None = None
 
     def ranges(self) -> dict[str, tuple[float, float, int]]:
-        """The first value, the last value and the number of values of each axis."""
+        """First value, last value and number of values of each specified axis."""
         axes = {name: getattr(self, name) for name in AXES}
         return {name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OffModel:
+class PositionErrorModel:
     """Position error of a part.
 
     Args:
@@ -95,7 +95,7 @@ class OffModel:
     tilt: AngularDistance | None = None
 
     def sizes(self) -> dict[str, float]:
-        """The position error along each axis."""
+        """Position error of each specified axis [m or rad]."""
         axes = {name: getattr(self, name) for name in AXES}
         return {name: x for name, x in axes.items() if x is not None}
 
@@ -103,38 +103,39 @@ class OffModel:
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
 Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Poles = Annotated[list[Pole], Field(min_length=3, max_length=3)]
-# Indices of xx, xy, xz, yy, yz and zz in a symmetric matrix.
+# Indices of the components xx, xy, xz, yy, yz and zz that form the symmetric tensor, (3, 3).
 TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Form:
-    """Differences between the keys of a file and the fields of their dataclass."""
+class KeyOverrides:
+    """Differences between the keys of a file and the fields of their dataclass, by field."""
 
-    # Keys with another name than the field, by the fields.
+    # Names of keys that differ from the field
     names: Mapping[str, str] = field(default_factory=dict)
-    # Annotations of keys with another type than the field, by the fields.
+    # Annotations of keys that differ from the field
     types: Mapping[str, Any] = field(default_factory=dict)
-    # Defaults of such keys, by the fields.
+    # Defaults of keys that differ from the field
     defaults: Mapping[str, Any] = field(default_factory=dict)
-    # Descriptions of such keys, by the fields.
+    # Descriptions of keys that differ from the field
     texts: Mapping[str, str] = field(default_factory=dict)
+    # Fields without a key
     omit: frozenset[str] = frozenset()
 
 
-# Ends of a range.
+# Names of the keys for the ends of a range.
 ENDS = {"start": "from", "end": "to"}
-# For every other dataclass the keys are its fields.
-FORMS: dict[type, Form] = {
-    AnglesModel: Form(names=ENDS),
-    LengthsModel: Form(names=ENDS),
-    Uncertainty: Form(
+# The keys of dataclasses that are not listed equal the fields.
+KEY_OVERRIDES: dict[type, KeyOverrides] = {
+    AnglesModel: KeyOverrides(names=ENDS),
+    LengthsModel: KeyOverrides(names=ENDS),
+    Uncertainty: KeyOverrides(
         names={"dead_time_shared": "shared"},
         types={"gains": Ratio | list[Ratio] | list[list[Ratio]]},
     ),
-    SegmentLimits: Form(omit=frozenset({"tag"})),
-    Event: Form(names={"s": "at"}),
-    Lead: Form(
+    SegmentLimits: KeyOverrides(omit=frozenset({"tag"})),
+    Event: KeyOverrides(names={"s": "at"}),
+    Lead: KeyOverrides(
         types={
             "length": Annotated[
                 Literal["auto"] | Distance,
@@ -144,7 +145,7 @@ FORMS: dict[type, Form] = {
         },
         defaults={"length": "auto"},
     ),
-    Payload: Form(
+    Payload: KeyOverrides(
         types={
             "center": Place,
             "inertia": Annotated[
@@ -158,16 +159,16 @@ FORMS: dict[type, Form] = {
             "tip [kg m²]; a point by default."
         },
     ),
-    PlaceSearch: Form(
+    PlaceSearch: KeyOverrides(
         names={"what": "move", "refined": "refine"},
         types={
             "over": Annotated[AxesModel, AfterValidator(AxesModel.ranges)],
-            "uncertainty": Annotated[OffModel, AfterValidator(OffModel.sizes)],
+            "uncertainty": Annotated[PositionErrorModel, AfterValidator(PositionErrorModel.sizes)],
             "about": Annotated[str, Choice(POINTS)] | Place,
         },
     ),
-    PolePlacement: Form(types={"poles": Poles | list[Poles] | None}),
-    Process: Form(
+    PolePlacement: KeyOverrides(types={"poles": Poles | list[Poles] | None}),
+    Process: KeyOverrides(
         types={
             "begin": Annotated[
                 Literal["auto", "drawn"] | Distance | Point, Field(union_mode="left_to_right")

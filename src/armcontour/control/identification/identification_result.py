@@ -1,0 +1,368 @@
+"""Results of an identification: estimates, the servo that is written to a file, and predictions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from armcontour._version import __version__
+from armcontour.control.identification.estimates import IdentifiedJoints, JointEstimates
+from armcontour.control.identification.joint_fit import LogSegment, predict, split_logs
+from armcontour.control.identification.residuals import fastest_motion
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.render import Result, number
+from armcontour.core.result import VERDICT, Data, Row
+from armcontour.core.text import count_noun, short_repr
+from armcontour.motion.log import Log
+from armcontour.robot import Arm
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import TRUSTED
+from armcontour.robot.servo.simulation import JointServo
+
+# Explanation of the contour error ratio in the summary.
+RATIO_NOTE = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
+# Significant digits of the numbers in a servo file, and a factor that makes rounded bounds safe.
+DIGITS = 6
+ROUND_UP = 1 + 10.0 ** (1 - DIGITS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointIdentification(JointEstimates):
+    """The identified servo of one joint.
+
+    Args:
+        order: Order of the servo that is written to the file: "second", "first" or "delay";
+            "unknown" if none is written. `parameters` then are those of the rejected model.
+        servo: Values that are written to the file.
+        tracking_rms: RMS of command less measured position, about its mean [rad].
+        largest: Largest error of `servo` on the logs that were fitted [rad].
+        unseen_rms: RMS error on parts that were not fitted [rad]: for several logs the error of the
+            worst log, for one log weighted by motion.
+        share: `unseen_rms`, divided by the tracking error of the same log and weights.
+        model_error: Largest error on all parts, fitted or not [rad].
+        scaling: Growth of the RMS error on parts that were not fitted, (3,): error at rest [rad],
+            per velocity [s] and per acceleration [s²]. Their squares add.
+        noise: Noise of the encoder, standard deviation [rad].
+        note: Reason for a missing or weak model, or empty.
+        effective: True if the residuals are not white. Then an effect is not modelled, and the
+            parameters differ from the settings of the drive because they compensate for it.
+        saturation: A sentence about samples at a limit of the drive, or empty.
+        contour_ratio: RMS deviation from the contour with compensation divided by the deviation
+            without compensation, in the worst log.
+
+    The residuals in `rests` are those of predictions from the other parts of the logs.
+    """
+
+    order: str = "unknown"
+    servo: JointServo = field(default_factory=lambda: JointServo(math.inf))
+    tracking_rms: float = math.nan
+    largest: float = math.nan
+    unseen_rms: float = math.nan
+    share: float = math.nan
+    model_error: float = math.nan
+    scaling: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+    noise: float = math.nan
+    note: str = ""
+    effective: bool = False
+    saturation: str = ""
+    contour_ratio: float = math.nan
+
+    def to_data(self) -> Data:
+        """Data of the errors on parts that were not fitted, and of the estimates."""
+        weak = "weak" if self.written and self.note else ""
+        delay = "delay only" if not self.written and self.servo.dead_time else ""
+        words = (weak, "effective" * self.effective, delay)
+        notes = (self.growth, self.saturation, self.note)
+        return Data(
+            f"Servo of {self.name}",
+            (
+                Row("name", self.name, "", "joint"),
+                Row("share", self.share, "1", "tracking error left"),
+                Row("contour_ratio", self.contour_ratio, "1", "contour error left"),
+                Row("unseen_rms", self.unseen_rms, "rad", "error, RMS"),
+                Row("model_error", self.model_error, "rad", "largest"),
+                Row("order", self.order, "", "model", ", ".join(filter(None, words))),
+                *(Row(x, getattr(self, x), "rad") for x in ("tracking_rms", "rms", "largest")),
+                *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
+                *(Row(x, getattr(self, x)) for x in ("scaling", "noise", "note", "saturation")),
+            ),
+            (self.table("parameters"),),
+            notes=tuple(filter(None, notes)),
+        )
+
+    @property
+    def growth(self) -> str:
+        """Sentence about the growth of the error with speed and acceleration; empty if no model."""
+        if not np.isfinite(self.scaling).all():
+            return ""
+        still, rate, acceleration = (number(x, "rad") for x in self.scaling)
+        return (
+            f"Error where not fitted: {still} at rest, {rate} per rad/s, "
+            f"{acceleration} per rad/s² (RMS, squares add)."
+        )
+
+    @property
+    def written(self) -> bool:
+        """True if the servo file has a model of this joint."""
+        return self.order != "unknown"
+
+    @property
+    def determined(self) -> bool:
+        """True if the logs determine all parameters of the model."""
+        return bool(self.parameters) and all(x.determined for x in self.estimates)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judgement:
+    """Contour errors with and without compensation on motion that was not fitted.
+
+    With compensation, the residuals of the model remain. A delay that all joints share causes no
+    error. With an arm, errors are distances of its tool from the path. Without an arm, errors are
+    distances in joint space, where each joint is weighted by the inverse of its tracking error.
+
+    Args:
+        programs: Number of different programs. If it is 1, parts of this program were predicted.
+        ratio: RMS contour error with compensation divided by the error without compensation, in the
+            worst log; 0 if only the noise of the encoders remains.
+        errors: RMS contour errors of each log without and with compensation, (logs, 2): in m with
+            an arm, otherwise in multiples of the tracking errors.
+    """
+
+    programs: int
+    ratio: float
+    errors: FloatArray
+
+    @property
+    def trusted(self) -> bool:
+        """True if compensation removes at least half of the contour error."""
+        return self.ratio <= TRUSTED
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Identification(IdentifiedJoints):
+    """The identified servos of all joints.
+
+    Args:
+        drive_cycle: Cycle of the drives [s], 0 for continuous loops.
+        judgement: Contour errors with and without compensation on motion that was not fitted.
+    """
+
+    joints: tuple[JointIdentification, ...] = field(repr=False)
+    drive_cycle: float
+    judgement: Judgement
+
+    def to_data(self) -> Data:
+        """Data of the verdict, then of every joint and its parameters."""
+        result = self.judgement
+        count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
+        doubt = "" if result.trusted else "compensation may be worse than none"
+        sole = "provisional: judged on only one program; record a different program"
+        return Data(
+            f"Servo models of {count} from {self.source}",
+            (
+                Row("judgement.trusted", result.trusted, "", "trusted", doubt, VERDICT),
+                Row(
+                    "judgement.ratio", result.ratio, "1", "contour error left", RATIO_NOTE, VERDICT
+                ),
+                Row(
+                    "judgement.programs", result.programs, "", "programs",
+                    sole * (result.programs == 1), VERDICT,
+                ),
+                Row("judgement.errors", result.errors),
+                Row("version", __version__),
+                Row("logs", [x.source for x in self.logs]),
+                Row("samples", sum(len(x.t) for x in self.logs)),
+                Row("interpolation", self.interpolation),
+                Row("drive_cycle", self.drive_cycle, "s"),
+                Row("determined", self.determined),
+            ),
+            self._tables(),
+            notes=(*dict.fromkeys(x.note for x in self.joints if x.note), *self.remarks),
+        )  # fmt: skip
+
+    @property
+    def determined(self) -> bool:
+        """True if the logs determine all parameters of all joints."""
+        return all(x.determined for x in self.joints)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences about saturation in the logs and about parameters that are only effective."""
+        names = ", ".join(x.name for x in self.joints if x.effective and x.written)
+        effective = (
+            f"Effective parameters: {names}. The residuals are not white, so an effect is not "
+            "modelled, and the parameters differ from the settings of the drive."
+        )
+        sentences = [x.saturation for x in self.joints if x.saturation]
+        return (*sentences, effective) if names else tuple(sentences)
+
+    def servo_model(self) -> ServoModel:
+        """Servo model for a servo file; joints without a model have the order "unknown".
+
+        Raises:
+            InvalidInput: No joint has a model.
+        """
+        if not any(x.written for x in self.joints):
+            notes = " ".join(x.note for x in self.joints[:2])
+            raise InvalidInput(f"{self.source} determines the servo of no joint. {notes}")
+        parameters: dict[str, Any] = {
+            name: [getattr(x.servo, name) for x in self.joints] for name in JointServo._fields
+        }
+        if not np.isfinite(parameters["kv"]).any():
+            parameters["kv"] = None
+        fastest = fastest_motion(self.logs)
+        return ServoModel(
+            interpolation=self.interpolation,
+            order=tuple(x.order for x in self.joints),
+            drive_cycle=self.drive_cycle,
+            model_error=[round_digits(min(x.model_error * ROUND_UP, math.pi)) for x in self.joints],
+            logged_velocity=[round_digits(x) for x in fastest[0]],
+            logged_acceleration=[round_digits(x) for x in fastest[1]],
+            contour_ratio=float(f"{self.judgement.ratio:.3g}"),
+            programs=self.judgement.programs,
+            **parameters,
+        )
+
+    @checked
+    def predict(self, log: Log) -> Prediction:
+        """Simulate the servo that is written with the commands of a log.
+
+        Args:
+            log: A log of the same joints, also one that was not used for the identification.
+
+        The constant offset between command and measurement, and the position and velocity at the
+        start of the log, are fitted. Joints without a model follow their commands.
+
+        Raises:
+            InvalidInput: The log has other joints.
+        """
+        if log.dof != len(self.joints):
+            raise InvalidInput(
+                f"{log.source} has {log.dof} joints, but {self.source} has {len(self.joints)}. "
+                "Specify a log of the same joints."
+            )
+        positions, used = log.command.copy(), np.full(log.command.shape, False)
+        for j, joint in enumerate(self.joints):
+            delay = float(joint.servo.dead_time)
+            for s in split_logs([log], j, self.interpolation, delay):
+                rows = slice(s.start, s.start + len(s.y))
+                positions[rows, j] = predict(s, joint.servo, joint.order, self.drive_cycle)
+                used[rows, j] = s.use
+        return Prediction(log=log, positions=positions, used=used)
+
+
+def write_servo(
+    joint: JointIdentification,
+    segments: Sequence[LogSegment],
+    servo: JointServo,
+    order: str = "unknown",
+    drive_cycle: float = 0.0,
+    unseen: float = 0.0,
+) -> JointIdentification:
+    """The joint with the servo for the file, and with the errors of this servo on the logs."""
+    # unseen: largest error on parts that were not fitted [rad].
+    rms, largest = math.nan, math.pi
+    if segments:
+        errors = np.concatenate(
+            [(s.y - predict(s, servo, order, drive_cycle))[s.use] for s in segments]
+        )
+        rms, largest = float(np.sqrt(np.mean(errors**2))), float(np.abs(errors).max())
+    model_error = max(unseen, largest)
+    return replace(
+        joint, order=order, servo=servo, rms=rms, largest=largest, model_error=model_error
+    )
+
+
+def round_digits(value: float) -> float:
+    """A value rounded to the number of digits in a servo file."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prediction(Result):
+    """Motion of an identified servo under the commands of a log.
+
+    Args:
+        log: The log.
+        positions: Predicted positions [rad], (n, dof).
+        used: Mask of the samples that count, (n, dof). The first 40 ms, or the dead time if it is
+            longer, do not count, because they depend on commands before the log.
+    """
+
+    log: Log = field(repr=False)
+    positions: FloatArray = field(repr=False)
+    used: BoolArray = field(repr=False)
+
+    @property
+    def errors(self) -> FloatArray:
+        """Measured less predicted positions [rad], (n, dof); 0 at samples that do not count."""
+        return np.where(self.used, self.log.measured - self.positions, 0.0)
+
+    @property
+    def rms(self) -> FloatArray:
+        """Root mean square of the errors of each joint [rad], (dof,)."""
+        return _rms(self.errors, self.used)
+
+    @property
+    def largest(self) -> FloatArray:
+        """Largest error of each joint [rad], (dof,)."""
+        return np.asarray(np.abs(self.errors).max(axis=0))
+
+    @property
+    def tracking_rms(self) -> FloatArray:
+        """RMS of measured less commanded positions about their mean [rad], (dof,)."""
+        errors = self.log.measured - self.log.command
+        count = np.maximum(self.used.sum(axis=0), 1)
+        return _rms(errors - np.sum(errors * self.used, axis=0) / count, self.used)
+
+    def tool_errors(self, arm: Arm) -> FloatArray:
+        """Distances between the tool at measured and at predicted positions [m], (n,).
+
+        The distance is 0 at a sample that does not count for some joint.
+
+        Raises:
+            InvalidInput: The arm has another number of joints.
+        """
+        checks.check_type("tool_errors", arm, Arm)
+        if arm.dof != self.log.dof:
+            raise InvalidInput(
+                f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
+                f"{arm.dof}. Specify the arm with which the log was recorded."
+            )
+        offsets = arm.tool_position(self.log.measured) - arm.tool_position(self.positions)
+        return np.where(self.used.all(axis=1), np.linalg.norm(offsets, axis=1), 0.0)
+
+    def to_data(self, arm: Arm | None = None) -> Data:
+        """Data of the errors of all joints; the summary shows the joint with the largest error."""
+
+        def of_joints(name: str, label: str) -> Row:
+            values = getattr(self, name)
+            return Row(name, values, "rad", label, self.log.joint_names[int(values.argmax())])
+
+        rows = [
+            Row("log", self.log.source),
+            of_joints("tracking_rms", "tracking error, RMS"),
+            of_joints("rms", "predicted to, RMS"),
+            of_joints("largest", "predicted to, largest"),
+        ]
+        if arm is not None:
+            errors = self.tool_errors(arm)
+            rms = float(np.sqrt(np.mean(errors**2)))
+            rows.append(Row("tool.rms", rms, "m", "at the tool, RMS"))
+            rows.append(Row("tool.largest", float(errors.max()), "m", "at the tool, largest"))
+        return Data(f"Prediction of {self.log.source}", tuple(rows))
+
+    __repr__ = short_repr
+
+
+def _rms(values: FloatArray, used: BoolArray) -> FloatArray:
+    """Root mean square over the samples that count, (dof,)."""
+    count = np.maximum(used.sum(axis=0), 1)
+    return np.asarray(np.sqrt(np.sum(np.where(used, values, 0.0) ** 2, axis=0) / count))
