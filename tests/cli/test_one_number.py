@@ -162,13 +162,13 @@ def check(data, done, folder):
     }
     summary = json.loads((folder / "out" / "summary.json").read_text("utf-8"))["runs"][run]
     summary["time"] = {x["name"]: x["of_time"] for x in summary.get("time", ())}
-    (frame, time), simulate_rigid_bodies = studio(text, folder, run), result.run.judge is not None
+    (frame, time), on_rigid_bodies = studio(text, folder, run), result.run.judge is not None
     # The page has the very cells of print and report.
     for cells in time:
         line = r"\s+".join(map(re.escape, cells))
         assert all(re.search(line, texts[x]) for x in ("print", "command", "report")), cells
     for x, name in JSON.items():
-        part = summary["experiment"] if simulate_rigid_bodies and x in JUDGED else summary
+        part = summary["experiment"] if on_rigid_bodies and x in JUDGED else summary
         values_by_place["JSON", x] = [(value_at(part, name), 0.0)]
     for x, name in STUDIO.items():
         values_by_place["Studio", x] = [(value_at(frame, name), 0.0)]

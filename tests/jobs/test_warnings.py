@@ -98,8 +98,8 @@ def test_who_judges_set_points_that_are_for_the_bodies():
         and "experiment: {}" in warning
     )
     result = only(job(straight, **options, experiment=Experiment()))
-    simulate_rigid_bodies = result.experiment.evaluation.contour_error.max * 1e3
-    assert simulate_rigid_bodies < 0.01 * deviation
+    contour_error = result.experiment.evaluation.contour_error.max * 1e3
+    assert contour_error < 0.01 * deviation
     assert result.warnings == () and result.judged is result.experiment.evaluation
 
 

@@ -3,6 +3,7 @@
 from armcontour.studio.document import Document
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner
+from armcontour.studio.scheduler import SchedulerOptions
 from armcontour.studio.session import Session
 
 JOB = """\
@@ -112,7 +113,5 @@ def session_of(file, preview_worker=ImmediateWorker, rest=NEVER):
     return Session(
         document,
         previewer,
-        preview_worker=preview_worker,
-        task_worker=RecordingTaskWorker,
-        rest_time=rest,
+        scheduling=SchedulerOptions(preview_worker, RecordingTaskWorker, rest),
     )

@@ -8,6 +8,7 @@ from tools.studio_page import write_shapes
 
 from armcontour.studio.document import Document
 from armcontour.studio.preview import CoarsePlanner
+from armcontour.studio.scheduler import SchedulerOptions
 from armcontour.studio.session import Session
 from armcontour.studio.view import Detail
 
@@ -74,9 +75,7 @@ def page(tmp_path_factory):
     session = Session(
         document,
         CoarsePlanner(file.parent),
-        preview_worker=ImmediateWorker,
-        task_worker=RecordingTaskWorker,
-        rest_time=1e6,
+        scheduling=SchedulerOptions(ImmediateWorker, RecordingTaskWorker, 1e6),
     )
     session.begin()
     tab = SessionPage(session)
@@ -150,9 +149,7 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
     session = Session(
         document,
         CoarsePlanner(tmp_path),
-        preview_worker=ImmediateWorker,
-        task_worker=RecordingTaskWorker,
-        rest_time=1e6,
+        scheduling=SchedulerOptions(ImmediateWorker, RecordingTaskWorker, 1e6),
     )
     session.begin()
     tab = SessionPage(session)

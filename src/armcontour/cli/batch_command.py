@@ -40,7 +40,7 @@ def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
     if options.as_json:
         _print_json({"end": _end(result)})
     else:
-        _print(result, report)
+        _print_batch(result, report)
     if options.open_report and report.exists():
         open_page(report)
     return int("failed" in result.counts)
@@ -94,7 +94,7 @@ def _print_json(data: object) -> None:
     sys.stdout.flush()
 
 
-def _print(batch: Batch, report: FilePath) -> None:
+def _print_batch(batch: Batch, report: FilePath) -> None:
     """Print the numbers of jobs and errors of a batch, and the address of its report."""
     console = Console()
     rows = [[name, str(n)] for name, n in batch.counts.items()]

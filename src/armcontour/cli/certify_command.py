@@ -45,7 +45,9 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
     if options.as_json:
         print(certificate_json(certificate), end="")
     else:
-        _print(certificate, None if options.out is None else options.out / "report.html")
+        _print_certificate(
+            certificate, None if options.out is None else options.out / "report.html"
+        )
     if options.open_report and options.out is not None:
         open_page(options.out / "report.html")
 
@@ -74,7 +76,7 @@ def _write(certificate: Certificate, folder: Any) -> None:
     folder.write("summary.json", certificate_json(certificate, [*folder.files, "summary.json"]))
 
 
-def _print(certificate: Certificate, report: FilePath | None) -> None:
+def _print_certificate(certificate: Certificate, report: FilePath | None) -> None:
     """Print the certificate and its comparison with the uncertified plan, notes and warnings."""
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE

@@ -32,13 +32,13 @@ def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -
         else ResultFolder(options.out, force=options.force) as folder
     ):
         with search_progress("judging" if options.judge_only else "learning") as progress:
-            study = _study(file, job_options, options, window, progress)
+            study = _learn_or_judge(file, job_options, options, window, progress)
         if folder is not None:
             write_study(study, folder)
     if options.as_json:
         print(data_json(study.to_data()), end="")
     else:
-        _print(study, options)
+        _print_study(study, options)
     if options.out is not None and options.open_report:
         open_page(options.out / "report.html")
 
@@ -71,7 +71,7 @@ def _refuse_missing(options: LearnOptions) -> None:
         )
 
 
-def _study(
+def _learn_or_judge(
     file: FilePath,
     job_options: JobOptions,
     options: LearnOptions,
@@ -132,7 +132,7 @@ def write_study(study: LearningStudy | JudgedStudy, folder: ResultFolder) -> Non
     folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 
 
-def _print(study: LearningStudy | JudgedStudy, options: LearnOptions) -> None:
+def _print_study(study: LearningStudy | JudgedStudy, options: LearnOptions) -> None:
     """Print the errors of the runs, the next step, and the written files."""
     from armcontour.jobs.run_learning import LearningStudy
 

@@ -54,7 +54,7 @@ def place_file(
         files = [*folder.files, "summary.json"]
         folder.write("summary.json", placement_json(placement, files))
     report = (out / "report.html").resolve()
-    _print(placement, report, None if unwritten else out / JOB, unwritten)
+    _print_placement(placement, report, None if unwritten else out / JOB, unwritten)
     if options.open_report:
         open_page(report)
 
@@ -74,7 +74,9 @@ def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobO
     return placed_job_text(placement, text, folder=folder, to=out, patch=patch)
 
 
-def _print(placement: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:
+def _print_placement(
+    placement: Placement, report: FilePath, job: FilePath | None, unwritten: str
+) -> None:
     """Print the best placement, its comparison with the original one, notes and written files."""
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE

@@ -79,7 +79,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
     if options.as_json:
         print(data_json(played.to_data()), end="")
     else:
-        _print(played, options)
+        _print_played(played, options)
     if played.record is None:
         return STOPPED if options.execute else DONE
     return DONE if played.record.stopped is None else STOPPED
@@ -171,7 +171,7 @@ def _write(played: Played, folder: ResultFolder) -> None:
     folder.write("summary.json", data_json(played.to_data()))
 
 
-def _print(played: Played, options: PlayOptions) -> None:
+def _print_played(played: Played, options: PlayOptions) -> None:
     """Print the result of a played run or of a dry run."""
     console = Console()
     console.show(played.to_data())

@@ -28,7 +28,7 @@ REFRESH = 0.05
 @contextmanager
 def search_progress(title: str) -> Iterator[Progress]:
     """Context that shows a line with the current step; yields the function that updates it."""
-    with _bar() as bar:
+    with _progress_line() as bar:
         task = bar.add_task(title)
         lines = Lines(bar.disable)
 
@@ -46,7 +46,7 @@ def share_progress() -> Iterator[Progress]:
     """Context that shows a bar with the completed fraction; yields its update function."""
     from rich.progress import BarColumn, TaskProgressColumn
 
-    with _bar(BarColumn(), TaskProgressColumn()) as bar:
+    with _progress_line(BarColumn(), TaskProgressColumn()) as bar:
         task = bar.add_task("", total=1.0)
         lines = Lines(bar.disable, at_once=True)
 
@@ -66,7 +66,7 @@ def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress
     """
     from rich.progress import BarColumn, MofNCompleteColumn
 
-    with _bar(BarColumn(), MofNCompleteColumn()) as bar:
+    with _progress_line(BarColumn(), MofNCompleteColumn()) as bar:
         task = bar.add_task("starting", total=None)
         lines = Lines(bar.disable)
 
@@ -193,7 +193,7 @@ def job_progress() -> Iterator[JobProgress]:
                 return Text("left -:--:--")
             return Text(f"left {timedelta(seconds=max(0, round(end - time.monotonic())))}")
 
-    with _bar(BarColumn(), RemainingTime()) as bar:
+    with _progress_line(BarColumn(), RemainingTime()) as bar:
         task = bar.add_task("reading", total=None, end=None)
         lines = Lines(bar.disable)
 
@@ -214,7 +214,7 @@ def job_progress() -> Iterator[JobProgress]:
 
 
 @contextmanager
-def _bar(*extra: Any) -> Iterator[Any]:
+def _progress_line(*extra: Any) -> Iterator[Any]:
     """Context with a progress line of `rich` that is removed at the end; `extra`: more columns."""
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn

@@ -112,7 +112,7 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
     if options.as_json:
         print(data_json(result.to_data()), end="")
     else:
-        _print(result, file, options)
+        _print_learning(result, file, options)
     if options.out is not None and options.open_report and result.lesson is not None:
         open_page(options.out / "report.html")
     return STOPPED if result.stopped else DONE
@@ -168,7 +168,7 @@ def _write(result: RobotLearning, folder: ResultFolder) -> None:
     write_study(result.study, folder)
 
 
-def _print(result: RobotLearning, file: FilePath, options: LearnOptions) -> None:
+def _print_learning(result: RobotLearning, file: FilePath, options: LearnOptions) -> None:
     """Print the results of the runs, and the command that plays the best set-points."""
     console = Console()
     if result.study is None:

@@ -175,11 +175,11 @@ class CsvTable(Generic[Key]):
             for k, column in enumerate(texts):
                 if "," in "".join(column):
                     column = [_DECIMAL_COMMA.sub(r"\g<1>.\g<2>", x) for x in column]
-                values[first : first + len(column), k] = self._convert(column, first, keys[k])
+                values[first : first + len(column), k] = self._parse_column(column, first, keys[k])
                 digits[k].add(column)
         return values * [self.columns[x].factor for x in keys], digits
 
-    def _convert(self, texts: list[str], first: int, key: Key) -> list[float]:
+    def _parse_column(self, texts: list[str], first: int, key: Key) -> list[float]:
         """Numbers of the cells of a column, starting at row `first`; NaN for empty cells."""
         joined = "".join(texts)
         if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST:

@@ -46,7 +46,7 @@ from armcontour.core.quantities import (
     Quantity,
 )
 from armcontour.core.text import describe_fields
-from armcontour.files.key_errors import first_problem
+from armcontour.files.key_errors import describe_first_error
 from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.units import read_quantity
 
@@ -178,7 +178,7 @@ def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
     try:
         return _complete_adapter(mark).validate_python(data)
     except ValidationError as error:
-        raise InvalidInput(f"{source}: {first_problem(error, schema_of(mark))}") from None
+        raise InvalidInput(f"{source}: {describe_first_error(error, schema_of(mark))}") from None
 
 
 @cache

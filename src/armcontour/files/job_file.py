@@ -319,13 +319,13 @@ def add_process(
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
         program = Program(moves=tuple(contours))
     process = process or Process()
-    notes = _without_effect(process, program)
+    notes = _note_unused_keys(process, program)
     if notes:
         program = dataclasses.replace(program, notes=(*program.notes, *notes))
     return program, _on_drawing(process, drawing, {x.layer for x in program.contours})
 
 
-def _without_effect(process: Process, program: Program) -> list[str]:
+def _note_unused_keys(process: Process, program: Program) -> list[str]:
     """Notes on keys of a process without effect on the drawing; a cell often has such keys."""
     layers = {x.layer for x in program.contours}
     notes = [

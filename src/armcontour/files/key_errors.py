@@ -46,7 +46,7 @@ RUN_NAME_RULE = "must be letters, digits, - and _, 64 at most, with a letter or 
 MAX_KEY_LENGTH = 80
 
 
-def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
+def describe_first_error(error: ValidationError, schema: Mapping[str, Any]) -> str:
     """Message with the most informative problem and the number of other problems."""
     problems = error.errors()
     # If a key may have several types, pydantic reports a problem for each type.

@@ -21,9 +21,9 @@ from armcontour.files.exports.table import (
     EVENT_KEYS,
     SetPointTable,
     check_export_cycle,
-    differentiate,
     equals_plan,
     regular_times,
+    sample_spline,
     tabulate,
 )
 from armcontour.files.joint_table import (
@@ -262,10 +262,10 @@ class StoredRun:
     def _set_points(self, set_points: TrajectoryFile, derivatives: int) -> Samples:
         """Samples of set-points with the same derivatives as in `make_table`."""
         if not self.plain or derivatives < 2:
-            return differentiate(set_points.q, self.cycle)
+            return sample_spline(set_points.q, self.cycle)
         plan = self._read("planned.csv")
         if plan.dq is None or plan.ddq is None or not equals_plan(set_points.q, plan.q):
-            return differentiate(set_points.q, self.cycle)
+            return sample_spline(set_points.q, self.cycle)
         dq, ddq = plan.dq.copy(), plan.ddq.copy()
         if abs(plan.t[-1] - set_points.t[-1]) > SAME_TIME * self.cycle:
             # The plan ends between the last two set-points, so that the last one is at rest.

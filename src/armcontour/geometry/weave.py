@@ -112,7 +112,7 @@ def weave_seam(path: Path, weave: Weave, up: FloatArray = UP) -> tuple[Path, Wov
     if weave.speed is not None:
         same = path.segments.replace(speeds=np.full(len(path), weave.speed))
         path = replace(path, segments=same)
-    pitch, edge = _pitch_and_edge(path, weave)
+    pitch, edge = _pitch_and_dwell_length(path, weave)
     direction = None
     if weave.plane == "frame":
         length = np.linalg.norm(up)
@@ -167,7 +167,7 @@ def weave_seam(path: Path, weave: Weave, up: FloatArray = UP) -> tuple[Path, Wov
     return join_paths(parts), woven
 
 
-def _pitch_and_edge(path: Path, weave: Weave) -> tuple[float, float]:
+def _pitch_and_dwell_length(path: Path, weave: Weave) -> tuple[float, float]:
     """Lengths of the seam per wave and per dwell at an edge [m]."""
     pitch, frequency, dwell = weave.pitch, weave.frequency, weave.dwell
     speed = float(path.speeds[0])

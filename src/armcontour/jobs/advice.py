@@ -96,7 +96,7 @@ def advice_steps(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     for k, group in enumerate(groups):
         for candidate in group:
             yield k / len(groups)
-            tried = _try(candidate, result, reuse)
+            tried = _plan_change(candidate, result, reuse)
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
@@ -119,7 +119,7 @@ def is_small(job: Job, maximum: int = SMALL) -> bool:
     return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
 
 
-def _try(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
+def _plan_change(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
     """Plan and simulate a change; None if that is not possible."""
     try:
         planned = plan_one(candidate.job, candidate.run, reuse)

@@ -197,7 +197,7 @@ def joint_frames(chain: Chain) -> FloatArray:
     return frames
 
 
-def join_bodies(
+def merge_bodies(
     bodies: Sequence[tuple[float, FloatArray, FloatArray]],
 ) -> tuple[float, FloatArray, FloatArray]:
     """Mass [kg], centre of mass [m] and inertia about it [kg m²] of bodies fixed to each other."""

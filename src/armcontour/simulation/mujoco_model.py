@@ -13,7 +13,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.motion import SetPoints
-from armcontour.robot.chain import Chain, join_bodies
+from armcontour.robot.chain import Chain, merge_bodies
 from armcontour.simulation.drive_loop import Functions
 
 # MuJoCo models friction as a stiff constraint, so a sticking joint creeps. With the standard
@@ -201,7 +201,7 @@ def _link_body(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
         return mass, center, inertia
     payload_center = chain.tip.position + chain.tip.rotation @ payload.center
     turned = chain.tip.rotation @ payload.inertia @ chain.tip.rotation.T
-    return join_bodies([(mass, center, inertia), (payload.mass, payload_center, turned)])
+    return merge_bodies([(mass, center, inertia), (payload.mass, payload_center, turned)])
 
 
 def _to_quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:

@@ -155,6 +155,7 @@ def open_session(
     from armcontour.studio import drafts, start_page
     from armcontour.studio.editor import arm_file_of
     from armcontour.studio.preview import CoarsePlanner
+    from armcontour.studio.scheduler import SchedulerOptions
     from armcontour.studio.session import Session
     from armcontour.studio.workers import TaskWorker
 
@@ -176,7 +177,7 @@ def open_session(
             previewer,
             trusted=[folder / named_arm] if trust_xacro and named_arm else (),
             progress=report,
-            task_worker=task_worker or TaskWorker,
+            scheduling=SchedulerOptions(task_worker=task_worker or TaskWorker),
         )
     session.confine(named)
     return session

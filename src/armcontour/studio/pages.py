@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from threading import RLock
@@ -18,9 +18,8 @@ from armcontour.studio.editor import Editor, Revision
 from armcontour.studio.handles import is_blank
 from armcontour.studio.page_frame import PageFrame, without_options
 from armcontour.studio.picture import drawing_frame
-from armcontour.studio.scheduler import DocumentState, Scheduler, TaskWorkerFactory
+from armcontour.studio.scheduler import DocumentState, Scheduler, SchedulerOptions
 from armcontour.studio.view import View
-from armcontour.studio.workers import PreviewWorker
 
 # A message of a page.
 PageMessage: TypeAlias = Mapping[str, Any]
@@ -150,22 +149,14 @@ def _replacement_key(frame: PageFrame) -> str | None:
 class Display:
     """Shows the document of an editor on all pages."""
 
-    def __init__(
-        self,
-        editor: Editor,
-        preview_worker: Callable[[Callable[[PageFrame], None]], PreviewWorker],
-        task_worker: TaskWorkerFactory,
-        rest_time: float,
-    ) -> None:
+    def __init__(self, editor: Editor, options: SchedulerOptions) -> None:
         self.editor = editor
         self.lock = RLock()
         self.pages = Pages()
         # Shown revision, including the edits of an active gesture.
         self._revision = Revision({})
         self._on_disk = ""
-        self.scheduler = Scheduler(
-            editor.previewer, self._send_state_frame, preview_worker, task_worker, rest_time
-        )
+        self.scheduler = Scheduler(editor.previewer, self._send_state_frame, options)
 
     def show_all(self) -> None:
         """Send the frame `document`, then plan and show the run."""

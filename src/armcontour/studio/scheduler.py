@@ -36,6 +36,8 @@ from armcontour.studio.view import Detail, View
 from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker
 
 TaskWorkerFactory: TypeAlias = Callable[[Callable[[PageFrame], None]], TaskWorker]
+# Time without changes before exact figures are computed [s].
+REST = 0.15
 # If the plan took longer than this [s], it is simulated only after the rest time without edits.
 FAST_PLAN = 0.03
 # If the planned motion is longer than this [s], it is simulated only after the rest time without
@@ -120,6 +122,15 @@ class DocumentState:
 FiguresRequest: TypeAlias = tuple[DocumentState, Mapping[str, Any], str]
 
 
+@dataclass(frozen=True, slots=True)
+class SchedulerOptions:
+    """Factories of the workers, and the time without changes before exact figures [s]."""
+
+    preview_worker: Callable[[Callable[[PageFrame], None]], PreviewWorker] = PreviewWorker
+    task_worker: TaskWorkerFactory = TaskWorker
+    rest_time: float = REST
+
+
 class Scheduler:
     """Shows the newest document state with increasing accuracy (tiers), and starts tasks."""
 
@@ -127,24 +138,22 @@ class Scheduler:
         self,
         previewer: CoarsePlanner,
         deliver: Callable[[PageFrame, DocumentState | None], bool],
-        preview_worker: Callable[[Callable[[PageFrame], None]], PreviewWorker],
-        task_worker: TaskWorkerFactory,
-        rest_time: float,
+        options: SchedulerOptions,
     ) -> None:
-        self.previewer, self._rest = previewer, rest_time
+        self.previewer, self._rest = previewer, options.rest_time
         self._pictures = 0
-        self._deliver, self._make_task_worker = deliver, task_worker
+        self._deliver, self._make_task_worker = deliver, options.task_worker
         self._lock = RLock()
         self._results = ShownResults()
         self._newest: DocumentState | None = None
         # Time of the last simulation [s].
         self._executed_at = 0.0
         self._done = Event()
-        self._preview_worker = preview_worker(self._fail)
+        self._preview_worker = options.preview_worker(self._fail)
         # A second worker, so that details can be drawn while a plan is computed.
-        self._detail_worker = preview_worker(self._fail)
+        self._detail_worker = options.preview_worker(self._fail)
         self._detail_requests: dict[object, tuple[Detail, Callable[[PageFrame], None]]] = {}
-        self._figures_worker = task_worker(self._receive)
+        self._figures_worker = options.task_worker(self._receive)
         # Running and queued requests for figures.
         self._current: FiguresRequest | None = None
         self._queued: FiguresRequest | None = None

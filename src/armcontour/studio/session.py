@@ -6,7 +6,7 @@ import contextlib
 import json
 import sys
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path as FilePath
 
 from armcontour.core.compilation import compile_for_run
@@ -19,11 +19,7 @@ from armcontour.studio.editor import Editor
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.pages import Display, Page, PageMessage
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.scheduler import TaskWorkerFactory
-from armcontour.studio.workers import PreviewWorker, TaskWorker
-
-# Time without changes before exact figures are computed [s].
-REST = 0.15
+from armcontour.studio.scheduler import SchedulerOptions
 
 
 class Session:
@@ -35,13 +31,11 @@ class Session:
         previewer: CoarsePlanner,
         *,
         trusted: Iterable[FilePath] = (),
-        preview_worker: Callable[[Callable[[PageFrame], None]], PreviewWorker] = PreviewWorker,
-        task_worker: TaskWorkerFactory = TaskWorker,
-        rest_time: float = REST,
+        scheduling: SchedulerOptions | None = None,
         progress: Progress = lambda step: None,
     ) -> None:
         self.editor = Editor(document, previewer, trusted)
-        self.display = Display(self.editor, preview_worker, task_worker, rest_time)
+        self.display = Display(self.editor, scheduling or SchedulerOptions())
         self._commands = Commands(self.display, self.confine)
         self._progress = progress
         self._ending = contextlib.ExitStack()

@@ -186,26 +186,26 @@ def test_an_overshoot_at_one_place_lowers_the_speed_there_only(overshooting):
     assert certificate.trajectory.s(tool.t) == pytest.approx(tool.s, abs=1e-4)
     # Far from the corner the tool has the whole assigned velocity.
     assert certificate.trajectory.speed_at([0.015, 0.065]) == pytest.approx([0.05, 0.05], rel=1e-6)
-    (lowered,) = certificate.lowered
+    (lowered,) = certificate.derating_clauses
     assert lowered.startswith("speed by up to ") and "mm of 79.74 mm, most at s = " in lowered
     assert number(tool.s, "m") in lowered
     data = json.loads(certificate_json(certificate))["certificate"]
     causes = {x["cause"] for x in data["contours"][0]["lowered"]}
-    assert causes == {"tool"} and data["simulate_rigid_bodies"] is None
+    assert causes == {"tool"} and data["rigid_body_warning"] is None
     assert "Reduced: speed by up to " in render_report(certificate.study, certificate=certificate)
 
 
 def test_a_servo_certificate_states_that_rigid_bodies_are_not_covered():
     job = OVERSHOOT.replace(", plant: rigid_body", "").replace("inverse_dynamics", "inverse")
     certificate = ac.certify(parse_job(job))
-    assert certificate.simulate_rigid_bodies.startswith("Valid for independent joint servos only: ")
+    assert certificate.rigid_body_warning.startswith("Valid for independent joint servos only: ")
     page = render_report(certificate.study, certificate=certificate)
     assert (
         f"{len(certificate.warnings)} warnings," in page
-        and certificate.warnings[-1] == certificate.simulate_rigid_bodies
+        and certificate.warnings[-1] == certificate.rigid_body_warning
     )
     assert "Valid for independent joint servos only" in page
     tried = ac.certify(parse_job(job + "experiment: {}\n"))
     e = tried.experiment.evaluation
     error = max(e.contour_error.max, e.coverage_error.max) * 1e3
-    assert f"the contour error is {error:.4g} mm" in tried.simulate_rigid_bodies
+    assert f"the contour error is {error:.4g} mm" in tried.rigid_body_warning

@@ -223,7 +223,7 @@ class DxfWalk(Walk):
                     # Entities on other layers are ignored, even if they are damaged.
                     self.on_other_layers[self.labels(layer)] += kind in SHAPES
                 else:
-                    yield from self._drawn(entity, kind, name, layer, block)
+                    yield from self._read_entity(entity, kind, name, layer, block)
             except Unreadable as error:
                 self._refuse_or_skip(kind, name, layer, str(error), handle)
             except InvalidInput:
@@ -232,7 +232,7 @@ class DxfWalk(Walk):
                 # For a damaged entity, ezdxf can raise exceptions of any class.
                 self._refuse_or_skip(kind, name, layer, f"is damaged ({error_line(error)})", handle)
 
-    def _drawn(
+    def _read_entity(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
     ) -> Iterator[EntityOutlines]:
         """Yield the outlines of a visible entity: several for MLINE and TEXT, else at most one."""

@@ -312,7 +312,7 @@ class SvgWalk(Walk):
         if clip not in NO_EFFECT:
             inherited = self._clipped(element, inherited, clip)
         if tag in ("svg", "symbol"):
-            return self._viewport(element, inherited, around.used_by)
+            return self._enter_viewport(element, inherited, around.used_by)
         return inherited
 
     def _check_undrawn(self, element: Element, layer: str) -> None:
@@ -414,7 +414,7 @@ class SvgWalk(Walk):
         )
         return target, inner
 
-    def _viewport(
+    def _enter_viewport(
         self, element: Element, inherited: _SvgInherited, user: Element | None
     ) -> _SvgInherited | None:
         """The properties that children of a nested svg or symbol inherit; None without a size."""

@@ -401,7 +401,7 @@ def _sample_set_points(set_points: SetPoints, cycle: float | None, derivatives: 
         for values in (dq, ddq):
             values.setflags(write=False)
         return Samples(t=regular_times(len(t), set_points.cycle), q=set_points.q, dq=dq, ddq=ddq)
-    return differentiate(set_points.q, set_points.cycle)
+    return sample_spline(set_points.q, set_points.cycle)
 
 
 def equals_plan(q: FloatArray, plan: FloatArray) -> bool:
@@ -414,7 +414,7 @@ def regular_times(count: int, cycle: float) -> FloatArray:
     return np.asarray(np.arange(count) * cycle, dtype=np.float64)
 
 
-def differentiate(q: FloatArray, cycle: float) -> Samples:
+def sample_spline(q: FloatArray, cycle: float) -> Samples:
     """Samples of set-points with the derivatives of the clamped cubic spline through them."""
     t = regular_times(len(q), cycle)
     if len(q) == 1:

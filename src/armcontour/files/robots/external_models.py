@@ -18,7 +18,7 @@ from armcontour.files.robots.arm_options import ArmOptions, locked_position
 from armcontour.files.robots.moveit_limits import Table, limits_of, override_limits
 from armcontour.files.robots.tree import MAX_NAMED
 from armcontour.files.robots.urdf import HINT, assume_accelerations
-from armcontour.robot.chain import Chain, join_bodies
+from armcontour.robot.chain import Chain, merge_bodies
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE
 from armcontour.robot.serial import SerialArm
 
@@ -237,7 +237,7 @@ def _make_arm(
     if all(sum(mass for mass, *_ in link) > 0 for link in links):
         bodies = []
         for place, link in zip(places, links, strict=True):
-            mass, center, inertia = join_bodies(link)
+            mass, center, inertia = merge_bodies(link)
             back = place.rotation.T
             turned = back @ inertia @ back.T
             bodies.append((mass, back @ (center - place.position), (turned + turned.T) / 2))

@@ -14,7 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, exp, from_rpy
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.tree import Joint, Tree
-from armcontour.robot.chain import Chain, check_inertia, join_bodies
+from armcontour.robot.chain import Chain, check_inertia, merge_bodies
 
 # Maximum length of a sequence of joints of which each mimics the next; grippers have about 3.
 MAX_MIMICS = 50
@@ -69,7 +69,7 @@ class Description:
                     frame = place @ frame
                     turned = frame.rotation @ inertia @ frame.rotation.T
                     links[link - 1].append((mass, frame.position, turned))
-            joined = zip(*map(join_bodies, links), strict=True)
+            joined = zip(*map(merge_bodies, links), strict=True)
             bodies = dict(zip(("masses", "centers", "inertias"), joined, strict=True))
         return Chain(
             joints=tuple(joint.name for joint in self.moving),

@@ -312,7 +312,7 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
 
 
 @compiled(inner=True)
-def _add_bounds(
+def _add_barriers(
     p: JerkSection, iterate: _Iterate, mu: float, bands: FloatArray, right: FloatArray
 ) -> None:
     n, (d, tangents, slack, dual) = len(p.width), iterate
@@ -605,7 +605,7 @@ def improve(
         size = _add_durations(p, d, bands, right)
         if goal != DURATION:
             right[end] += pull
-        _add_bounds(p, iterate, mu, bands, right)
+        _add_barriers(p, iterate, mu, bands, right)
         _fix_ends(bands, right, goal)
         trial[:] = right
         _solve_bands(bands, right)

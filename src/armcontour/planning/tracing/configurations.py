@@ -110,7 +110,7 @@ def find_solutions(
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     starts = configurations(arm, poses[0], task, seed)
     if len(starts) == 0:
-        _refuse_start(path, arm, poses, task, seed)
+        _refuse_first_pose(path, arm, poses, task, seed)
     max_correction = EXACTLY if seed is None else NEARLY
     followed, failures = _follow(arm, poses, task, starts[:MAX_STARTS], max_correction)
     followed = [q[knot_index] for q in followed]
@@ -339,7 +339,7 @@ def _turn_into_range(
     return _Failure(reached=row, q=shifted[row], joint=worst, value=value, limit=limit)
 
 
-def _refuse_start(
+def _refuse_first_pose(
     path: Path, arm: SerialArm, poses: FloatArray, task: int, seed: FloatArray | None
 ) -> None:
     """Raise Unreachable with the reason why the first pose of the path has no solution."""

@@ -21,7 +21,7 @@ from armcontour.planning.tracing.solver import (
     Solver,
     largest_errors,
     quintics_at_places,
-    raise_singular,
+    refuse_singular_pose,
 )
 from armcontour.robot import SerialArm, newton
 
@@ -79,7 +79,7 @@ class NumericSolver(Solver[SerialArm]):
         )
         bad = ~(solved & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            raise_singular(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
+            refuse_singular_pose(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:

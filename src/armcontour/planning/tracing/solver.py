@@ -168,7 +168,7 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
         small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
         if len(small):
             s_singular = float(coarse.s0[small[0]])
-            raise_singular(solver, s_singular, "is singular or jumps between configurations")
+            refuse_singular_pose(solver, s_singular, "is singular or jumps between configurations")
         u = (coarse.u0 + coarse.u1) / 2
         halfway = (start[0][too_coarse] + end[0][too_coarse]) / 2
         between = solver.ends(coarse, u, solver.guess(coarse, u, middle[outside], halfway))
@@ -187,7 +187,7 @@ def _select(ends: Ends, selection: BoolArray | IntArray) -> Ends:
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 
 
-def raise_singular(solver: Solver[Any], s: float, state: str) -> NoReturn:
+def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
     """Raise Unreachable at a point of the path at which the joints have no unique motion."""
     # `s`: arc length of the point [m]; `state`: state of the arm at the point, such as "is
     # singular".

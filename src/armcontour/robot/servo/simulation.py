@@ -43,7 +43,7 @@ class ServoSimulation:
         self.kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
         if servo.drive_cycle:
             self.kind = HELD
-            self.commands = command_and_rates(q, cycle, servo.interpolation)[0]
+            self.commands = command_polynomials(q, cycle, servo.interpolation)[0]
             return
         self.commands = add_integrator_pieces(servo, lambda x: polynomials(q, cycle, x))
         self.starts = np.arange(len(q)) * cycle + servo.dead_time[:, None]
@@ -234,7 +234,7 @@ def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
     # The command includes feed-forward and friction, so that a servo without them responds in the
     # same way. Interval k is between set-points k - 1 and k. Before the first and after the last
     # set-point the command is constant.
-    command, first, second = command_and_rates(q, cycle, servo.interpolation)
+    command, first, second = command_polynomials(q, cycle, servo.interpolation)
     if servo.has_feedforward:
         a, b = (np.broadcast_to(x, q.shape[1:])[:, None, None] for x in servo.lead)
         command += a * first + b * second
@@ -317,7 +317,7 @@ class LoggedCommand:
         return np.asarray(self.every[np.maximum(k, 0)])
 
 
-def command_and_rates(
+def command_polynomials(
     q: FloatArray, cycle: float, interpolation: str
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Command without feed-forward, its velocity and acceleration, (dof, n + 1, 4) each."""

@@ -31,7 +31,7 @@ from armcontour.robot.servo.simulation import (
     CUBIC,
     STRAIGHT,
     add_integrator_pieces,
-    command_and_rates,
+    command_polynomials,
     polynomials,
 )
 from armcontour.simulation.robustness.kernels import (
@@ -307,7 +307,7 @@ class _RobotSet:
         self.commands = add_integrator_pieces(
             plain, lambda x: polynomials(set_points.q, set_points.cycle, x)
         )
-        _, *self.rates = command_and_rates(set_points.q, set_points.cycle, servo.interpolation)
+        _, *self.rates = command_polynomials(set_points.q, set_points.cycle, servo.interpolation)
 
     def make_corners(self, signs: FloatArray) -> FloatArray:
         """Corners in units of the box, (n, 3 dof + 1), from signs of the varying parameters."""

@@ -365,7 +365,7 @@ class Certificate(Result):
         yield Row("not_judged", self.check.not_judged)
         yield Row("trials", self.trials, "", "plans tried")
         yield Row("model", self.model, "", "valid for")
-        yield Row("simulate_rigid_bodies", self.simulate_rigid_bodies)
+        yield Row("rigid_body_warning", self.rigid_body_warning)
         yield Row("run", self.run.name)
         yield from field_rows("goal", self.goal)
         yield from self.uncertified.to_data().with_prefix("uncertified", FILE)
@@ -419,7 +419,7 @@ class Certificate(Result):
         """Sentences about robots of the box, derating, and unchecked limits."""
         where = f"On {self.worst.name}: " if len(self.contours) > 1 else ""
         sentences = [f"{where}{x}" for x in self.worst.notes]
-        sentences += [f"Reduced: {x}." for x in self.lowered]
+        sentences += [f"Reduced: {x}." for x in self.derating_clauses]
         if self.goal.saturation == "report":
             sentences.append("Saturation was allowed; the certified execution includes it.")
         if self.check.not_judged:
@@ -429,7 +429,7 @@ class Certificate(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about weak points of the plan, and about models that are not certified."""
-        return (*self.result.warnings, *filter(None, [self.simulate_rigid_bodies]))
+        return (*self.result.warnings, *filter(None, [self.rigid_body_warning]))
 
     @property
     def trials(self) -> int:
@@ -485,7 +485,7 @@ class Certificate(Result):
         return np.asarray(np.max([x.largest_headroom for x in self.contours], axis=0))
 
     @property
-    def lowered(self) -> tuple[str, ...]:
+    def derating_clauses(self) -> tuple[str, ...]:
         """Derated limits as clauses; for several contours, the largest reduction of each limit."""
         largest: dict[tuple[str, str], tuple[float, str]] = {}
         for contour in self.contours:
@@ -497,7 +497,7 @@ class Certificate(Result):
         return tuple(clause for _, clause in sorted(largest.values(), reverse=True))
 
     @property
-    def simulate_rigid_bodies(self) -> str | None:
+    def rigid_body_warning(self) -> str | None:
         """Warning that a certificate for servos does not cover rigid bodies; None if it does."""
         bodies = self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()
         if self.goal.plant == "rigid_body" or not bodies:

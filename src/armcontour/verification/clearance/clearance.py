@@ -423,7 +423,7 @@ class _ClearanceSearch:
         for first in range(0, len(self._t) - 1, AT_ONCE):
             last = min(first + AT_ONCE, len(self._t) - 1)
             travel = self._travel[first : last + 1] - self._travel[first]
-            self._run_part(self._t[first : last + 1], travel)
+            self._bound_distances(self._t[first : last + 1], travel)
             if self._decided:
                 return False
         return bool((self._low >= self._margins).all())
@@ -456,7 +456,7 @@ class _ClearanceSearch:
             for k, x in enumerate(self.pairs)
         ]
 
-    def _run_part(self, t: FloatArray, travel: FloatArray) -> None:
+    def _bound_distances(self, t: FloatArray, travel: FloatArray) -> None:
         """Search a part of the motion."""
         # `t` are the times of its breaks [s], `travel` the largest travel of each joint since the
         # start of the part [rad], (n, dof).
