@@ -306,10 +306,9 @@ def _check_bodies(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
         if (friction < 0).any():
             j = int(np.argmin(friction))
             raise InvalidInput(
-                f"Friction must not be negative, but with the smallest fraction of friction of the "
-                f"box, {lowest:g}, joint {j + 1} has a {name} friction of {friction[j]:g} {unit}. "
-                "Specify the friction in the middle of the range for the arm, or a smallest "
-                "fraction of at least 0."
+                f"With the smallest fraction of friction in the box ({lowest:g}), the {name} friction "
+                f"of joint {j + 1} is negative ({friction[j]:g} {unit}). Increase the friction of the "
+                "arm to the middle of its range, or set the smallest fraction to at least 0."
             )
     box.dead_time_of(servo, dof)
     if np.any(per_joint["armature"] * (chain.armature == 0)):

@@ -154,8 +154,8 @@ class Modes:
         if self.inverse_time:
             if not feed:
                 raise Fault(
-                    "a feed move under G93 needs an F above zero on its own line: F is one over "
-                    "the duration of the move in minutes"
+                    "a feed move under G93 needs an F above zero on the same line as the move, because "
+                    "F is the inverse of the duration of this move in minutes"
                 )
             return length * feed / 60
         if feed is None and not self.feed_given:
