@@ -1,4 +1,4 @@
-"""The paper's job, arrow by arrow: from an objective path to the error of the executed one."""
+"""The paper's job: the example calls each function from the objective path to the contour error."""
 
 import armcontour as ac
 

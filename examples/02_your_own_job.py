@@ -1,4 +1,4 @@
-"""A job of your own: a slot with a weak second joint, and what compensation is worth."""
+"""Your own job: the example plans a slot, and compares it with and without compensation."""
 
 import numpy as np
 

@@ -1,22 +1,22 @@
-"""A bead along the edges of a box with a UR5e: corners rounded in position and orientation."""
+"""A bead along the edges of a box: `round_corners` rounds position and orientation on a UR5e."""
 
 import numpy as np
 
 import armcontour as ac
 
 arm = ac.load_arm("ur5e", tool=ac.Frame(position=(0.0, 0.0, 0.12)))
-# Along a top edge of the box, round its corner, and down an upright edge [m].
+# Two top edges of the box, then down a vertical edge [m].
 edges = ac.Path.polyline(
     [(0.35, -0.15, 0.25), (0.35, 0.10, 0.25), (0.55, 0.10, 0.25), (0.55, 0.10, 0.10)]
 )
-# The nozzle points into each edge, between the two faces that meet there; turning about it is free.
+# The nozzle points between the two faces of each edge; the rotation about its axis is free.
 into = np.array([(0.5, 0.0, -1.0), (0.3, -0.3, -1.0), (0.0, -0.5, -1.0), (-0.4, -0.5, -1.0)])
 objective = edges.pointing(into)
 rounded = ac.round_corners(objective, tolerance=2e-3, angular_tolerance=np.radians(3))
-# A fifth of the joints' acceleration is left to the servo.
+# The plan leaves a fifth of the joint acceleration to the servo.
 limits = arm.limits.replace(speed=0.2, joint_acceleration=0.8 * arm.limits.joint_acceleration)
 
-# Elbow up: left to itself, plan takes the fastest configuration, and looks for no collisions.
+# The seed selects elbow up. Without it, plan uses the fastest configuration, also if it collides.
 planned = ac.plan(rounded, arm, limits, ac.Optimal(seed=(0.0, -1.1, -2.4, -0.8, 1.6, 1.5)))
 explanation = ac.explain(planned, arm, limits)
 print(f"{rounded.length * 1e3:.0f} mm in {planned.duration:.3f} s")

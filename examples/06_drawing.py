@@ -1,4 +1,4 @@
-"""A DXF drawing cut with the arm in the plane: layers, leads, the laser's delay, a resumed cut."""
+"""A DXF drawing on a planar arm: the program has leads, switches a laser and resumes a cut."""
 
 import dataclasses
 from pathlib import Path
@@ -7,18 +7,18 @@ import armcontour as ac
 from armcontour.program import Lead, Switch
 
 drawing = Path(__file__).parent / "drawings" / "gasket.dxf"
-# The drawing's origin lies here on the table, in reach of the arm [m].
+# Position of the drawing's origin relative to the base of the arm [m].
 place = ac.Frame(position=(0.28, 0.08, 0.0))
 gasket = ac.read_path(drawing, ac.ReadOptions(layers=["CUT"]), frame=place)
 print(f"{gasket.source}: {len(gasket.contours)} contours, {gasket.length * 1e3:.0f} mm")
 
-# A quarter of a circle leads onto every contour and off it, in what is waste.
+# Quarter circles in the waste lead onto every contour and off it.
 lead = Lead(length=4e-3, shape="arc")
 process = ac.Process(
     overlap=1e-3,
     lead_in=lead,
     lead_out=lead,
-    switch=Switch(name="laser", on_lead=0.02),  # it takes 20 ms to light up
+    switch=Switch(name="laser", on_lead=0.02),  # the laser takes 20 ms to switch on
 )
 arm = ac.load_arm("pmk3s")
 servo = ac.ServoModel(kp=25.0, kv=150.0)
@@ -26,10 +26,10 @@ limits = arm.limits.replace(speed=0.05, centripetal_acceleration=0.09)
 
 
 def cut(process: ac.Process) -> ac.SetPoints:
-    """Plan, compensate, execute and judge what a process asks for."""
+    """Plan, compensate, simulate and evaluate the drawing with a process."""
     objective = ac.prepare(gasket, process)
     program = ac.round_corners(objective, tolerance=2e-4)
-    # A tenth of the joints' acceleration is left to the servo.
+    # The plan leaves a tenth of the joint acceleration to the servo.
     planned = ac.plan(program, arm, limits, ac.Optimal(reserve=0.1))
     set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=4e-3)
     executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))

@@ -1,4 +1,4 @@
-"""Learning from run to run: a simulated robot with load, friction and gains that nobody knows."""
+"""Learning from run to run: `learn` does not know load, friction and gains of a simulated robot."""
 
 import armcontour as ac
 from armcontour.robot import Payload

@@ -1,4 +1,4 @@
-"""Learning from log files: 125 Hz, in degrees, with a clock that began some time before the run."""
+"""Learning from log files: the logs have 125 Hz, degrees and a clock with an unknown offset."""
 
 import tempfile
 from pathlib import Path
@@ -17,7 +17,7 @@ set_points = ac.compensate(planned, servo, ac.InverseDynamics(), cycle=4e-3, arm
 
 
 def write_log(file: Path, executed: ac.Execution, seed: int) -> None:
-    """What a controller would log: time, set-points and measured positions."""
+    """Write the log of a controller: time, set-points and measured positions."""
     t = np.arange(executed.t[0] - 0.3, executed.t[-1] + 0.3, 0.008)
     noise = 1e-6 * np.random.default_rng(seed).standard_normal((len(t), arm.dof))
     times = executed.set_points.t

@@ -1,10 +1,10 @@
-"""The fastest path within a tolerance: the paper's job, executed, and a seam on a UR5e."""
+"""The fastest path within a tolerance: the example compares shaped paths with rounded paths."""
 
 import armcontour as ac
 
 
 def compare(name, objective, arm, limits, tolerance, **options):
-    """Print the least times of arcs and of the shaped path; return the shaped motion."""
+    """Print the durations with arcs and with the shaped path; return the shaped motion."""
     arcs = ac.plan(ac.round_corners(objective, tolerance=tolerance), arm, limits)
     shaped = ac.plan(objective, arm, limits, ac.Shaped(tolerance=tolerance, **options))
     outcome = shaped.path.outcome

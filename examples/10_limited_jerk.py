@@ -1,4 +1,4 @@
-"""Limits of jerk: the paper's job with accelerations that do not jump, and its set-points."""
+"""Limits of jerk: the paper's job is planned with continuous accelerations."""
 
 import warnings
 
@@ -10,7 +10,7 @@ CYCLE = 4e-3
 
 
 def show(name, path, limits):
-    """Plan a path, and print what the motion, its samples and its set-points ask of the joints."""
+    """Plan a path, and print the jerk of its motion and the acceleration of its set-points."""
     planned = ac.plan(path, arm, limits)
     inside = np.linspace(0.0, planned.duration, 20_001)
     jerk = np.abs(planned(inside, 3)).max()
@@ -22,7 +22,7 @@ def show(name, path, limits):
     error = ac.evaluate(executed, path).contour_error
     print(f"{name}: {planned.duration:.3f} s, contour error {error.rms * 1e3:.4f} mm RMS")
     print(f"  jerk {jerk:.2f} rad/s³ between breaks, {thirds:.2f} from samples every 4 ms")
-    print(f"  set-points ask for {seconds:.2f} rad/s², the arm has {limits.joint_acceleration[0]}")
+    print(f"  set-points need {seconds:.2f} rad/s², the limit is {limits.joint_acceleration[0]}")
 
 
 arm = ac.load_arm("pmk3s")
@@ -37,4 +37,4 @@ show("continuous curvature, no limit of jerk", smooth, limits)
 for times in (50, 10):
     show(f"jerk {times} times the acceleration", smooth, limits.replace(joint_jerk=times * 0.72))
 warnings.simplefilter("ignore")  # plan warns of the stops
-show("the same on arcs, which have to stop", arcs, limits.replace(joint_jerk=7.2))
+show("the same limit on arcs, which require stops", arcs, limits.replace(joint_jerk=7.2))

@@ -1,4 +1,4 @@
-"""Many jobs: cycle time and error over speed and compensation, a row for each."""
+"""Many jobs: `batch` returns cycle time and contour error for each speed and compensation."""
 
 import tempfile
 from pathlib import Path
@@ -28,7 +28,7 @@ with tempfile.TemporaryDirectory() as name:
         "over": OVER,
         "columns": ["duration", "contour_error.max"],
     }
-    # `armcontour batch` uses all processors, or a cluster, and can be interrupted.
+    # The command `armcontour batch` uses all processors or a cluster, and continues after a stop.
     result = ac.batch(plan, folder / "out", workers=0)
 
 print(f"{result.counts['done']} of {len(result.plan)} jobs done")

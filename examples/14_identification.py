@@ -1,4 +1,4 @@
-"""The servo from a log: a robot is shaken, its gains and dead time are told, and errors vanish."""
+"""The servo from a log: `identify` determines the gains and the dead time of a simulated robot."""
 
 import numpy as np
 
@@ -6,13 +6,13 @@ import armcontour as ac
 
 arm = ac.load_arm("pmk3s")
 data_sheet = ac.ServoModel(kp=25.0, kv=150.0)
-# The robot as it is, which nobody knows.
+# The simulated robot; its servo is unknown to the compensation.
 robot = ac.ServoPlant(arm, ac.ServoModel(kp=[23.0, 20.0], kv=[150.0, 120.0], dead_time=0.012))
 
-# Shake both joints by a few milliradians at many speeds for 12 s, 2 s of half a radian among them.
-# In two programs: each one is predicted from the other.
+# Excite both joints by a multisine of 5 mrad for 12 s, with an offset of 0.5 rad for 2 s.
+# Record two programs, so that the model of each program is tested on the other one.
 t, logs = np.arange(0.0, 12.0, 4e-3), []
-frequencies = np.arange(0.5, 25.0, 1 / 12)  # Hz, lines one per duration apart
+frequencies = np.arange(0.5, 25.0, 1 / 12)  # Hz, in steps of 1 / duration
 for program in (1, 2):
     random = np.random.default_rng(program)
     phases = random.uniform(0.0, 2 * np.pi, (2, len(frequencies)))

@@ -17,81 +17,89 @@ COLUMNS = 3
 
 @dataclass(frozen=True)
 class Shown:
-    """What a page says beside the example itself.
+    """Alternative text and links of a page.
 
     Args:
-        picture: What the picture shows, for those who do not see it.
-        more: Titles and files of pages that explain it.
+        picture: Alternative text of the picture.
+        more: Titles and files of pages that explain the example.
+        extra: Extra of the package that the example needs.
     """
 
     picture: str
     more: dict[str, str]
+    extra: str | None = None
 
 
 SHOWN = {
     "01_paper_job": Shown(
-        "Three lines with arcs between them, in the colours of acceleration, speed and braking",
+        "The rounded path, coloured by the rule of the timing on each stretch",
         {"the paper's job": "../paper.md", "rounding": "../concepts/rounding.md"},
     ),
     "02_your_own_job": Shown(
-        "Contour error over time, 0.5 mm without and 0.002 mm with compensation",
+        "Contour error over time: 0.5 mm without and 0.002 mm with compensation",
         {"compensation": "../concepts/compensation.md", "job files": "../guides/job.md"},
     ),
     "03_box_edge": Shown(
-        "A UR5e at four times along three edges of a box, the tool's axis as sticks",
+        "A UR5e at four times along three edges of a box; sticks show the tool axis",
         {"arms": "../guides/arms.md", "execution": "../guides/execution.md"},
+        extra="experiment",
     ),
     "04_tube_seam": Shown(
-        "A circle around a tube, the torch pointing at it from all sides, and the UR5e",
+        "A UR5e and a circular seam around a tube; sticks show the torch axis",
         {"tracing": "../concepts/tracing.md", "arms": "../guides/arms.md"},
     ),
     "05_certified": Shown(
-        "Set-points of a joint run ahead of the planned motion, which the joint follows",
+        "Set-points, planned and executed motion of a joint; the set-points lead",
         {"certificate": "../guides/certificate.md", "robustness": "../concepts/robustness.md"},
     ),
     "06_drawing": Shown(
-        "A gasket: its contours, quarter circles that lead onto them, rapids, laser on and off",
+        "Contours, leads and rapids of a gasket, with the points where the laser is switched",
         {"drawings": "../guides/drawings.md", "programs": "../concepts/programs.md"},
+        extra="drawings",
     ),
     "07_learning": Shown(
-        "Contour error over time of three runs, each lower than the one before",
+        "Contour error over time in three runs; the error decreases from run to run",
         {"learning, the guide": "../guides/learn.md", "the concept": "../concepts/learning.md"},
+        extra="experiment",
     ),
     "08_learning_from_logs": Shown(
-        "Contour error over time of three runs, learned from log files",
+        "Contour error over time in three runs, with learning from log files",
         {"learning, the guide": "../guides/learn.md", "the concept": "../concepts/learning.md"},
+        extra="experiment",
     ),
     "09_fastest_path": Shown(
-        "A corner as drawn, as an arc, and as the fastest path within 5 mm",
+        "A drawn corner, its rounding arc, and the fastest path within 5 mm",
         {"shaping": "../concepts/shaping.md", "timing": "../guides/optimal.md"},
+        extra="experiment",
     ),
     "10_limited_jerk": Shown(
-        "Acceleration of a joint over time, with jumps and without",
+        "Acceleration of a joint over time, without and with a jerk limit",
         {"limits of jerk": "../guides/jerk.md", "corners": "../guides/rounding.md"},
     ),
     "11_placement": Shown(
-        "A map of places by cycle time, the best one with a star, those out of reach in grey",
-        {"placing the part": "../guides/placement.md"},
+        "Map of the cycle time; a star marks the best position, grey marks positions out of reach",
+        {"placement of the part": "../guides/placement.md"},
     ),
     "12_clearance": Shown(
-        "A UR5e whose forearm touches a post, and another post that it stays clear of",
+        "A UR5e at the first time at which its forearm is too near to a post, and a second post",
         {"clearance": "../concepts/clearance.md", "scenes in jobs": "../guides/job.md"},
+        extra="dynamics",
     ),
     "13_batch": Shown(
-        "Largest contour error over cycle time, a line for each compensation",
-        {"many jobs": "../guides/batches.md"},
+        "Largest contour error over cycle time, with one line per compensation",
+        {"batches": "../guides/batches.md"},
     ),
     "14_identification": Shown(
-        "Contour error of the same robot with the gains of its data sheet and with identified ones",
-        {"identifying, the guide": "../guides/identify.md"},
+        "Contour error of a robot with the gains of its data sheet and with identified gains",
+        {"identification, the guide": "../guides/identify.md"},
     ),
 }
 INTRODUCTION = """\
 # Gallery
 
-Every example of [examples/](../../examples) with its picture, its code and what it prints.
-`make docs` runs the examples and draws their pictures; tests compare what they print with
-[this list](printed.yaml).
+Choose an example that is close to your task, and start from its code. Each page shows a picture,
+the code and the output of one file of [examples/](../../examples). The tests run the examples and
+compare their [output](printed.yaml).
 """
 
 
@@ -112,10 +120,11 @@ def page_of(name: str) -> str:
     title, sentence = title_of(name)
     shown = SHOWN[name]
     more = ", ".join(f"[{words}]({file})" for words, file in shown.more.items())
+    extra = f" Requires `pip install 'armcontour[{shown.extra}]'`." if shown.extra else ""
     return f"""\
 # {title}
 
-{sentence}
+{sentence}{extra}
 
 ![{shown.picture}]({name}.svg)
 
@@ -124,7 +133,7 @@ def page_of(name: str) -> str:
 {code_of(name).rstrip()}
 ```
 
-It prints:
+Output:
 
 ```text
 {PRINTED[name].rstrip()}

@@ -35,7 +35,7 @@ def draw_01(names: Names) -> Figure:
         axes.plot(*tool.T, color=style.RULES[stretch.kind], lw=3, label=label)
         begin = stretch.t[1]
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
-    axes.set_title(f"What holds the tool back, {begin:.2f} s")
+    axes.set_title(f"Rules of the paper's timing, {begin:.2f} s")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
@@ -59,7 +59,7 @@ def draw_03(names: Names) -> Figure:
 
 def draw_04(names: Names) -> Figure:
     """The tube, its seam, and where the torch points."""
-    axes = _space("All around the tube, the torch to its axis")
+    axes = _space("Torch axis and arm along the seam")
     path, plan, arm = names["free"], names["planned"], names["arm"]
     turn, along = np.meshgrid(np.linspace(0, 2 * np.pi, 60), (-0.12, 0.12))
     x, y, z = names["center"]
@@ -95,7 +95,7 @@ def draw_05(names: Names) -> Figure:
     planned = np.degrees(certificate.trajectory(t)[:, joint])
     axes.plot(t, planned, color=style.BLACK, ls="--", lw=1, label="planned")
     axes.set(xlabel="time [s]", ylabel=f"joint {joint + 1} [°]", xlim=(-0.06, 0.35))
-    axes.set_title("Set-points lead, so that the joint is on time")
+    axes.set_title("The set-points lead by dead time and delay")
     axes.legend(loc="best")
     return figure
 
@@ -159,7 +159,7 @@ def draw_09(names: Names) -> Figure:
         points = 1e3 * path(np.union1d(np.linspace(0, path.length, 4 * PLACES), path.breaks))
         axes.plot(*points.T, label=label, **look)
     axes.set(xlim=x[[0, -1]], ylim=y[[0, -1]], aspect="equal")
-    axes.set(xlabel="x [mm]", ylabel="y [mm]", title="A corner, and 5 mm around it")
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", title="A corner with its tolerance of 5 mm")
     axes.legend(loc="lower left")
     return figure
 
@@ -176,7 +176,7 @@ def draw_10(names: Names) -> Figure:
         t = np.linspace(0, plan.duration, 4 * PLACES)
         axes.plot(t, plan(t, 2)[:, 0], color=colour, lw=1.2, label=f"{label}: {t[-1]:.2f} s")
     axes.set(xlabel="time [s]", ylabel="acceleration of joint 1 [rad/s²]", ylim=(-0.85, 1.15))
-    axes.set_title("Accelerations that do not jump")
+    axes.set_title("Acceleration without and with a jerk limit")
     axes.legend(loc="upper center", ncols=2, columnspacing=0.8)
     return figure
 
@@ -197,20 +197,20 @@ def draw_11(names: Names) -> Figure:
             axes.plot(x[place[0]], y[place[1]], ".", color="white", mec=style.BLACK, ms=9)
     best = placed.best.values
     axes.plot(1e3 * best["x"], 1e3 * best["y"], "*", ms=16, color=style.ORANGE, mec=style.BLACK)
-    axes.set(xlabel="part moved by x [mm]", ylabel="by y [mm]", aspect="equal")
-    axes.set_title("Best place; dots: planned; grey: out of reach")
+    axes.set(xlabel="offset of the part in x [mm]", ylabel="offset in y [mm]", aspect="equal")
+    axes.set_title("Star: best; dots: planned; grey: out of reach")
     axes.grid(visible=False)
     return figure
 
 
 def draw_12(names: Names) -> Figure:
     """The arm where it first touches the first post, and both posts."""
-    axes = _space("Where the arm would touch the post")
+    axes = _space("Posture at the first violation")
     arm, plan, seam = names["arm"], names["planned"], names["seam"]
     for x, colour in ((0.35, style.VERMILLION), (0.60, style.GREEN)):
-        post = names["cell"](x).obstacles[1]
+        post = names["scene_with_post"](x).obstacles[1]
         axes.add_collection3d(Poly3DCollection(_box(post), color=colour, alpha=0.35))
-    (first, *_) = ac.check_clearance(plan, arm, names["cell"](0.35)).too_near
+    (first, *_) = ac.check_clearance(plan, arm, names["scene_with_post"](0.35)).too_near
     for t, alpha in ((0.0, 0.3), (first.first_time, 1.0)):
         axes.plot(*arm.links(plan(t)).T, alpha=alpha, **ARM)
     axes.plot(*seam.vertices.T, color=style.BLUE, lw=2)
@@ -229,14 +229,14 @@ def draw_13(names: Names) -> Figure:
         error = [1e3 * x["contour_error.max"] for x in mine]
         axes.semilogy([x["duration"] for x in mine], error, marker=marker, label=method)
     axes.set(xlabel="cycle time [s]", ylabel="largest contour error [mm]")
-    axes.set_title(f"{len(rows)} jobs: what speed costs")
+    axes.set_title(f"{len(rows)} jobs")
     axes.legend()
     return figure
 
 
 def draw_14(names: Names) -> Figure:
     """The error with the gains of the data sheet and with those of the log."""
-    return _errors(names["errors"].items(), "Contour error, the same robot")
+    return _errors(names["errors"].items(), "Contour error of the same robot")
 
 
 def _errors(errors: Any, title: str) -> Figure:
