@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import Motion, Ur, play
 from armcontour.controllers.commands import Stopper
+from armcontour.controllers.player import approach_of
 from armcontour.core.errors import ControllerLost, ControllerRefused
 from armcontour.files import parse_job
 from armcontour.motion import SetPoints
@@ -145,3 +147,13 @@ def test_what_the_robot_cannot_do_is_refused(arm):
         robot.check(arm, arm.limits, far)
     with pytest.raises(ControllerRefused, match="ur has 6 joints, but the arm FR3 has 7"):
         robot.check(ac.load_arm("fr3"), arm.limits, q)
+
+
+@needs_dynamics
+def test_a_folded_arm_does_not_move_to_the_start(arm):
+    """The arm has no scene, but its forearm touches its upper arm on the way."""
+    job, q = parse_job(JOB), START.copy()
+    assert approach_of(job, arm.limits, q + 0.1, q, 2e-3).q[-1] == pytest.approx(q)
+    q[2] = 2.9
+    with pytest.raises(ControllerRefused, match="upper_arm_link touch"):
+        approach_of(job, arm.limits, q, START, 2e-3)

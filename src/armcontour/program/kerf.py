@@ -1,4 +1,4 @@
-"""Tool path offset from contours by half the width of the cut, and the side of the scrap."""
+"""Tool path offset from contours by half the width of the cut, and the side of the waste."""
 
 from __future__ import annotations
 
@@ -318,9 +318,9 @@ def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
 
 
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
-    """The scrap side of every contour in its direction of travel, "left" or "right"."""
+    """The waste side of every contour in its direction of travel, "left" or "right"."""
     # A closed contour inside an odd number of other contours that are cut is a hole, on any layer.
-    # The scrap side of open contours is "left".
+    # The waste side of open contours is "left".
     # `contours`: the contours in their direction of travel; `process`: kerfs of the layers, and the
     # direction from which the contours are viewed.
     nesting = find_nesting(contours, process.up)
@@ -330,7 +330,7 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
 
 
 class LeadPlacement:
-    """Lays the leads of a program's contours in the scrap, so that they cross no cut contour."""
+    """Lays the leads of a program's contours in the waste, so that they cross no cut contour."""
 
     def __init__(self, contours: Sequence[Contour], process: Process) -> None:
         # `contours`: the contours before they get overlaps and leads.
@@ -372,7 +372,7 @@ class LeadPlacement:
         location = f"{called} (layer {contour.layer})" if contour.layer else called
         if not fits:
             raise InvalidInput(
-                f"{location}: an arc {kind} does not fit into the scrap at the "
+                f"{location}: an arc {kind} does not fit into the waste at the "
                 f"{'end' if after else 'start'} of the contour. Choose another start point "
                 "(process.begin).",
                 needed=length,
@@ -381,7 +381,7 @@ class LeadPlacement:
         if lead.length is not None:
             raise InvalidInput(
                 f"{location}: a {kind} of {1e3 * length:.4g} mm crosses a contour or leaves the "
-                f"scrap. The longest {kind} that fits is {1e3 * fits:.4g} mm.",
+                f"waste. The longest {kind} that fits is {1e3 * fits:.4g} mm.",
                 needed=length,
                 allowed=fits,
             )
@@ -397,7 +397,7 @@ class LeadPlacement:
         count = count_noun(len(self._shortened), "lead")
         return (
             "Leads are shorter than the tool needs to reach its speed, because longer leads cross "
-            f"a contour or leave the scrap ({count}). The shortest is {min(self._shortened)[1]}.",
+            f"a contour or leave the waste ({count}). The shortest is {min(self._shortened)[1]}.",
         )
 
     def _beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:
@@ -417,7 +417,7 @@ class LeadPlacement:
         return outline(s or outline.length, 1, side="left")
 
     def _fits(self, lead: Path, after: bool) -> bool:
-        """True if a lead crosses no cut contour and its free end lies in the scrap."""
+        """True if a lead crosses no cut contour and its free end lies in the waste."""
         lead, up = lead.reversed() if after else lead, self._process.up
         cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
         if self._around is None:

@@ -35,7 +35,7 @@ from armcontour.program.moves import Event, Value
 
 SHAPES = ("line", "arc")
 SIDES = ("left", "right")
-# The scrap side of a contour.
+# The waste side of a contour.
 WASTE = "waste"
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, SegmentLimits] = MappingProxyType({})
