@@ -234,7 +234,7 @@ def test_compensation_and_execution_have_their_own_bounds():
         ),
         (
             lambda: ac.compensate(plan, servo, ac.PolePlacement(poles=[-1e6, -1e6, -150.0])),
-            "pole of 1e",
+            "is 1e",
         ),
     ):
         with pytest.raises(ac.InvalidInput, match=words):

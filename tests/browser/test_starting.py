@@ -183,7 +183,7 @@ def test_j53_new_loses_nothing_and_recent_files_come_back(started, pages, tmp_pa
         studio.type("limits.speed", "77 mm/s")
     changed = studio.text
     take(studio, "empty")
-    expect(studio.find("#messages")).to_contain_text("not saved")
+    expect(studio.find("#messages")).to_contain_text("unsaved")
     # A file that was opened by a command before, and one that has vanished.
     studio.find("#new").click()
     recent = studio.find("#start .recent button")

@@ -123,7 +123,7 @@ def test_names_with_a_prefix():
     np.testing.assert_allclose(parse_trajectory(swapped, names).q, Q, atol=1e-8)
     right = [x.replace("left", "right") for x in titles[1:]]
     text = table([*titles, *right], *Q.T[::-1], *U.T)
-    refusals(lambda x: parse_trajectory(x, ARM), [(text, "both may be ... --columns '-=*right_*'")])
+    refusals(lambda x: parse_trajectory(x, ARM), [(text, "can both be ... --columns '-=*right_*'")])
     trajectory = parse_trajectory(text, ARM, columns="-=*right_*")
     np.testing.assert_allclose(trajectory.q, Q, atol=1e-8)
 

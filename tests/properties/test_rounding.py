@@ -324,7 +324,7 @@ def test_a_kink_without_a_corner_needs_an_angular_tolerance_as_others_do(refuses
         (lambda: ac.round_corners(kinked, tolerance=0.1), "segment 2"),
         (lambda: ac.round_corners(following, tolerance=0.1), "tangent"),
         (lambda: rounded(following, 0.1, -1.0), "negative"),
-        (lambda: rounded(rounded(turning, 0.1, 0.1), 0.1, 0.1), "before"),
+        (lambda: rounded(rounded(turning, 0.1, 0.1), 0.1, 0.1), "already rounded"),
     ):
         refuses(call, ac.InvalidInput, word)
 

@@ -249,7 +249,7 @@ def test_refused(arm, refuses):
         (LINE, {"end_time": 0.0}, "above zero"),
         (LINE, {"end_time": np.nan}, "finite"),
         (LINE, {"limits": three}, "joint_acceleration has 3 values"),
-        (ac.Path.polyline([(0, 0, 0), (1, 0, 0)]), {}, "the path has 3"),
+        (ac.Path.polyline([(0, 0, 0), (1, 0, 0)]), {}, "must have 3"),
     ):
         refuses(partial(ac.evaluate, execution, path, **options), ac.InvalidInput, words)
 

@@ -100,8 +100,8 @@ def test_columns_are_named_beside_the_file(refuses):
     log = parse_log(rows, columns="t [ms],-,u1 [deg],q1 [deg]")
     np.testing.assert_allclose(log.t, np.arange(60) * 4e-3)
     np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
-    refuses(lambda: parse_log(rows, columns="t,u1"), InvalidInput, "line 1", "names of 2 are given")
-    refuses(lambda: parse_log("1,2,3\n" * 60), InvalidInput, "name them with --columns")
+    refuses(lambda: parse_log(rows, columns="t,u1"), InvalidInput, "line 1", "has 2 names")
+    refuses(lambda: parse_log("1,2,3\n" * 60), InvalidInput, "name the columns")
 
 
 def numbers(row, count=60):
@@ -113,7 +113,7 @@ def numbers(row, count=60):
 WRONG = (
     ("", {}, "is empty"),
     ("u1,q1" + ROWS, {}, "column t is missing"),
-    ("t,speed,torque" + ROWS, {}, "no command"),
+    ("t,speed,torque" + ROWS, {}, "no column is a command"),
     ("t,u1,q2" + ROWS, {}, "no measured column"),
     ("t,u1,command 1" + ROWS, {}, "'u1' and 'command 1'"),
     ("t,u1 [m],q1" + ROWS, {}, "unit 'm'"),

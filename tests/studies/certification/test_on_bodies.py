@@ -150,7 +150,7 @@ def test_what_refuses_a_job_is_found_before_the_search(monkeypatch, refuses):
         (partial(ac.certify, parse_job(CASCADE)), "A box of rigid bodies requires"),
         (partial(ac.certify, replace(job, path=two)), "one contour"),
         (partial(ac.certify, replace(job, path=named)), "1 contour, 1 dwell, 1 event"),
-        (partial(ac.certify, parse_job(OVERSHOOT + EARLY)), "gas is to come 0.1 s before"),
+        (partial(ac.certify, parse_job(OVERSHOOT + EARLY)), "event gas would be switched 0.1 s"),
     ):
         refuses(call, ac.InvalidInput, words)
     with pytest.raises(ac.NotRealizable, match="At rest, the tool must be within") as raised:
