@@ -195,7 +195,7 @@ class Identification(IdentifiedJoints):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences about saturation in the logs, and about parameters unlike the drive's settings."""
+        """Sentences about saturation in the logs, and about effective parameters."""
         names = ", ".join(x.name for x in self.joints if x.effective and x.written)
         effective = (
             f"Effective parameters: {names}. The residuals are not white, so an effect is not "

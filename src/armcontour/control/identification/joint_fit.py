@@ -111,7 +111,7 @@ class LogSegment:
     part: IntArray  # Index of the cross-validation part of each sample
 
     def after(self, lag: float) -> LogSegment:
-        """The segment with a mask `use` that excludes its start: SKIPPED_TIME, or a longer `lag` [s]."""
+        """The segment with its start excluded from `use`: SKIPPED_TIME, or `lag` if longer [s]."""
         t = self.command.t
         return replace(self, use=t >= min(max(SKIPPED_TIME, lag, t[5]), t[-1] / 4))
 

@@ -133,7 +133,7 @@ def choose_written(
 def _sample_log(
     logs: Sequence[Log], i: int, joints: Sequence[JointIdentification], longest: float
 ) -> _LogSamples:
-    """Samples of log i, with residuals without a model, with delays from other logs, with models."""
+    """Samples of log i; residuals without models, with delays from other logs, with models."""
     log = logs[i]
     every = max(int(SPACING / log.interval * (1 + 1e-6)), 1)
     delays = _joint_delays([x for k, x in enumerate(logs) if k != i] or logs, longest)

@@ -140,7 +140,7 @@ class ErrorEstimate:
         return self.lifted.smooth(error + white, self._penalty) - error
 
     def correct(self, setbacks: int) -> FloatArray:
-        """Set-points that remove the repeating error [rad], (count, dof); setbacks reduce the change."""
+        """Set-points that remove the repeating error [rad], (count, dof); less after setbacks."""
         if not setbacks:
             return np.asarray(self.runs[0].q + self._change)
         slow = self.lifted.correct(self.removed, self._penalty * SETBACK_FACTOR**setbacks)[0]

@@ -231,7 +231,7 @@ def mask_moved(model: RobotUnknowns, grids: list[LogGrid]) -> BoolArray:
 
 
 def mask_observable(model: RobotUnknowns, grids: list[LogGrid], values: FloatArray) -> BoolArray:
-    """Mask of the unknowns that the logs determine if encoder noise is the only error, (unknowns,)."""
+    """Mask of unknowns that the logs determine if errors are encoder noise only, (unknowns,)."""
     jacobian = position_derivatives(model, grids, simulate_logs(model, grids, values))
     scaled = jacobian / largest_noise(grids)[:, None]
     precision = Precision.from_jacobian(scaled.reshape(-1, len(values)))
