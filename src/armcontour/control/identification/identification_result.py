@@ -233,7 +233,7 @@ class Identification(IdentifiedJoints):
 
     @checked
     def predict(self, log: Log) -> Prediction:
-        """Simulate the servo that is written with the commands of a log.
+        """Simulate the servo for the servo file under the commands of a log.
 
         Args:
             log: A log of the same joints, also one that was not used for the identification.

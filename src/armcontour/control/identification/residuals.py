@@ -12,7 +12,8 @@ from armcontour.motion.log import Log
 
 # A pattern is reported if it explains at least this share of the squared residuals.
 LEAST_EXPLAINED = 0.25
-# Residuals are fast if their median frequency exceeds this multiple of that of the command.
+# Residuals are fast if their median frequency exceeds the median frequency of the command by this
+# factor.
 FAST_RATIO = 3.0
 # The regressor of dry friction is tanh(velocity / (SLIDING_SHARE * largest velocity)), a smoothed
 # sign function.

@@ -184,8 +184,8 @@ def _error(segments: Sequence[LogSegment], servo: JointServo, drive_cycle: float
 class _MeasuredMotion:
     """Measured motion of a joint on uniform times, and its derivatives from fitted parabolas."""
 
-    # The parabola of a sample spans the `k` samples before and after it, so derivatives lack `k`
-    # samples at both ends of a segment.
+    # The parabola of a sample spans the `k` samples before and after it, so derivatives lack the
+    # first `k` and the last `k` samples of a segment.
 
     def __init__(self, segments: Sequence[LogSegment]) -> None:
         self.segments = segments

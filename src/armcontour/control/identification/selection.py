@@ -41,9 +41,9 @@ CANDIDATES = (
 # Parameters that are removed from a P-PI cascade (model with k_i) if it is not significantly worse
 # without them.
 OPTIONAL = (ACCELERATION, FEED, FRICTION)
-# A richer model is selected if its error divided by the error of the poorer model, as the median
-# over the parts, is below GAIN (LIMIT_GAIN if it has an acceleration limit), and if its error is
-# smaller on at least the share MAX_PARTS of the parts.
+# A richer model is selected under two conditions. The median over the parts of its error divided by
+# the error of the poorer model is below GAIN, or LIMIT_GAIN for a model with an acceleration limit.
+# Its error is smaller on at least the share MAX_PARTS of the parts.
 GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
 # A richer model is discarded if its error on the fitted data exceeds this share of the error of the
 # best model.

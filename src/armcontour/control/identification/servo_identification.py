@@ -65,8 +65,8 @@ MISREAD_SHARE = 0.1
 REST_SIGMAS, LEAST_MOTION = 1.5, 1e-9
 # Lower bound of a tracking error that is used as a divisor [rad].
 LEAST_LAG = 1e-12
-# Smaller deviations from uniform velocity are rounding errors, because logs have at most nine
-# digits [rad].
+# Deviations from uniform velocity below this value are rounding errors, because logs have at most
+# nine digits [rad].
 LEAST_BEND = 1e-8
 # Longest drive cycle that is assumed if none is given [s]; a longer sample interval replaces it.
 USUAL_CYCLE = 2e-3

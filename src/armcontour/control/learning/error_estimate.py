@@ -140,7 +140,7 @@ class ErrorEstimate:
         return self.lifted.smooth(error + white, self._penalty) - error
 
     def correct(self, setbacks: int) -> FloatArray:
-        """Set-points that remove the repeating error [rad], (count, dof); less after setbacks."""
+        """Set-points that remove the repeating error [rad], (count, dof); slower after setbacks."""
         if not setbacks:
             return np.asarray(self.runs[0].q + self._change)
         slow = self.lifted.correct(self.removed, self._penalty * SETBACK_FACTOR**setbacks)[0]
@@ -156,7 +156,7 @@ class ErrorEstimate:
         return mean, weights
 
     def _compare(self) -> float:
-        """Relative error of the model's response, from the newest run unlike the best run."""
+        """Relative error of the model's response, by the newest run that differs from the best."""
         # White noise, the error that does not repeat, and noise in the loops are subtracted.
         # RESPONSE_ERROR is returned if all runs have the same set-points.
         lifted, best = self.lifted, self.best

@@ -23,7 +23,7 @@ STARTS = (0.0, 0.9)
 # Longest increase of the dead time in the fit [s]; controllers for contouring have less.
 MAX_DELAY_INCREASE = 0.05
 # PRIOR: prior standard deviation of the relative changes of gains and of the changes of
-# feed-forward. DELAY_PRIOR: that of the change of the dead time [s].
+# feed-forward. DELAY_PRIOR: prior standard deviation of the change of the dead time [s].
 PRIOR, DELAY_PRIOR = 0.5, 0.01
 # A joint is at rest if its range is below REST_NOISE times its noise or below REST_RANGE [rad].
 # REST_PRIOR: prior standard deviation of the parameters of such a joint.

@@ -123,7 +123,7 @@ def certify(
         plant = build_plant(chosen.experiment, job.arm, job.plant_servo, chosen.limits)
     if goal.box is not None and goal.plant == "servo":
         half_widths(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
-    # Derating replaces the reserve, so it is not used.
+    # Derating replaces the reserve, so the reserve is not used.
     free = chosen.rounding is not None and chosen.rounding.free
     intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
     chosen = replace(chosen, timing=Optimal(intervals=intervals))

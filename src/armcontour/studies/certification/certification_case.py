@@ -78,7 +78,7 @@ class Case:
 
     @cached_property
     def servo(self) -> ServoModel:
-        """The servo of the plant, which executes."""
+        """The servo of the plant, which executes the set-points."""
         return self.job.plant_servo.for_joints(self.arm.dof)
 
     @property

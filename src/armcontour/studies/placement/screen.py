@@ -49,8 +49,8 @@ class PlaceBounds:
     """Bounds of the figures of merit of a place, without a plan."""
 
     duration: float = 0.0  # Lower bound of the duration, up to the error of `bound_duration` [s]
-    # singular: smallest singular value along the path, in the configuration with the smallest
-    # duration, or with `every` the largest of all configurations; NaN if unknown.
+    # singular: smallest singular value along the path in the configuration with the smallest
+    # duration; with `every`, in the configuration in which it is largest; NaN if unknown.
     singular: float = np.nan
     refusal: str = ""  # Kind of the refusal if tracing would fail, otherwise empty
 
