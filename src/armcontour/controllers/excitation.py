@@ -25,7 +25,8 @@ FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.17
 AMPLITUDE, SHARE = 0.1, 0.6
 # Interval between the states whose limits are checked [s].
 STEP = 2e-3
-# Maximum number of halvings of the amplitude near an obstacle.
+# Maximum number of amplitudes that are tried near an obstacle or limit, each half of the previous
+# one.
 HALVINGS = 4
 # Joint limits: first those whose use is proportional to the amplitude, then the others.
 OF_JOINTS = (

@@ -27,8 +27,8 @@ from armcontour.robot.servo.simulation import command_weights
 # Longest time step of the model [s]. The relative error of the response is about (w h)² / 12 at the
 # angular frequency w and the step h, 0.2 % at the 150 1/s of the paper's velocity loop.
 LONGEST_STEP = 1e-3
-# Modelled time after the last set-point [time constants of the slowest joint], in which a response
-# decays to 5 %.
+# Modelled time after the last set-point, in addition to the dead time [time constants of the
+# slowest joint]. In this time, a response decays to 5 %.
 SETTLING = 3.0
 # Penalties are powers of ten, so that all runs need only few factorizations. PENALTIES: range of
 # the exponents. FIRST_PENALTY: initial penalty.

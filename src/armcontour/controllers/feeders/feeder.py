@@ -42,7 +42,8 @@ from typing import Protocol
 
 # Timeout of the sender: after this time without a line, the feeder executes the next stop [s].
 SILENCE = 0.5
-# Timeout of a guarded feeder: after this time without a sample, its guard replaces it [s].
+# Timeout of a guarded feeder: after this time without a pass of its loop, its guard ends it and
+# stops the motion [s].
 HALT = 0.2
 # Number of stops that a guard stores.
 KEPT = 8

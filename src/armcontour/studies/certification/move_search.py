@@ -85,7 +85,7 @@ class MoveSearch:
     rise: float = 0.0  # Rise time of a rapid's accelerations [cycles]
     pause: float = 0.0  # Standstill before the move [s]
     fastest: Trajectory = field(init=False)  # The first plan, without derating
-    nothing: Derating = field(init=False)  # Derating of `fastest`, which derates nothing
+    nothing: Derating = field(init=False)  # Derating of `fastest`: without any reduction
     # best: derating, factors and plan of the fastest plan within all limits.
     best: tuple[Derating, dict[str, float], Trajectory] | None = None
     done: bool = False  # True if the search of this contour has ended
