@@ -68,7 +68,8 @@ class Stopper:
         self.arm, self.cycle = arm, cycle
         self.q = commands_at(set_points, cycle, servo.interpolation)
         # If the robot has more dead time than its model, learned set-points start whole cycles
-        # earlier than those of the compensation. Row k still belongs to row k.
+        # earlier than the planned set-points. Row k of the learned set-points corresponds to row k
+        # of the planned set-points in any case.
         planned = self._compensate(set_points.trajectory)
         self._start_time = planned.start_time
         self._planned = commands_at(planned, cycle, servo.interpolation)

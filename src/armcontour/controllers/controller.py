@@ -33,7 +33,7 @@ from armcontour.core.result import Row
 from armcontour.core.text import count_noun
 from armcontour.robot import Arm, Limits
 
-# Timeouts: connecting; the end of a stop and of the feeder process [s].
+# Timeouts of connecting, and of ending the feeder process, which may first stop the robot [s].
 CONNECTING, CLOSING = 20.0, 60.0
 # Period of reading new samples [s].
 PAUSE = 5e-3
@@ -47,7 +47,7 @@ START = 1e-3
 SAME = 1e-9
 # Maximum number of characters of a feeder's error message.
 SHOWN = 600
-# Sentences for the record, by the letter of a feeder's event.
+# Sentences for the record, by the letter with which a feeder reports an event.
 EVENTS = {
     "W": "The feeder received nothing from the sending process, and stopped the motion.",
     "A": "The next stop was not ready in time, so the feeder executed the previous one.",
@@ -196,7 +196,7 @@ class _Channel:
         assert self.process.stdout is not None
         self.process.stdout.close()
         if self.process.returncode and self.clean_up:
-            # If the process was killed, programs of the controller still run.
+            # If the process failed or was killed, programs of the controller may still run.
             subprocess.run(
                 self.clean_up,
                 env=self.environment,
@@ -234,7 +234,7 @@ class _StopSender(threading.Thread):
         self._measure(begin)
 
     def _measure(self, begin: float) -> None:
-        """Increase the lead to twice the time since the begin of a stop's computation [s]."""
+        """Increase the lead to twice the duration of the computation that began at `begin` [s]."""
         self.lead = max(self.lead, 2 * (time.monotonic() - begin) + PAUSE)
 
     def send_next(self) -> int:
@@ -242,7 +242,8 @@ class _StopSender(threading.Thread):
         assert self.motion.next_stop is not None
         begin, played = time.monotonic(), self.played
         if self.channel.event("X") is None:
-            # Discard stops whose first cycle has passed: a long motion has thousands.
+            # Discard stops whose first cycle has passed, because a long motion has thousands of
+            # stops.
             self.sent = {k: q for k, q in self.sent.items() if k >= played}
         stop = self.motion.next_stop(self.due + round(INTERVAL / self.cycle))
         self.sent[stop.k] = stop.q
@@ -439,7 +440,8 @@ class Controller(ABC):
         """Make the record of a motion from the samples from index `begin` on."""
         channel, dof = self._connected(), motion.q.shape[1]
         table = np.array(channel.samples[begin:], dtype=float).reshape(-1, 2 + 2 * dof)
-        # Before the first set-point, the controller may still hold the last one of another motion.
+        # Before the first set-point, the controller may still hold the last set-point of another
+        # motion.
         table = table[
             int(np.argmax(table[:, 1] == 0)) if (table[:, 1] == 0).any() else len(table) :
         ]
@@ -475,7 +477,7 @@ class Controller(ABC):
 
 
 def rows_as_lines(q: FloatArray) -> list[str]:
-    """Lines for a feeder with rows of joint positions, with all digits, and the rest at the end."""
+    """Lines for a feeder: joint positions with all digits, and the length of the final rest."""
     moving = np.flatnonzero((q != q[-1]).any(axis=1))
     n = moving[-1] + 2 if len(moving) else 1
     return [*("P " + " ".join(map(repr, row)) for row in q[:n].tolist()), f"H {len(q) - n}"]

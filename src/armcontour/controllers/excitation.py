@@ -25,9 +25,10 @@ FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.17
 AMPLITUDE, SHARE = 0.1, 0.6
 # Interval between the states whose limits are checked [s].
 STEP = 2e-3
-# Maximum number of halvings of the amplitude near an obstacle.
+# Maximum number of amplitudes that are tried near an obstacle or limit, each half of the previous
+# one.
 HALVINGS = 4
-# Joint limits that are proportional to the amplitude, and other joint limits.
+# Joint limits: first those whose use is proportional to the amplitude, then the others.
 OF_JOINTS = (
     *("joint_velocity", "joint_acceleration", "joint_jerk"),
     *("joint_lower", "joint_upper", "joint_torque"),
@@ -93,7 +94,8 @@ def _sines(dof: int, t: FloatArray) -> list[FloatArray]:
     for j in range(dof):
         for k, frequency in enumerate(FREQUENCIES):
             w = 2 * np.pi * frequency * (1 + DETUNED * j)
-            # Amplitudes fall with the square of the frequency, so accelerations are about equal.
+            # Amplitudes decrease with the power 1.5 of the frequency, so velocities decrease and
+            # accelerations increase with its square root.
             a, phase = 1 / w**1.5, w * t + 2.0 * j + 1.3 * k
             sine = [a * w**n * np.sin(phase + n * np.pi / 2) for n in range(4)]
             columns[0][:, j] += fade[0] * sine[0]

@@ -62,7 +62,7 @@ class FrankaLimits:
         return EPS - np.maximum(low, 0.0), np.maximum(high, 0.0) - EPS
 
     def compare(self, q: FloatArray) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Values and limits of joint positions every 1 ms, by derivative, (n, 7) each.
+        """Derivatives of joint positions every 1 ms, and their limits, by name, (n, 7) each.
 
         Differences are those of libfranka's `limitRate` (src/rate_limiting.cpp 76 to 125), which
         changes no position if no value is above its limit. Velocities count with the acceleration

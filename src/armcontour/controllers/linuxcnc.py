@@ -33,7 +33,8 @@ NOBODY = 65534
 UNSUPPORTED = ("dead_time", "velocity_feedforward", "acceleration_feedforward", "drive_cycle")
 # Signal of a HAL file that enables the drives after the measured position has been commanded.
 ENABLE = "armcontour-enable"
-# Slope of the dry friction of simulated joints over their speed, up to the full friction [1/s].
+# The dry friction of simulated joints increases with their speed by this slope, up to the full
+# friction [1/s].
 SLIDING = 500.0
 # Capacity of the FIFOs between the feeder and the servo thread [rows].
 STREAMER_DEPTH, SAMPLER_DEPTH = 4000, 8000
@@ -76,7 +77,8 @@ class LinuxCNC(Controller):
         self.hal_file = None if hal_file is None else FilePath(hal_file)
         if (self.hal_file is None) == (servo is None):
             raise InvalidInput("LinuxCNC needs either a HAL file or a servo to simulate.")
-        # A dry run does not connect: threads of a HAL file write to drives as soon as they run.
+        # A dry run does not connect with a HAL file, because its threads write to drives as soon as
+        # they run.
         self.observes = self.hal_file is None
         self.servo, self.accelerations, self.late = servo, accelerations, late
         self.cycle, self.ahead = cycle, round(ahead / cycle)
@@ -229,7 +231,8 @@ def simulated_drives(
         yield f"setp v{j}.Pgain {servo.kv[j]:.15g}"
         yield f"setp v{j}.Igain {servo.kv[j] * servo.ki[j]:.15g}"
         yield f"setp a{j}.gain1 -1"
-        # Dry friction enters as an equivalent position error.
+        # The friction of a servo is an equivalent position error. Here it is converted to an
+        # acceleration.
         friction = servo.kp[j] * servo.kv[j] * servo.friction[j]
         yield f"setp fs{j}.gain {SLIDING:g}"
         yield f"setp fl{j}.min {-friction:.15g}"

@@ -27,7 +27,7 @@ from armcontour.planning import plan
 from armcontour.planning.options import Optimal
 from armcontour.robot import Limits, resolve_limits
 
-# Default speed factor; also the maximum one on the way to the start.
+# Default speed factor, and largest speed factor of the motion to the start.
 SLOW = 0.1
 # Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
 # its model saturates, and a stop may be impossible where a limit is active.

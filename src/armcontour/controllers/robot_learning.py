@@ -182,7 +182,7 @@ class RobotLearner:
         self.result = replace(self.result, lesson=_end(lesson, ended), ended=ended)
 
     def _watch(self) -> tuple[FloatArray, float] | None:
-        """Expected positions [rad], (n, dof), and the deviation that stops a run [rad]."""
+        """Expected positions, (n, dof), and largest deviation from them [rad]; None if no limit."""
         points, plan = self.set_points, self.result.plan
         lesson = self.result.lesson
         if lesson is None and self.band is None:

@@ -43,7 +43,7 @@ class CompensationOptions(Options):
 
     @property
     def specific(self) -> dict[str, Any]:
-        """Specified options that only this method has, by name, except arms."""
+        """Specified options that only this method has, by name; an arm is not included."""
         names = ("poles", "gravity_feedforward")
         return {x: getattr(self, x) for x in names if getattr(self, x, None) is not None}
 

@@ -59,7 +59,7 @@ def invert_feedforward(
 
 
 def tail_duration(servo: ServoModel, duration: float) -> float:
-    """Duration of the transient of set-points after a motion, at most that of truncation [s]."""
+    """Duration of the transient of set-points after a motion, at most `longest_tail` [s]."""
     longest = longest_tail(duration)
     return longest if servo.ki.any() else min(SETTLING * float(servo.lead[0].max()), longest)
 
@@ -94,7 +94,7 @@ def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
 
 
 def _solve_means(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Set-points with given means of the command over the interval before each, (n, dof)."""
+    """Set-points whose command has given means over the interval before each of them, (n, dof)."""
     # Set-points and means are relative to the position before the first set-point [rad]. Cubic
     # interpolation is approximated by linear interpolation.
     from scipy.signal import lfilter

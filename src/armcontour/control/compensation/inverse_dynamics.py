@@ -22,9 +22,10 @@ from armcontour.robot import Arm
 from armcontour.robot.drives import Drives
 from armcontour.robot.servo import ServoModel
 
-# Weights of a set-point and its neighbours at distances 1, 2 in the mean of the interpolated
-# command about it. They follow from Simpson's rule, because the middle of a line is the mean of its
-# ends, and the middle of a cubic is `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
+# The mean of the interpolated command about a set-point is a weighted sum of this set-point and its
+# neighbours at distances 1 and 2. The weights follow from Simpson's rule, because the middle of a
+# line is the mean of its ends, and the middle of a cubic is
+# `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
 MEAN_WEIGHTS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
 
 
@@ -86,7 +87,7 @@ def inverse_dynamics(
 def _solve_set_points(
     points: FloatArray, halves: FloatArray, hold: FloatArray, final: FloatArray, interpolation: str
 ) -> FloatArray:
-    """Set-points whose interpolation has the means of a command about each set-point, (n, dof)."""
+    """Set-points whose interpolation has the means of the command about each of them, (n, dof)."""
     # For held set-points, a mean is over the interval of the set-point. For lines and cubics, a
     # mean has triangular weights from the previous to the next set-point. With these weights, lines
     # are the least-squares approximation of the command. Means are computed by Simpson's rule.

@@ -33,17 +33,18 @@ def invert_servo(
     """
     # A set-point is the mean of the exact command over the cycle about its time. Because the servo
     # is linear, this mean is the command for the means of the plan. The means of velocity and
-    # acceleration are differences of position and velocity. Therefore a jump of acceleration
-    # between two set-points affects both set-points in proportion to their distances.
+    # acceleration are differences of position and velocity. Therefore, if the acceleration jumps
+    # within such a cycle, each of its values is weighted by its duration in the cycle.
     final = trajectory([trajectory.duration], side="left")
     tail = np.zeros((integrator_tail(servo, trajectory.duration, cycle), trajectory.dof))
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
         t = times.inside
         if len(t) and times.after_end < cycle / 2:
-            # The cycle about the next set-point contains a part of the motion.
+            # The cycle about the first set-point after the motion contains a part of the motion.
             t = np.append(t, trajectory.duration + times.after_end)
-        # A drive holds its acceleration over a drive cycle, so it is taken at the middle of it.
+        # A drive holds its acceleration over a drive cycle, so the plan's acceleration is taken
+        # half a drive cycle later.
         q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
         q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
         ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, cycle)

@@ -72,8 +72,8 @@ def limit_set_points(
 
 
 def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
-    """Raise an error if the plan exceeds bounds; bounds of rates are widened by `share`."""
-    # Set-points within the exceeded bounds would leave the path of the plan.
+    """Raise an error if the plan exceeds bounds; bounds of derivatives are widened by `share`."""
+    # If the plan exceeds the bounds, set-points within the bounds would leave its path.
     plan, cycle = set_points.trajectory, set_points.cycle
     # The times extend to the end of the plan, because set-points with a time advance end earlier.
     t = set_points.times(int((plan.duration - set_points.start_time) / cycle) + 3, cycle)
@@ -102,7 +102,7 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
 def _limit_cost(
     set_points: SetPoints, change: FloatArray, servo: ServoModel, arm: Arm | None
 ) -> LimitCost:
-    """Errors due to a change of set-points [rad], (n, dof), by the response of linear servos."""
+    """Errors due to a change of set-points [rad], (n, dof); the servos are assumed linear."""
     deviation, plan = np.abs(change).max(axis=0), set_points.trajectory
     arm = plan.arm if arm is None else arm
     times = set_points.t

@@ -62,7 +62,7 @@ def run_filter(
             steps = max(int(np.ceil(width[i] * fastest[j] / LARGEST_STEP)), 1)
             h = width[i] / steps
             for step in range(steps):
-                # local: polynomial of the input over this step in the share of the step.
+                # local: polynomial of the input over this step; its variable is 1 at the end.
                 x0 = step / steps
                 share = 1.0 / steps
                 for k in range(6):

@@ -40,9 +40,9 @@ class PoleBehaviour(Checked):
     # lag: time lag behind a plan of constant velocity, without dead time [s], (dof,).
     lag: FloatArray
     peaking: FloatArray  # Largest magnitude of F G over all frequencies, (dof,); 1 if no resonance
-    # demand: largest demanded acceleration divided by the largest acceleration of the plan, which
-    # is the integral of the absolute impulse response, (dof,). If it is 1, a plan can use the whole
-    # acceleration limit.
+    # demand: largest ratio of the demanded acceleration to the largest acceleration of the plan,
+    # (dof,). It is the integral of the absolute impulse response. If it is 1, a plan can use the
+    # whole acceleration limit.
     demand: FloatArray
 
 

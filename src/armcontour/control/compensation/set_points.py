@@ -13,11 +13,11 @@ from armcontour.robot.servo import ServoModel
 
 # A set-point that is closer to a break of the trajectory than this [cycles] is moved to the break.
 SNAP = 1e-9
-# Time constants after the end of the motion for which set-points continue, so that the transient of
-# the compensation decays.
+# Set-points continue after the end of the motion for this number of time constants, so that the
+# transient of the compensation decays.
 SETTLING = 36.0
-# The transient of set-points after a motion is truncated after LONGEST_TAIL [s] or after this share
-# of the duration of the motion.
+# The transient of set-points after a motion is truncated after LONGEST_TAIL [s], or after the share
+# TAIL_SHARE of the duration of the motion if that is shorter.
 LONGEST_TAIL = 1.0
 TAIL_SHARE = 0.2
 

@@ -32,7 +32,7 @@ UNITS = {
     "friction": "rad",
     "acceleration_limit": "rad/s²",
 }
-# Lower and upper end of an interval, relative to the value (end less value).
+# Lower and upper end of an interval, each as its difference from the value.
 Ends = tuple[float, float]
 # Parameters that are fitted as logarithms.
 LOGARITHMIC = ("kp", "kv", "ki", "acceleration_limit")
@@ -67,7 +67,8 @@ class Estimate(Result):
         cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **others: Any
     ) -> Estimate:
         """Estimate with the interval `ends` relative to the value (logarithms for LOGARITHMIC)."""
-        # also: standard deviation up to which the parameter is determined, however small its value.
+        # also: a parameter with at most this standard deviation is determined, however small its
+        # value.
         if name in LOGARITHMIC:
             low, high = (value * math.exp(x) for x in np.clip(ends, -700.0, 700.0))
             sd *= value

@@ -28,7 +28,8 @@ from armcontour.robot.servo.simulation import JointServo
 
 # Explanation of the contour error ratio in the summary.
 RATIO_NOTE = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
-# Significant digits of the numbers in a servo file, and a factor that makes rounded bounds safe.
+# Significant digits of the numbers in a servo file, and a factor for upper bounds, so that they
+# remain bounds when they are rounded.
 DIGITS = 6
 ROUND_UP = 1 + 10.0 ** (1 - DIGITS)
 
@@ -194,7 +195,7 @@ class Identification(IdentifiedJoints):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences about saturation in the logs and about parameters that are only effective."""
+        """Sentences about saturation in the logs, and about effective parameters."""
         names = ", ".join(x.name for x in self.joints if x.effective and x.written)
         effective = (
             f"Effective parameters: {names}. The residuals are not white, so an effect is not "
@@ -232,7 +233,7 @@ class Identification(IdentifiedJoints):
 
     @checked
     def predict(self, log: Log) -> Prediction:
-        """Simulate the servo that is written with the commands of a log.
+        """Simulate the servo for the servo file under the commands of a log.
 
         Args:
             log: A log of the same joints, also one that was not used for the identification.
@@ -266,7 +267,7 @@ def write_servo(
     drive_cycle: float = 0.0,
     unseen: float = 0.0,
 ) -> JointIdentification:
-    """The joint with the servo for the file, and with the errors of this servo on the logs."""
+    """The joint with its servo for the file, and with the errors of this servo on the logs."""
     # unseen: largest error on parts that were not fitted [rad].
     rms, largest = math.nan, math.pi
     if segments:
@@ -302,7 +303,7 @@ class Prediction(Result):
 
     @property
     def errors(self) -> FloatArray:
-        """Measured less predicted positions [rad], (n, dof); 0 at samples that do not count."""
+        """Measured less predicted positions [rad], (n, dof); 0 at samples outside `used`."""
         return np.where(self.used, self.log.measured - self.positions, 0.0)
 
     @property
@@ -317,7 +318,7 @@ class Prediction(Result):
 
     @property
     def tracking_rms(self) -> FloatArray:
-        """RMS of measured less commanded positions about their mean [rad], (dof,)."""
+        """RMS of measured less commanded positions, without the mean difference [rad], (dof,)."""
         errors = self.log.measured - self.log.command
         count = np.maximum(self.used.sum(axis=0), 1)
         return _rms(errors - np.sum(errors * self.used, axis=0) / count, self.used)
@@ -363,6 +364,6 @@ class Prediction(Result):
 
 
 def _rms(values: FloatArray, used: BoolArray) -> FloatArray:
-    """Root mean square over the samples that count, (dof,)."""
+    """Root mean square over the samples in `used`, (dof,)."""
     count = np.maximum(used.sum(axis=0), 1)
     return np.asarray(np.sqrt(np.sum(np.where(used, values, 0.0) ** 2, axis=0) / count))

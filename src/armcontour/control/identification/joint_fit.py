@@ -20,15 +20,16 @@ from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
 # A gap of more sample intervals than this splits a log, because the command in it is unknown.
 SHORT_GAP = 20.0
-# Time at the start of a log that fits ignore, because it depends on commands before the log [s].
+# Duration at the start of a log that fits ignore, because the motion in it depends on commands
+# before the log [s].
 SKIPPED_TIME = 0.04
 # Time over which the speed of the command is averaged [s], about the settling time of a servo.
 SPEED_WINDOW = 0.1
 # Number of samples from which the initial velocity is estimated.
 START_SAMPLES = 20
 # REST_SHARE: a command slower than this share of the typical speed counts as rest.
-# TYPICAL_PERCENTILE: percentile of the command speeds that is the typical speed, the upper bound of
-# weights.
+# TYPICAL_PERCENTILE: the typical speed is this percentile of the command speeds. Weights are
+# command speeds, but at most the typical speed.
 REST_SHARE, TYPICAL_PERCENTILE = 0.02, 95
 # Number of contiguous parts with equal motion into which a single log is divided.
 PARTS = 5
@@ -110,7 +111,7 @@ class LogSegment:
     part: IntArray  # Index of the cross-validation part of each sample
 
     def after(self, lag: float) -> LogSegment:
-        """The segment whose mask `use` excludes the first SKIPPED_TIME and `lag` seconds."""
+        """The segment with its start excluded from `use`: SKIPPED_TIME, or `lag` if longer [s]."""
         t = self.command.t
         return replace(self, use=t >= min(max(SKIPPED_TIME, lag, t[5]), t[-1] / 4))
 
@@ -121,7 +122,7 @@ class LogSegment:
         return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
     def cut(self, a: int, b: int, every: int = 1) -> LogSegment:
-        """Every `every`-th sample from index a to b, with set-points only at and before them."""
+        """Every `every`-th sample from index a to b (exclusive), and the set-points before b."""
         c, before = self.command, len(self.command.knots) - len(self.command.t)
         a += -(before + a) % every
         knots, samples = slice(0, before + b, every), slice(a, b, every)
@@ -138,7 +139,7 @@ def split_logs(
     logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0
 ) -> list[LogSegment]:
     """Segments of joint j between long gaps of the logs, weighted by motion, with parts."""
-    # `use` excludes the start of each segment: the larger of `lag` and SKIPPED_TIME [s].
+    # `use` excludes the start of each segment, see `LogSegment.after`.
     spans = []
     for i, log in enumerate(logs):
         t = log.t
@@ -177,9 +178,9 @@ def split_logs(
 class Problem:
     """Least-squares problem of a model and log segments, solved by variable projection."""
 
-    # Unknowns are the m parameters of the model, then for each segment b initial values: the
-    # measurement offset and the position, velocity and acceleration that the model requires.
-    # The search varies the nonlinear unknowns only; each step solves for the linear unknowns.
+    # Unknowns are the `m` parameters of the model, then `b` initial values of each segment: the
+    # measurement offset and the position, velocity and acceleration that the model requires. The
+    # search varies the nonlinear unknowns only; each step solves for the linear unknowns.
 
     def __init__(self, model: Model, segments: Sequence[LogSegment], search: Search) -> None:
         self.model, self.segments, self.search = model, segments, search
@@ -257,8 +258,8 @@ class Problem:
 
     def project(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Solve for the linear unknowns; returns unknowns, residuals [mrad], and derivatives."""
-        # The returned derivatives are normalized, and by the linear unknowns that are not at
-        # bounds.
+        # The returned derivatives are by the linear unknowns that are not at their bounds, and they
+        # are normalized.
         linear = np.flatnonzero(self.linear)
         start, slopes = self.linearize(unknowns, self.linear)
         if (
@@ -397,9 +398,10 @@ def estimate_parameters(
     rivals: Sequence[JointServo] = (),
 ) -> dict[str, Estimate]:
     """Estimates of the parameters of a fit by name; parameters at a bound have no interval."""
-    # without: servos each fitted without one part of the logs. Their scatter includes the effects
+    # without: servos, each fitted without one part of the logs. Their scatter includes the effects
     # that are not modelled, such as other joints. rivals: servos of other models with nearly the
-    # same error, if no model is complete. longest_cycle: longest drive cycle, if it is unknown [s].
+    # same error, if the residuals of the best model are not white. longest_cycle: longest possible
+    # drive cycle [s]; 0 if the drive cycle is known.
     p, names, bounds = fit.problem, fit.problem.model.free, set().union(*fit.at_bounds())
     free = np.full(len(fit.x), True)
     free[: p.m] = [x not in bounds for x in names]

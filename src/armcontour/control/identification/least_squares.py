@@ -20,12 +20,12 @@ DEPENDENT = 1e-14
 
 
 def allowed_deviation(value: Any, also: Any = 0.0) -> Any:
-    """Largest standard deviation of a determined parameter: a share of its value, or `also`."""
+    """Largest standard deviation of a determined parameter: share of its value, at least `also`."""
     return np.maximum(RELATIVE_SD * np.abs(value), also)
 
 
 def normalize(columns: FloatArray, shortest: float = 1e-150) -> tuple[FloatArray, FloatArray]:
-    """Columns scaled to unit norm, 0 if their norm is at most `shortest`, and the norms used."""
+    """Columns scaled to unit norm, 0 if their norm is at most `shortest`, and the divisors."""
     norms = np.maximum(np.sqrt(np.einsum("ki,ki->i", columns, columns)), shortest)
     return columns / norms * (norms > shortest), norms
 
@@ -90,11 +90,11 @@ class Precision(NamedTuple):
     @classmethod
     def correlated(cls, jacobian: FloatArray, residuals: FloatArray) -> Precision:
         """Precision of a fit whose residuals may be correlated."""
-        # The covariance of the sum of the scores is the mean over the lowest lines of their cosine
-        # spectrum. jacobian (samples, dof, unknowns), residuals (samples, dof).
+        # The covariance of the sum of the scores is the mean over the lowest lines in the cosine
+        # spectrum of the scores. jacobian (samples, dof, unknowns), residuals (samples, dof).
         independent = cls.from_jacobian(jacobian.reshape(-1, jacobian.shape[2]))
         unit = jacobian / independent.size
-        # The abscissa of the cosines is the accumulated information instead of time.
+        # The cosines are functions of the accumulated information instead of time.
         weights = np.sum(unit**2, axis=(1, 2))
         clock = (np.cumsum(weights) - weights / 2) / max(float(np.sum(weights)), 1e-300)
         lines = max(min(LINES, len(clock) // SAMPLES_PER_LINE), 2)

@@ -12,9 +12,11 @@ from armcontour.motion.log import Log
 
 # A pattern is reported if it explains at least this share of the squared residuals.
 LEAST_EXPLAINED = 0.25
-# Residuals are fast if their median frequency exceeds this multiple of the command's median one.
+# Residuals are fast if their median frequency exceeds the median frequency of the command by this
+# factor.
 FAST_RATIO = 3.0
-# Share of the largest velocity at which the smoothed sign function of dry friction is tanh(1).
+# The regressor of dry friction is tanh(velocity / (SLIDING_SHARE * largest velocity)), a smoothed
+# sign function.
 SLIDING_SHARE = 0.02
 # Spacing of the samples from which velocities and accelerations are computed [s].
 SAMPLE_SPACING = 8e-3
@@ -35,13 +37,14 @@ PATTERNS = {
         "the same program at half its speed, and a program around the positions of the work",
     ),
 }
-# The correlation length is computed up to the first autocorrelation below this value.
+# The correlation length is the sum of the autocorrelations before the first one below this value.
 LEAST_CORRELATION = 0.05
 # Whiteness test: significance level, and smallest number of spectral lines of its low band.
 SIGNIFICANCE, FEWEST_LINES = 0.01, 8
 # POSITION_ROUNDING: differences of positions up to this share of their range are rounding errors.
-# STEP_ROUNDING: relative deviation of a difference from a multiple of the encoder's resolution.
-# VARIANCE_SLACK: relative excess over the variance of quantization that is still accepted.
+# STEP_ROUNDING: largest relative deviation of a difference from a multiple of the encoder's
+# resolution. VARIANCE_SLACK: relative excess over the variance of quantization that is still
+# accepted.
 POSITION_ROUNDING, STEP_ROUNDING, VARIANCE_SLACK = 1e-9, 0.01, 0.2
 
 
@@ -93,7 +96,7 @@ def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
 
 
 def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> FloatArray:
-    """RMS residual at rest [rad], per velocity [s], per acceleration [s²] by regression, (3,)."""
+    """RMS residual at rest [rad], its growth per velocity [s] and per acceleration [s²], (3,)."""
     # Model: the expected squared residual is the sum of the squares of these three parts.
     from scipy.optimize import nnls
 

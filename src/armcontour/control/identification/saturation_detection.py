@@ -36,9 +36,8 @@ from armcontour.robot.servo.simulation import JointServo
 # the share MAX_NOISE of the largest derivative, and through at most LONGEST_WINDOW seconds on each
 # side.
 MAX_NOISE, LONGEST_WINDOW = 0.015, 0.04
-# TOP_PERCENTILE: percentile of the magnitudes of a derivative that is the first guess of its limit.
-# PLATEAU_RANGE: half-width of the range about the guess in which the limit is sought, as a share of
-# it.
+# TOP_PERCENTILE: the first guess of a limit is this percentile of the magnitudes of the derivative.
+# PLATEAU_RANGE: the limit is first searched within this share of the guess above and below it.
 TOP_PERCENTILE, PLATEAU_RANGE = 99.0, 0.1
 # A value is at a limit if it differs from the limit by at most the share PLATEAU_SHARE of the
 # limit, or by at most PLATEAU_SIGMAS standard deviations of the noise.
@@ -46,8 +45,8 @@ PLATEAU_SHARE, PLATEAU_SIGMAS = 0.01, 4.0
 # Smallest number of successive samples of a plateau, and its shortest duration [s].
 FEWEST_SAMPLES, SHORTEST_PLATEAU = 4, 5e-3
 # On a saturated plateau, the commanded acceleration exceeds the measured acceleration by more than
-# the share EXCESS of the largest acceleration, and by more than EXCESS_ERRORS times its RMS error
-# at the unsaturated samples.
+# the share EXCESS of the largest acceleration, and by more than EXCESS_ERRORS times the RMS error
+# of the commanded acceleration at the unsaturated samples.
 EXCESS, EXCESS_ERRORS = 0.05, 4.0
 # Number of dead times that are tried for the commanded acceleration, and the longest of them [s].
 DELAY_COUNT, LONGEST_DELAY = 26, 0.1
@@ -56,8 +55,8 @@ DELAY_COUNT, LONGEST_DELAY = 26, 0.1
 LEAST_SHARE, FEWEST_FREE = 2e-3, 50
 # Multiples of the measured limit that are tried: smallest, largest, and their number.
 LIMIT_MULTIPLES = (0.98, 1.06, 9)
-# Shorter segments between saturated samples are not fitted [samples], because they determine no
-# more than their initial state.
+# Segments between saturated samples with fewer samples than this are not fitted, because they
+# determine no more than their initial state.
 FEWEST_UNSATURATED = 20
 # Largest number of segments that are fitted; the free initial states of more segments would explain
 # most of the motion.
@@ -78,11 +77,11 @@ class Saturation:
     sd: float  # Standard deviation of the limit [rad/s² or rad/s]
     time: float  # Time at the limit [s]
     duration: float  # Total duration of the segments [s]
-    clipped: tuple[BoolArray, ...]  # Mask of the samples of each segment that the limit affects
+    clipped: tuple[BoolArray, ...]  # Mask of the samples that the limit affects, for each segment
 
     @property
     def hides(self) -> bool:
-        """True if the joint is at its acceleration limit for too long, see MAX_LIMIT_TIME."""
+        """True if the joint is at its acceleration limit for too much time, see MAX_LIMIT_TIME."""
         return self.kind == "acceleration" and self.time > MAX_LIMIT_TIME * self.duration
 
     def describe(self, name: str) -> str:
@@ -185,8 +184,8 @@ def _error(segments: Sequence[LogSegment], servo: JointServo, drive_cycle: float
 class _MeasuredMotion:
     """Measured motion of a joint on uniform times, and its derivatives from fitted parabolas."""
 
-    # The parabola of a sample spans the `k` samples before and after it, so derivatives lack `k`
-    # samples at both ends of a segment.
+    # The parabola of a sample spans the `k` samples before and after it, so derivatives lack the
+    # first `k` and the last `k` samples of a segment.
 
     def __init__(self, segments: Sequence[LogSegment]) -> None:
         self.segments = segments
@@ -254,7 +253,7 @@ class _MeasuredMotion:
 
 
 def _filter(order: int, k: int, interval: float) -> FloatArray:
-    """Weights for `np.convolve` that give the derivative of a parabola through 2 k + 1 samples."""
+    """Weights for `np.convolve`: middle derivative of a parabola fitted to 2 k + 1 samples."""
     from scipy.signal import savgol_coeffs
 
     return np.asarray(savgol_coeffs(2 * k + 1, 2, deriv=order, delta=interval))

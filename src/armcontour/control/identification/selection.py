@@ -38,11 +38,12 @@ CANDIDATES = (
     Model("second", (KP, KV, KI, FEED, ACCELERATION, DELAY, FRICTION)),
     Model("second", (KP, KV, FEED, DELAY, LIMIT)),
 )
-# Parameters of a P-PI cascade (model with k_i) that are removed if they do not reduce its error.
+# Parameters that are removed from a P-PI cascade (model with k_i) if it is not significantly worse
+# without them.
 OPTIONAL = (ACCELERATION, FEED, FRICTION)
-# A richer model is selected if its error divided by the error of the poorer model, as the median
-# over the parts, is below GAIN (LIMIT_GAIN if it has an acceleration limit), and if its error is
-# smaller on at least the share MAX_PARTS of the parts.
+# A richer model is selected under two conditions. The median over the parts of its error divided by
+# the error of the poorer model is below GAIN, or LIMIT_GAIN for a model with an acceleration limit.
+# Its error is smaller on at least the share MAX_PARTS of the parts.
 GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
 # A richer model is discarded if its error on the fitted data exceeds this share of the error of the
 # best model.
@@ -61,7 +62,7 @@ REFIT_EVALUATIONS = 10
 # the positions.
 COARSE_SPACING = 4e-3
 THINNING_ERROR = 0.3
-# Upper bound of the dead time from which the fit of a saturating joint starts [s].
+# Upper bound of the initial dead time in the fit of a saturating joint [s].
 USUAL_DELAY = 0.01
 # ACCELERATION_TIMES: times over which accelerations are measured [s], a short time for fast motion
 # and a long time for small motion in noise. ACCELERATION_PERCENTILE: percentile that counts as the
@@ -231,7 +232,8 @@ class _Trials:
         initial = poorer.servo._asdict()
         if LIMIT not in new:
             return [initial]
-        # If a joint often saturates, the fit without a limit is useless. Generic loops are tried.
+        # If a joint often saturates, the fit without a limit is a useless start. Therefore generic
+        # loops are tried, too.
         tops = [max(_largest_acceleration(s, x) for s in self.segments) for x in ACCELERATION_TIMES]
         loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
         return [{**x, LIMIT: a} for x in (initial, *loops) for a in (*tops, 3 * max(tops))]
@@ -263,13 +265,13 @@ def _thin_segments(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
 
 
 def _moving_parts(segments: Sequence[LogSegment]) -> IntArray:
-    """Indices of the parts with used samples in which the command moves."""
+    """Indices of the parts in which the command of some used samples moves."""
     every = [s.part[s.use & (s.weight > 0)] for s in segments]
     return np.unique(np.concatenate(every))
 
 
 def _largest_acceleration(s: LogSegment, time: float) -> float:
-    """Largest measured acceleration over a time [rad/s²], see ACCELERATION_PERCENTILE."""
+    """Largest acceleration from positions `time` apart [rad/s²], see ACCELERATION_PERCENTILE."""
     t = s.command.t
     interval = float(np.median(np.diff(t)))
     k = min(max(int(round(time / interval)), 1), (len(t) - 1) // 2)

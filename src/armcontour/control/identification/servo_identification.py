@@ -58,15 +58,15 @@ SERVO_FIT = ServoFit()
 # times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
 # motion.
 GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
-# If the error exceeds this share of the motion, order, unit and sign of the columns are checked.
+# The order, unit and sign of the columns are checked if the error exceeds this share of the motion.
 MISREAD_SHARE = 0.1
 # A joint is at rest if its motion has at most REST_SIGMAS standard deviations of the noise, or a
 # range of at most LEAST_MOTION [rad] (a 32-bit encoder has a resolution of 1.5e-9 rad).
 REST_SIGMAS, LEAST_MOTION = 1.5, 1e-9
 # Lower bound of a tracking error that is used as a divisor [rad].
 LEAST_LAG = 1e-12
-# Smaller deviations from uniform velocity are rounding errors, because logs have at most nine
-# digits [rad].
+# Deviations from uniform velocity below this value are rounding errors, because logs have at most
+# nine digits [rad].
 LEAST_BEND = 1e-8
 # Longest drive cycle that is assumed if none is given [s]; a longer sample interval replaces it.
 USUAL_CYCLE = 2e-3
@@ -152,8 +152,9 @@ def identify_joint(
     if saturation is not None:
         selected = select_unsaturated(segments, saturation, search)
     poor = selected is not None and selected.rms > NOISE_MULTIPLE * selected.fit.noise
-    # All samples are fitted if no model is selected, or if it is poor and the acceleration
-    # saturates (models have no velocity limit): unsaturated samples may not determine the servo.
+    # All samples are fitted if no model is selected. They are also fitted if the selected model is
+    # poor and the acceleration saturates, because the unsaturated samples can be insufficient for
+    # the servo. (Models have no velocity limit.)
     if selected is None or (poor and saturation is not None and saturation.kind == "acceleration"):
         whole = select_model(segments, search)
         selected = min(
@@ -245,7 +246,8 @@ def _rms_error(segments: Sequence[LogSegment], selected: Selected) -> float:
 
 def _worst_log(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> tuple[float, float]:
     """RMS error and RMS tracking error [rad] of the log in which their ratio is largest."""
-    # Errors of a single log are weighted by motion, because the joint may rest in parts of the log.
+    # If there is only one log, its errors are weighted by motion, because the joint may rest in
+    # parts of it.
     logs = sorted({s.log for s in segments if s.weight.any()})
     single, pairs, lags = int(len(logs) == 1), [], _lags(segments)
     for k in logs:

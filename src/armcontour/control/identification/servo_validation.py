@@ -24,11 +24,12 @@ from armcontour.robot.servo.simulation import JointServo
 SPACING = 4e-3
 # Two logs are of the same program if their commands differ by at most this share of their range.
 SAME_PROGRAM = 0.02
-# Without an arm, errors of a joint are divided by its RMS tracking error, at least by this share of
-# the largest tracking error, so that the noise of a joint that hardly moves is not amplified.
+# Without an arm, errors of a joint are divided by its RMS tracking error, or by this share of the
+# largest tracking error if that is larger. Then the noise of a joint that hardly moves is not
+# amplified.
 LEAST_WEIGHT = 0.1
-# NEWTON_STEPS: number of Newton steps for a delay. DELAY_MARGIN: largest difference of the delay of
-# the contour from the delays of the joints [s].
+# NEWTON_STEPS: number of Newton steps for a delay. DELAY_MARGIN: the delay of the contour is
+# searched from minus this value to the longest delay of a joint plus this value [s].
 NEWTON_STEPS, DELAY_MARGIN = 3, 0.1
 # A model or delay is rejected if its error exceeds this share of the tracking error.
 MAX_WEAK = 0.8
@@ -78,7 +79,7 @@ def choose_and_judge(
     longest: float,
     arm: Arm | None,
 ) -> tuple[tuple[JointIdentification, ...], Judgement]:
-    """Choose the model of each joint that is written by the contour error, and judge the result."""
+    """Choose by the contour error which model of each joint is written, and judge the result."""
     # Good models are written. For the other joints, the weak model, the delay or nothing is
     # written, whichever has the smallest contour error. Without an arm, the contour is a curve in
     # joint space. longest: longest dead time of the search [s].
@@ -132,7 +133,7 @@ def choose_and_judge(
 def _sample_log(
     logs: Sequence[Log], i: int, joints: Sequence[JointIdentification], longest: float
 ) -> _LogSamples:
-    """Samples of log i with residuals of no model, of delays from other logs, and of the models."""
+    """Samples of log i; residuals without models, with delays from other logs, with models."""
     log = logs[i]
     every = max(int(SPACING / log.interval * (1 + 1e-6)), 1)
     delays = _joint_delays([x for k, x in enumerate(logs) if k != i] or logs, longest)

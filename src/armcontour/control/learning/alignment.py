@@ -38,12 +38,13 @@ INTERVAL_TOLERANCE = 0.01
 # exceeds SET_POINT_TOLERANCE [rad], the share ERROR_SHARE of the RMS error, and NOISE_MULTIPLE
 # times the noise.
 SET_POINT_TOLERANCE, ERROR_SHARE, NOISE_MULTIPLE = 1e-4, 0.05, 10.0
-# If measured tool positions differ from the positions by the encoders by more than this [m], the
-# tracker measures another point or in another frame, because elastic joints deflect less.
+# If measured tool positions differ by more than this from the tool positions that follow from the
+# encoders [m], the tracker measures another point or in another frame, because elastic joints
+# deflect less.
 MAX_TOOL_DIFFERENCE = 0.05
-# An outlier exceeds OUTLIER_NOISE times the noise and OUTLIER_SHARE times the range of the samples
-# between the quantiles QUANTILES. PASSES: largest number of passes. MAX_OUTLIERS: largest share of
-# outliers.
+# The distance of an outlier from its neighbours exceeds OUTLIER_NOISE times the noise and
+# OUTLIER_SHARE times the range of the samples between the quantiles QUANTILES. PASSES: largest
+# number of passes. MAX_OUTLIERS: largest share of outliers.
 OUTLIER_NOISE, OUTLIER_SHARE, QUANTILES, PASSES, MAX_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
 # An encoder has a new offset if its median deviation from the expected motion exceeds SHIFT_SIGMAS
 # standard deviations and LEAST_SHIFT [rad].
@@ -77,7 +78,7 @@ def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray,
 
 
 class AlignedRecording(NamedTuple):
-    """A recording that is resampled at the model's times in the time of the plan."""
+    """A recording in plan time, resampled at the times of the model."""
 
     offset: float  # Time of the plan at which the clock of the recording is 0 [s]
     rate: float  # Time of the plan per time of the recording
@@ -92,15 +93,16 @@ class AlignedRecording(NamedTuple):
 def align(
     recording: Recording, lifted: Lifted, set_points: SetPoints, expected: FloatArray | None = None
 ) -> AlignedRecording:
-    """Align a recording with the plan by its set-points, or without them by the expected motion."""
-    # By the expected motion, dead time that the servo model lacks becomes part of the offset.
-    # expected: joint positions at the model's times that follow from an earlier run [rad],
+    """Align a recording with the plan by its set-points; if it has none, by the expected motion."""
+    # If the expected motion is used, dead time that the servo model lacks becomes part of the
+    # offset. expected: joint positions at the model's times that follow from an earlier run [rad],
     # (n, dof). By default they are those of the model. Then offsets of encoders are not estimated.
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo
     loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
     allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES_PER_PERIOD
-    # Set-points cannot correct disturbances that are too fast for samples at the cycle.
+    # A sample interval of one cycle is always sufficient, because set-points cannot correct faster
+    # disturbances.
     allowed = max(allowed, set_points.cycle)
     if recording.interval > allowed * (1 + INTERVAL_TOLERANCE):
         raise InvalidInput(
@@ -197,7 +199,7 @@ def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoi
 def fit_clock(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> tuple[float, float]:
-    """Offset and rate of the plan's time `offset + rate t` for which values match a reference."""
+    """Offset and rate of plan times `offset + rate t` at which values match a reference."""
     # values (m, dof) at t (m,) [s] of the clock; reference (n, dof) at uniform times (n,) [s] of
     # the plan.
     curve = CubicSpline(times, reference)
@@ -251,7 +253,7 @@ def add_tool(
     error: FloatArray,
     clock: tuple[float, float] | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Joint errors that explain encoders and a tracker [rad], (n, dof), and added noise, (dof,)."""
+    """Joint errors by encoders and a tracker [rad], (n, dof), and the added noise, (dof,)."""
     # Deviations that only the tracker measures, such as deflections of links, are converted to
     # joint errors by damped least squares, with damping from the noise. tool: times (m,) [s] and
     # tool points in the frame of the path (m, dimension) [m]. error: joint errors by the encoders

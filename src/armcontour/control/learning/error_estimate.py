@@ -44,7 +44,7 @@ def smooth_error(
 
 
 class ErrorEstimate:
-    """Estimate of repeating and non-repeating errors from all runs, in the order of the runs."""
+    """Estimate of the repeating and the non-repeating errors from all runs."""
 
     # spread: standard deviation of the errors that differ between runs [rad], (dof,).
     # best: index of the run whose set-points have the smallest repeating error.
@@ -54,9 +54,9 @@ class ErrorEstimate:
     # repeats: RMS of the repeating error of the best run [m].
     # differs: RMS of the errors that differ between runs, without white noise [m].
     # noise: RMS error that does not repeat, including noise of the measurement and the loops [m].
-    # response_error: relative error of the model's response, from the newest run other than `best`.
+    # response_error: relative error of the model's response to changes of the set-points.
     # independent: number of independent values of the noise in a run.
-    # step: share of the computed change that minimises the error, given `response_error`.
+    # step: fraction of the computed change with the smallest predicted error, by `response_error`.
     # expected: predicted RMS error of another run of the best set-points [m].
     # resolution: standard deviation of this RMS error due to noise [m].
 
@@ -76,7 +76,8 @@ class ErrorEstimate:
             alone.append(lifted.judge(smooth_error(lifted, mean, white, moved)).rms)
         self.best = int(np.argmin(alone))
         self.repeats = alone[self.best]
-        # The effect of measurement noise in the loops on the joint is that of noise of the command.
+        # Measurement noise in the drive loops moves a joint in the same way as noise of its
+        # command.
         loops = np.random.default_rng(1).normal(size=lifted.planned.shape) * runs[-1].loop_noise
         self._in_loops = lifted.judge(lifted.respond_to(loops))
         self.response_error = self._compare()
@@ -155,7 +156,7 @@ class ErrorEstimate:
         return mean, weights
 
     def _compare(self) -> float:
-        """Relative error of the model's response, from the newest run with another response."""
+        """Relative error of the model's response, by the newest run that differs from the best."""
         # White noise, the error that does not repeat, and noise in the loops are subtracted.
         # RESPONSE_ERROR is returned if all runs have the same set-points.
         lifted, best = self.lifted, self.best
@@ -201,7 +202,8 @@ class ErrorEstimate:
         q = np.einsum("kj,knj->nj", weights, [x.q for x in self.runs])
         change = self.lifted.respond(q - self.runs[best].q)
         error = errors[best] + np.einsum("kj,knj->nj", weights, apart - moved) + change
-        # The mean of all runs has less noise. Both are averaged with inverse variances as weights.
+        # The mean of all runs has less noise. Therefore it is averaged with the combination, with
+        # inverse variances as weights.
         variance = (weights**2 * (noise + spread + COMBINATION_ERROR**2 * squares / count)).sum(
             axis=0
         )

@@ -161,7 +161,7 @@ def judge_run(
 def _evaluate_runs(
     set_points: SetPoints, executed: Runs, nominal: Nominal, tool: Tool
 ) -> tuple[LearningResult, Lifted]:
-    """Measure the errors of the runs: a result whose estimates are still zero, and the model."""
+    """Measure the errors of the runs; returns a result with estimates of zero, and the model."""
     if tool is not None:
         tool = checks.check_sequence("tool", tool, object, "times and positions of the tool", 2)
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
@@ -192,7 +192,8 @@ def _evaluate_runs(
 def _linearize(servo: ServoModel, arm: Arm) -> ServoModel:
     """Linear servo model with values per joint, for the lifted response."""
     # Friction is removed, because its effect is learned. A pure delay becomes order "first" with
-    # velocity feed-forward 1. With rigid bodies, a drive cycle becomes a dead time of half of it.
+    # velocity feed-forward 1. With rigid bodies, a drive cycle is replaced by a dead time of half a
+    # drive cycle.
     servo = servo.replace(friction=0.0).for_joints(arm.dof)
     if servo.drive_cycle and arm.has_bodies and servo.replace(drive_cycle=0.0).is_plain("second"):
         dead_time = np.minimum(servo.dead_time + servo.drive_cycle / 2, LONGEST_DEAD_TIME)
@@ -211,8 +212,7 @@ def _fit_model(
     set_points: SetPoints, logs: Sequence[Executed], nominal: Nominal
 ) -> tuple[SetPoints, Lifted, tuple[float, float]]:
     """Fit the servo to the mean of the first logs: set-points, lifted model, and misfits."""
-    # If the robot has more dead time than its model, the start time of the set-points is earlier by
-    # whole cycles.
+    # If the robot has more dead time than its model, the set-points start earlier by whole cycles.
     lifted = Lifted(set_points, nominal)
     errors, noises, interval = [], [], np.inf
     for log in logs:
@@ -250,9 +250,9 @@ def _measure_errors(
     aligned = alignment.align(recording, lifted, set_points, expected)
     offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
-    # in_loop: measurement noise in the loops. With exact positions, it is the noise of their
-    # equivalent command. Otherwise encoder noise hides it, and its variance per drive cycle is the
-    # variance of the encoder noise.
+    # in_loop: measurement noise in the loops. If positions are exact, it is determined from their
+    # equivalent command. Otherwise encoder noise hides it, and its variance per drive cycle is
+    # assumed to be the variance of the encoder noise.
     in_loop = noise * np.sqrt(min(DRIVE_CYCLE, recording.interval) / lifted.step)
     if recording.exact:
         command = lifted.equivalent_command(measured - expected)
@@ -305,8 +305,9 @@ def _learn_next(
         fastest = np.maximum(slowest, fastest)
     requested = best.q + step * (estimate.correct(setbacks) - best.q)
     q, reason = _keep_limits(result, requested, best.q, applied, fastest)
-    # fraction: share of the removable error that is predicted to remain. It is at least the square
-    # root of the last reduction of the error, because the share of noise and friction increases.
+    # fraction: share of the removable error that is predicted to remain. If there are earlier runs,
+    # it is at least the square root of the ratio of the new error to the best earlier error,
+    # because the share of noise and friction increases.
     fraction = FITTED_REMAINDER if any(result.misfits) else RESPONSE_ERROR
     fraction = (
         max(estimate.response_error, float(np.sqrt(min(now / before, 1.0))))

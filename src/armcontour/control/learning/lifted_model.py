@@ -27,8 +27,8 @@ from armcontour.robot.servo.simulation import command_weights
 # Longest time step of the model [s]. The relative error of the response is about (w h)² / 12 at the
 # angular frequency w and the step h, 0.2 % at the 150 1/s of the paper's velocity loop.
 LONGEST_STEP = 1e-3
-# Modelled time after the last set-point [time constants of the slowest joint], in which a response
-# decays to 5 %.
+# Modelled time after the last set-point, in addition to the dead time [time constants of the
+# slowest joint]. In this time, a response decays to 5 %.
 SETTLING = 3.0
 # Penalties are powers of ten, so that all runs need only few factorizations. PENALTIES: range of
 # the exponents. FIRST_PENALTY: initial penalty.
@@ -72,7 +72,7 @@ class Nominal(NamedTuple):
 
 
 class _Term(NamedTuple):
-    """Term of the command: factor (one, or one per joint) times set-points at times + shift [s]."""
+    """Term of the command: a factor, common or per joint, times set-points at times + shift [s]."""
 
     # integrated: False for acceleration feed-forward, which is not an input of the integrators.
 
@@ -88,7 +88,7 @@ class Lifted:
     # The joints rest in equilibrium at the first set-point. Only times and plan of the set-points
     # are used, not their values. t: uniform times of the plan [s], (n,), by default at most 1 ms
     # apart. planned: planned joint positions at these times [rad], (n, dof). near: model of the
-    # same set-points and robot with another servo, whose times include `t`; its motion and
+    # same set-points and robot with another servo. Its times include `t`, and its motion and
     # linearization are reused.
 
     _motion: tuple[FloatArray, FloatArray, FloatArray]
@@ -215,7 +215,7 @@ class Lifted:
         return plain, (after - before) / self.step
 
     def respond(self, change: FloatArray) -> FloatArray:
-        """Change of joint positions by a change of set-points, (count, dof), [rad], (n, dof)."""
+        """Change of joint positions, (n, dof), by a change of set-points, (count, dof) [rad]."""
         return self.respond_to(self.command_for(change))
 
     def command_for(self, change: FloatArray) -> FloatArray:
@@ -338,18 +338,18 @@ class Lifted:
         return np.asarray(command)
 
     def interpolate_at(self, t: FloatArray, values: FloatArray) -> FloatArray:
-        """Interpolate values at the model's times at the times t, (m, dof); constant outside."""
+        """Values at the times t, (m, dof), from values at the model's times; constant outside."""
         return np.asarray(CubicSpline(self.t, values)(np.clip(t, self.t[0], self.t[-1])))
 
     def resample(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
-        """Interpolate positions q at times t at the model's times, (n, dof)."""
+        """Positions at the model's times, (n, dof), from positions q at the times t."""
         # The difference from the expected motion is interpolated, because it is smoother than the
         # motion. The difference is constant before and after the samples.
         difference = q - self.interpolate_at(t, expected)
         return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
 
     def fill_gaps(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
-        """Interpolate deviations at times t of a log at the model's times [rad], (n, dof)."""
+        """Deviations at the model's times [rad], (n, dof), from those at the times t of a log."""
         # In gaps of the log, deviations are estimated by expectation maximization with the model.
         # noise: standard deviation of the white noise of the deviations [rad], (dof,).
         bridged = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))

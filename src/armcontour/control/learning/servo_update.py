@@ -22,8 +22,8 @@ MIN_FEEDFORWARD, MAX_FEEDFORWARD = 1e-3, 1.5
 STARTS = (0.0, 0.9)
 # Longest increase of the dead time in the fit [s]; controllers for contouring have less.
 MAX_DELAY_INCREASE = 0.05
-# Prior standard deviations of the parameters: relative changes of gains and changes of
-# feed-forward, and change of the dead time [s].
+# PRIOR: prior standard deviation of the relative changes of gains and of the changes of
+# feed-forward. DELAY_PRIOR: prior standard deviation of the change of the dead time [s].
 PRIOR, DELAY_PRIOR = 0.5, 0.01
 # A joint is at rest if its range is below REST_NOISE times its noise or below REST_RANGE [rad].
 # REST_PRIOR: prior standard deviation of the parameters of such a joint.
@@ -35,9 +35,9 @@ NO_DISTURBANCE = 1e4
 FIRST_STEPS, ROUNDS, NEXT_STEPS = 8, 2, 20
 # Damping of the Levenberg-Marquardt method, relative to the diagonal: initial and largest value.
 DAMPING, MAX_DAMPING = 1e-3, 1e6
-# A search ends if a step increases twice the log likelihood by less than this.
+# A search ends if a step increases twice the log posterior probability by less than this.
 LEAST_STEP_GAIN = 1e-1
-# A fitted servo is accepted if it increases twice the log likelihood by more than this per joint.
+# A fitted servo is accepted if it increases twice the log posterior by more than this per joint.
 LEAST_GAIN = 20.0
 
 
@@ -103,11 +103,11 @@ def fit_servo(
 class _ServoProblem:
     """Least-squares problem of the servo: whitened residuals of a log, and their derivatives."""
 
-    # Model of a joint: `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v),
-    # a = f / K_p and T = torque / inertia. The parameters of each joint are the changes of `K_p b`
-    # and `K_p a` (with the nominal K_p), friction and, for order "second", that of `K_p K_v c`.
-    # The last parameter is the common change of all dead times. Offsets are part of the
-    # disturbance.
+    # Model of a joint: `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v), a = f / K_p
+    # (f: velocity feed-forward) and T = torque / inertia. The parameters of each joint are the
+    # changes of `K_p b` and `K_p a` (with the nominal K_p), friction and, for order "second", the
+    # change of `K_p K_v c`. The last parameter is the common change of all dead times. Offsets are
+    # part of the disturbance.
 
     def __init__(
         self,
@@ -161,7 +161,7 @@ class _ServoProblem:
         return self._last[1:]
 
     def unexplained(self, parameters: FloatArray) -> FloatArray:
-        """Deviations from the motion with these parameters, including friction [rad], (n, dof)."""
+        """Measured less predicted positions [rad], (n, dof); the prediction includes friction."""
         _, expected, friction = self.response(parameters)
         return np.asarray(
             self.measured - expected - friction * parameters[:-1].reshape(-1, self.dof)[2]

@@ -42,7 +42,8 @@ from typing import Protocol
 
 # Timeout of the sender: after this time without a line, the feeder executes the next stop [s].
 SILENCE = 0.5
-# Timeout of a guarded feeder: after this time without a sample, its guard replaces it [s].
+# Timeout of a guarded feeder: after this time without a pass of its loop, its guard ends it and
+# stops the motion [s].
 HALT = 0.2
 # Number of stops that a guard stores.
 KEPT = 8
@@ -177,7 +178,7 @@ class Feeder:
             self.lose_reader()
 
     def lose_reader(self) -> None:
-        """Discard further output, and stop the motion without a sender."""
+        """Discard further output, and continue as if the sender were lost."""
         self.out = open(os.devnull, "w")
         self.lose_sender()
 
@@ -281,7 +282,7 @@ class Feeder:
         if not self.playing:
             return
         self.stops = {k: rows for k, rows in self.stops.items() if k >= self.sent}
-        # Rows after the first cycle of the last received stop are not sent, because then the
+        # Rows from the first cycle of the last received stop on are not sent, because then the
         # motion could no longer stop on the path.
         last = max(self.stops, default=len(self.rows))
         if self.stops and not self.stop_requested and last == self.sent < len(self.rows):
@@ -385,13 +386,13 @@ class Guard(Feeder):
             self.pipe = -1
 
     def stop(self) -> None:
-        """Stop the motion instead of the feeder, and disconnect."""
+        """Stop the motion in place of the failed feeder, and disconnect."""
         # The last line of the feeder may be incomplete.
         self.say("")
         try:
             self.lose_sender()
             if self.state[1]:
-                # Either count may miss the last row.
+                # Each of the two counts may lack the last row.
                 self.sent = max(self.device.take_over(), self.state[2])
                 self.playing = True
                 self.loop()

@@ -14,7 +14,7 @@ from armcontour.controllers.feeders.feeder import DeviceError, Row, Sample, main
 
 # Cycle [s].
 CYCLE = 1e-3
-# At rest, one of this number of states is recorded.
+# At rest, every RARE-th state is recorded.
 RARE = 50
 # Tolerance between the desired positions of a state and the row sent in the previous cycle [rad].
 SAME = 1e-6
@@ -38,12 +38,15 @@ class FrankaDevice:
         self.control: pylibfranka.ActiveControlBase | None = None
         self.clock = self.due = 0
         self.answered = True
-        # Cycle of the motion and row that the next answer sends; rows that were sent before.
+        # k, row: cycle of the motion and row that the next answer sends. confirmed: last cycle that
+        # the robot has confirmed. sent: row of the last answer. before: rows from the held position
+        # to row 0, which are sent first.
         self.k, self.confirmed = -1, -1
         self.row: Row = ()
         self.sent: Row = ()
         self.before: deque[tuple[int, Row]] = deque()
-        # Sample of the last answer, which the next state confirms; confirmed samples.
+        # open: sample of the last answer, which the next state confirms. complete: confirmed
+        # samples.
         self.open: Sample | None = None
         self.complete: list[Sample] = []
 

@@ -61,7 +61,7 @@ class LinuxCNCDevice:
         self.heard = time.monotonic()
 
     def take_over(self) -> int:
-        """Continue a motion; returns the number of rows, or one less if the FIFO wraps."""
+        """Continue a motion; returns the number of rows received, or one less if the FIFO wraps."""
         self.attach(f"{COMPONENT}-guard")
         self.waiting = True
         seen: list[int] = []

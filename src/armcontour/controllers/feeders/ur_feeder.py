@@ -20,7 +20,7 @@ RTDE_PORT, SCRIPT_PORT = 30004, 30002
 DOF, SLOTS, FIRST = 6, 4, 24
 # Timeout of an answer [s], and maximum number of packages until the program runs.
 TIMEOUT, PACKAGES = 2.0, 2500
-# At rest, one of this number of packages is recorded.
+# At rest, every RARE-th package is recorded.
 RARE = 50
 # RTDE guide: robot mode RUNNING, safety mode NORMAL, runtime state PLAYING.
 RUNNING, NORMAL, PLAYING = 7, 1, 2
@@ -36,9 +36,10 @@ INPUTS = [
     *("input_int_register_24", "input_int_register_25"),
     *(f"input_double_register_{FIRST + i}" for i in range(SLOTS * DOF)),
 ]
-# The program counts the cycles k of a motion; it holds the last row where the next one is missing.
-# Register 24 has the newest row, -1 between motions, and 25 is 0 for the end. Outputs are k, the
-# program's number, and the row. Without inputs for 0.1 s the controller ends the program.
+# The program counts the cycles k of a motion; it holds the last row if the next row is missing.
+# Input register 24 is the number of the newest row, or -1 between motions. Input register 25 is 0
+# to end the program. Outputs are k, the program's number, and the row. Without inputs for 0.1 s the
+# controller ends the program.
 PROGRAM = """\
 def armcontour():
   q = get_target_joint_positions()
@@ -246,7 +247,7 @@ class UrDevice:
 
     def _take(self, data: bytes) -> None:
         """Process a package with the controller's state."""
-        # After the number of the recipe: timestamp, target_q, actual_q and the rest.
+        # After the number of the recipe: timestamp, target_q, actual_q and the other outputs.
         self.state = self.layout.unpack(data)[1:]
         self.count += 1
         self.fresh = True

@@ -394,7 +394,7 @@ class Certificate(Result):
 
     @property
     def comparison(self) -> dict[str, Data]:
-        """The same figures of the uncertified plan, the certified plan, and its experiment."""
+        """The same values of the uncertified plan, the certified plan, and its experiment."""
         before = self.uncertified.to_data()
         names, box = [x.name for x in before.rows], before["box"]
         if box.value is not None:
@@ -448,7 +448,7 @@ class Certificate(Result):
 
     @property
     def condition(self) -> str:
-        """Sentence with the condition of the bound of unexplained errors; empty if no bound."""
+        """Sentence on when the bound of unexplained errors is valid; empty if there is no bound."""
         if not self.budget.model_error:
             return ""
         return beyond_logs(self.job.plant_servo, self.trajectory) or (
@@ -498,7 +498,7 @@ class Certificate(Result):
 
     @property
     def rigid_body_warning(self) -> str | None:
-        """Warning that a certificate for servos does not cover rigid bodies; None if it does."""
+        """Warning that the certificate of an arm with masses is for servos only; otherwise None."""
         bodies = self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()
         if self.goal.plant == "rigid_body" or not bodies:
             return None

@@ -71,7 +71,7 @@ SERVO_MARGINS = (1.5, 6.0)
 LEAST_GAIN = 1e-3
 
 
-# The proof of a plan of a program, and the moves of the search.
+# The proven trial of the whole program, and the moves of its search.
 Proven = tuple[ProgramTrial, list[MoveSearch]]
 
 
@@ -123,7 +123,7 @@ def certify(
         plant = build_plant(chosen.experiment, job.arm, job.plant_servo, chosen.limits)
     if goal.box is not None and goal.plant == "servo":
         half_widths(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
-    # Derating replaces the reserve, so it is not used.
+    # Derating replaces the reserve, so the reserve is not used.
     free = chosen.rounding is not None and chosen.rounding.free
     intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
     chosen = replace(chosen, timing=Optimal(intervals=intervals))
@@ -174,7 +174,7 @@ def _find_fastest(
     report: Progress,
     deadline: float,
 ) -> tuple[Case, Proven | None, float]:
-    """Find the fastest plan of a run that satisfies the goal, over all splits of the tolerance.
+    """Find the fastest plan of a run for a goal, over all splits of the tolerance.
 
     Returns the case in which the shape has the whole tolerance, the proven plan, and its duration
     [s]. If no plan is faster than `deadline` [s], the plan is None, and the duration is a lower
@@ -262,7 +262,7 @@ def _shared_tolerance(run: Run, goal: CertificateGoal) -> float:
 
 
 def _reduce_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
-    """The run with shape tolerances that are reduced by the part of the servo [m]."""
+    """The run with its shape tolerances reduced by `servo`, the part of the servo [m]."""
     rounding = run.rounding
     if rounding is None or goal.tolerance is None:
         return run
@@ -351,8 +351,8 @@ def _make_contours(
     """Make the certificates of all contours."""
     case, fastest = proof.case, base.planned.trajectory.contour_spans
     spans = proof.trajectory.contour_spans
-    # An execution of nearly continuous set-points separates the part of the servo from the part of
-    # the cycle.
+    # An execution of nearly continuous set-points has the error of the servo without the error that
+    # the cycle adds.
     run_cycle = case.run.cycle
     cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
     smooth = execute_trial(

@@ -33,8 +33,8 @@ RESOLUTION = 1e-4
 DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
 # Number of time constants of the slowest servo after which a response has decayed to 2e-9.
 MEMORY_TIME_CONSTANTS = 20.0
-# Number of points, in addition to breaks, at which the errors that the servo model does not explain
-# are bounded.
+# Largest number of points, in addition to breaks, at which the errors that the servo model does not
+# explain are bounded.
 MAX_POINTS = 1000
 
 
@@ -78,7 +78,7 @@ class Case:
 
     @cached_property
     def servo(self) -> ServoModel:
-        """The servo of the plant, which executes."""
+        """The servo of the plant, which executes the set-points."""
         return self.job.plant_servo.for_joints(self.arm.dof)
 
     @property
@@ -108,7 +108,7 @@ class Case:
 
     @cached_property
     def model_error(self) -> float:
-        """Bound of the tool error across the contours that the servo model does not explain [m]."""
+        """Bound of the unexplained tool error across the contours, from the servo model [m]."""
         model_error = self.servo.model_error
         if model_error is None:
             return 0.0
@@ -130,7 +130,7 @@ class Case:
 
     @property
     def resolution(self) -> float:
-        """Time between two results of an execution that proves [s]."""
+        """Time between two results of an execution that proves a plan [s]."""
         if not self.bodies:
             return RESOLUTION
         return max(RESOLUTION, float(self.drive_options.get("step", DEFAULT_STEP)))

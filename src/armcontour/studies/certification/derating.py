@@ -159,7 +159,7 @@ class DeratedInterval:
     joint: int | None = None  # Index of the joint with the largest reduction; None if all are equal
     joint_name: str = ""  # Label of this joint
     s: float | None = None  # Arc length of the largest reduction [m]; None if it is constant
-    t: float | None = None  # Time of the largest reduction in the whole motion [s]; None likewise
+    t: float | None = None  # Time of this reduction in the whole motion [s]; None if it is constant
     length: float  # Derated length of the contour [m]
     contour: float  # Length of the contour [m]
 

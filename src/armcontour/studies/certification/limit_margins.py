@@ -33,7 +33,7 @@ from armcontour.studies.certification.certification_case import Case
 from armcontour.verification import Check, check
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
 
-# Results per cycle of an execution in a trial: on the nominal robot, and in corners of the box.
+# Results per cycle in an execution of a trial on the nominal robot, and in corners of the box.
 RESULTS_PER_CYCLE = 16
 BOX_RESULTS_PER_CYCLE = 4
 # Shortest time between two results [s].
@@ -152,7 +152,7 @@ class ProgramTrial:
 
     @cached_property
     def corner_pieces(self) -> list[tuple[float, list[Sequence[ContourExecution]]]]:
-        """The groups, with each execution divided into its parts of the contours."""
+        """The groups, with each execution divided into one part per contour."""
         program = self.case.program
         return [
             (late, [pieces_of(x, program, None, None) for x in runs]) for late, runs in self.groups
@@ -367,7 +367,7 @@ def _corner_servos(
 def _sum_deviations(
     case: Case, delay: float, pieces: Sequence[ContourExecution], span: Span
 ) -> tuple[FloatArray, FloatArray]:
-    """Times [s], and sum of the largest deviations of each joint across the path [m], (n,) each."""
+    """Times [s], and the sum of all joints' largest deviations across the path [m], (n,) each."""
     # The largest deviation of a joint is over the runs of `pieces`. delay: deviation of the shared
     # dead time [s].
     arm, path, plan = case.arm, pieces[0].path, span.trajectory
@@ -421,7 +421,7 @@ def largest_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, floa
 
 
 def bound_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Upper bounds of a plan's ratios to limits at all times, for the speed along the path."""
+    """Upper bounds of a plan's ratios to limits of acceleration and speed, valid at all times."""
     joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
     shares = np.zeros(6)
     for law in plan.laws:

@@ -45,10 +45,10 @@ GOALS = {
 # half per trial. Therefore the excess is squared after this many trials, cubed after twice as many,
 # and so on.
 POWER_TRIALS = 5
-# Time before the present for which the plan affects the tool, if the servo lags [time constants].
+# If the servo lags, the plan affects the tool for this time [time constants].
 TOOL_MEMORY = 8.0
-# Time before the present for which the plan affects the error of rigid bodies [time constants of
-# the slowest position loop].
+# The plan affects the error of rigid bodies for this time [time constants of the slowest position
+# loop].
 BODY_MEMORY = 2.0
 # Limits that are derated in single cells; other limits are derated along the whole move.
 LOCAL_LIMITS = ("joint_acceleration", "joint_velocity", "speed", "centripetal_acceleration")
@@ -67,7 +67,7 @@ ENTRY_SHARE = 0.25
 class StepSizes(NamedTuple):
     """Sizes of the steps by which a contour is derated from trial to trial."""
 
-    power: float  # Speed is multiplied by the ratio of error to limit to the power of minus this
+    power: float  # Speed is multiplied by (error / limit) ** -power
     share: float  # Smallest factor of speed and acceleration per step
     together: bool  # If True, first derate the common excess of acceleration in all cells
 
@@ -85,7 +85,7 @@ class MoveSearch:
     rise: float = 0.0  # Rise time of a rapid's accelerations [cycles]
     pause: float = 0.0  # Standstill before the move [s]
     fastest: Trajectory = field(init=False)  # The first plan, without derating
-    nothing: Derating = field(init=False)  # Derating of `fastest`, which derates nothing
+    nothing: Derating = field(init=False)  # Derating of `fastest`: without any reduction
     # best: derating, factors and plan of the fastest plan within all limits.
     best: tuple[Derating, dict[str, float], Trajectory] | None = None
     done: bool = False  # True if the search of this contour has ended

@@ -183,7 +183,7 @@ def _derate_contour(case: Case, move: MoveSearch, margins: LimitMargins) -> None
 
 
 def _reduce_torque(case: Case, move: MoveSearch, margins: LimitMargins, ratio: float) -> None:
-    """Reduce torque limits after saturation; `ratio`: largest required torque over its limit."""
+    """Reduce torque limits after saturation; `ratio`: largest ratio of required torque to limit."""
     move.active_limit = "torque", max(ratio, 1.0)
     if case.limits.joint_torque is None:
         _next_attempt(case, move, within=False)
@@ -360,7 +360,7 @@ def _execute_box(
 def execute_servos(
     case: Case, set_points: SetPoints, number: int, span: Span, samples: int | None = None
 ) -> MonteCarloResult:
-    """Execute a contour on independent servos of the box: `samples` drawn, by default corners."""
+    """Execute a contour on `samples` independent servos drawn from the box, or in its corners."""
     assert case.box is not None and span.trajectory is not None and span.work is not None
     since, end_time = None, None
     if case.program.single_path is None:

@@ -113,13 +113,13 @@ def _advise_finer_command(case: Case) -> str:
 
 
 def _advise_contour_error(case: Case) -> str:
-    """Remedy for a contour error, as the start of a sentence; without compensation it is lag."""
+    """Remedy for a contour error, as the start of a sentence; without compensation, for lag."""
     lags = isinstance(case.run.compensation, NoCompensation)
     return "Compensate the lag of the servo" if lags else f"Use {_advise_finer_command(case)}"
 
 
 def _advise_box_error(case: Case, move: MoveSearch) -> str:
-    """Remedies for an error over a box, for rigid bodies with the parts of the error."""
+    """Remedies for a contour error over a box; for rigid bodies also the parts of this error."""
     advice = "reduce the uncertainty of the robot (a smaller box), reduce the assigned velocity"
     if not move.parts:
         return advice[0].upper() + advice[1:]

@@ -96,7 +96,7 @@ def _more_corners(unknowns: Unknowns, first: FloatArray, count: int) -> FloatArr
 
 
 def largest_errors(case: Case, set_points: SetPoints, errors: list[FloatArray]) -> FloatArray:
-    """Times [s], and largest contour error of robots with these errors at each time [m], (2, n)."""
+    """Times [s] and the largest contour error at each time of robots with `errors` [m], (2, n)."""
     runs = _runs(case, set_points)
     traces = trace_on_bodies(runs, np.array(errors), executor=case.executor)
     t = max((x[0] for x in traces), key=len)

@@ -149,7 +149,7 @@ def place(
 
 
 def _list_range_ends(axes: Sequence[Axis], place: Place) -> list[str]:
-    """Sentence about axes on whose end of the range the place is; no sentence if there are none."""
+    """Sentence that names the axes with the place at an end of their range; no sentence if none."""
     names = [
         x.name
         for x in axes
@@ -240,8 +240,8 @@ def _refuse_all(
 ) -> NoReturn:
     """Raise the error of the place that is closest to a feasible place."""
     counts = Counter(x.refusal for x in verdicts)
-    # A place that is refused for another reason is closer to a feasible one than a place out of
-    # reach.
+    # A place out of reach is farther from a feasible place than a place that is refused for another
+    # reason.
     kind = next((x for x, _ in counts.most_common() if x != REACH), REACH)
     indices = [k for k, x in enumerate(verdicts) if x.refusal == kind]
     few = np.unique(np.linspace(0, len(indices) - 1, min(len(indices), MAX_EXPLAINED)).astype(int))

@@ -34,7 +34,8 @@ CHUNK = 32
 # Smallest number of places for which worker processes are started by default.
 MIN_PLACES = 100
 
-# Indices of places; for a plan also the cutoff of its score, None for bounds.
+# Indices of places, and the cutoff of the score; the cutoff is None if the task is to compute
+# bounds.
 Task: TypeAlias = tuple[tuple[int, ...], float | None]
 Answer: TypeAlias = list[PlaceBounds] | CutoffVerdicts
 Coordinates: TypeAlias = Mapping[str, float]
@@ -176,7 +177,7 @@ def format_score(score: float, objective: str) -> str:
     return number(score if objective == DURATION else -score, unit)
 
 
-# Smallest step of the refinement, as a share of the step of the grid; the first step is half of it.
+# Smallest step of the refinement, as a share of a grid step; the first step is half a grid step.
 FINEST_STEP = 1 / 16
 # Largest number of evaluated places of the refinement.
 MAX_REFINEMENTS = 200

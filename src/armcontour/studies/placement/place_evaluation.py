@@ -48,7 +48,7 @@ from armcontour.verification.evaluation import duration_row
 
 # Further kinds of refusals, which a screen does not find.
 LIMITS, OTHER = "limits", "other"
-# Field and unit of the figure that each objective compares.
+# Field of `Verdict` that each objective compares, and its unit.
 COMPARED = {
     DURATION: ("duration", "s"),
     MANIPULABILITY: ("singular", "m/rad"),
@@ -102,7 +102,7 @@ class Verdict(Result):
         return float(value if objective == DURATION else -value)
 
     def to_data(self) -> Data:
-        """Data of the known figures."""
+        """Data of the known figures of merit."""
         rows = (
             Row("bound", self.bound, "s"),
             duration_row(self.duration, TABLE),
@@ -118,7 +118,7 @@ class Verdict(Result):
         return Data("Place", tuple(x for x in known if x.value != ""))
 
     def worse(self, other: Verdict) -> Verdict:
-        """Verdict with the worse value of each figure of two feasible places."""
+        """Verdict on two feasible places together: the worse value of each figure of merit."""
         return Verdict(
             bound=max(self.bound, other.bound),
             duration=float(np.maximum(self.duration, other.duration)),
@@ -133,8 +133,9 @@ class Verdict(Result):
 class CutoffVerdicts:
     """Verdicts on a place for all cutoffs up to the cutoff of its evaluation."""
 
-    # steps: lower bounds of the score with the verdicts at that time. The evaluation for a cutoff
-    # ends with the first bound above the cutoff; the last bound is infinite for a final verdict.
+    # steps: lower bounds of the score, each with the verdict at that step. The evaluation for a
+    # cutoff ends with the first bound above the cutoff; the last bound is infinite for a final
+    # verdict.
     steps: tuple[tuple[float, Verdict], ...]
 
     @property
@@ -297,7 +298,7 @@ def _refusal_verdict(error: ArmContourError, bound: float) -> Verdict:
 
 
 def _least_distance(clearance: Clearance | None, scene: Scene | None) -> float:
-    """Smallest distance of the arm from obstacles, without any from itself [m]; NaN if unknown."""
+    """Smallest distance to obstacles (to the arm itself if there are none) [m]; NaN if unknown."""
     if clearance is None:
         return np.nan
     names = set() if scene is None else {x.name for x in scene.obstacles}

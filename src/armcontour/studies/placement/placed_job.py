@@ -87,7 +87,7 @@ def place_arm(arm: Arm, frame: Frame, moved: str) -> Arm:
 
 
 def place_bases(base: FloatArray, frames: FloatArray, moved: str) -> FloatArray:
-    """Base, (3, 4), in the work frames that `place_arm` sets for displacements, (n, 3, 4) each."""
+    """Poses of a base, (n, 3, 4), in the work frames that `place_arm` sets for displacements."""
     turns, shifts = frames[..., :3], frames[..., 3]
     if moved == PART:
         turns = np.swapaxes(turns, 1, 2)

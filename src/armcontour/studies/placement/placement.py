@@ -25,7 +25,7 @@ from armcontour.robot.scene import PART
 from armcontour.studies.placement.place_evaluation import COMPARED, Verdict
 from armcontour.studies.placement.placed_job import Moves, place_job
 
-# Fields of `Verdict` that `Placement.values` can return.
+# Figures of merit of a `Verdict` that `Placement.values` can return.
 FIGURES = ("duration", "bound", "singular", "clearance", "torque_margin")
 
 
@@ -95,7 +95,7 @@ class Placement(Result):
         return sum(x.planned for x in self.verdicts)
 
     def values(self, name: str) -> FloatArray:
-        """A figure of all places in the shape of the grid; NaN if unknown.
+        """A figure of merit of all places, in the shape of the grid; NaN if unknown.
 
         Args:
             name: "duration", "bound", "singular", "clearance" or "torque_margin".

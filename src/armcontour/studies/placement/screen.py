@@ -49,8 +49,8 @@ class PlaceBounds:
     """Bounds of the figures of merit of a place, without a plan."""
 
     duration: float = 0.0  # Lower bound of the duration, up to the error of `bound_duration` [s]
-    # singular: smallest singular value along the path, in the configuration with the smallest
-    # duration, or with `every` the largest of all configurations; NaN if unknown.
+    # singular: smallest singular value along the path in the configuration with the smallest
+    # duration; with `every`, in the configuration in which it is largest; NaN if unknown.
     singular: float = np.nan
     refusal: str = ""  # Kind of the refusal if tracing would fail, otherwise empty
 
@@ -107,7 +107,7 @@ class Screen:
 
 
 class _PathPoses:
-    """Poses of a path at its first knots, and at finer ones for following configurations."""
+    """Poses of a path at its first knots, and at finer knots for following configurations."""
 
     def __init__(self, path: Path, arm: SerialArm, seed: FloatArray | None) -> None:
         self.path, self.seed = path, seed
@@ -216,13 +216,13 @@ def _fits_range(q: FloatArray, limits: Limits, dof: int) -> bool:
     return bool((first <= last).all())
 
 
-# Axes are parallel if the magnitude of the cosine of their angle exceeds this. Lengths along them
-# are then exact to a relative 1e-6.
+# Axes are parallel if the magnitude of the cosine of their angle exceeds this. Then lengths along
+# the axes have a relative error of at most 1e-6.
 PARALLEL = 1 - 1e-12
 
 
 def longest_reach(chain: Chain, task: int) -> tuple[FloatArray, FloatArray, float]:
-    """Point of the tool in its frame, and centre and radius of a ball that contains it [m].
+    """Point of the tool in its frame, and centre and radius of a ball that it cannot leave [m].
 
     The centre is in the frame of the base. For task 6, the point is on the last axis; otherwise it
     is the tool point. Offsets of links along parallel axes are added with their signs, because

@@ -19,8 +19,8 @@ CENTER = ("payload_center_x", "payload_center_y", "payload_center_z")
 JOINT_UNKNOWNS = ("kp", "kv", "viscous", "coulomb", "armature")
 # Time step of the numerical derivative of the command by the dead time [s].
 DELAY_STEP = 1e-3
-# Velocity up to which the derivative by the Coulomb friction of a frictionless joint is
-# proportional to the velocity, because the joint may also stick [rad/s].
+# If the Coulomb friction of a joint is 0, the derivative by it is proportional to the velocity up
+# to this velocity [rad/s], because the joint may also stick.
 CREEP_SPEED = 1e-3
 # The centre of a payload with less mass than this [kg] is undefined.
 LEAST_MASS = 1e-6
@@ -32,15 +32,15 @@ class RobotUnknowns:
 
     arm: Arm
     servo: ServoModel  # Servo of order "second" at which the search starts, with values per joint
-    # fixed_kv: True if K_v is fixed and viscous friction is unknown, False for the reverse, because
-    # a log determines only the sum of J K_v and viscous friction.
+    # fixed_kv: if True, K_v is fixed and viscous friction is unknown; if False, viscous friction is
+    # fixed and K_v is unknown. A log determines only the sum of J K_v and viscous friction.
     fixed_kv: bool
     gravity: str  # Gravity feed-forward of the controller, one of GRAVITIES
     lag: float = 0.0  # Delay of the torques of the loops, half of the drive cycle [s]
     # inertia: J with which the controller scales its loops [kg m²], (dof,).
     inertia: FloatArray = field(init=False)
-    # names: names of the unknowns, keys of UNITS, (unknowns,). The unknown of the payload's centre
-    # is the mass of the payload times the deviation of the centre from its nominal position [kg m].
+    # names: names of the unknowns, keys of UNITS, (unknowns,). The unknowns of the payload's centre
+    # are the deviations of the centre from its nominal position, times the mass [kg m].
     names: Any = field(init=False)
     # joints: joint index of each unknown, -1 for the whole robot, (unknowns,). The unknown
     # "armature" of the whole robot is a common factor of the nominal drive inertias.
@@ -76,7 +76,7 @@ class RobotUnknowns:
 
     @property
     def scales(self) -> bool:
-        """True if the unknown is a common factor of the drive inertias, False if each inertia."""
+        """True if one factor of all drive inertias is unknown, False if each inertia is unknown."""
         return bool(np.any(np.asarray(self.arm.dynamics.chain.armature) > 0))
 
     @property

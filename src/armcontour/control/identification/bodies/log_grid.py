@@ -82,7 +82,7 @@ class LogGrid:
         return np.asarray(np.maximum(white_noise(self.log.measured), LEAST_NOISE))
 
     def command(self, delay: float) -> FloatArray:
-        """Command on the grid, delayed by a dead time [s] [rad], (n, dof)."""
+        """Command [rad] on the grid, delayed by the dead time `delay` [s], (n, dof)."""
         log, times = self.log, self.t - delay
         if self.held:
             # The small time allows for rounded times.
@@ -91,9 +91,9 @@ class LogGrid:
         return interpolate(times, log.t, log.command)
 
     def shifted_corner_command(self, delay: float) -> FloatArray:
-        """Command on the grid with corners midway between the samples [rad], (n, dof)."""
-        # Linear interpolation between the samples cuts these corners. At an angular frequency ω and
-        # a sample interval T, the true command is larger by the factor 1 / cos(ω T / 2), whose
+        """Command on the grid if its corners are midway between the samples [rad], (n, dof)."""
+        # The logged samples cut these corners. At an angular frequency ω and a sample interval T,
+        # the true command is larger than their interpolation by the factor 1 / cos(ω T / 2), whose
         # series in differences of the samples is used here.
         second, fourth = (
             np.diff(np.pad(self.log.command, ((k, k), (0, 0)), mode="edge"), 2 * k, axis=0)

@@ -27,8 +27,8 @@ from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.sampling import interpolate
 from armcontour.robot.drives.response import NominalMotion, simulate
 
-# A search ends when an iteration reduces the sum of squares by less than this share, which is 0.04
-# standard deviations of an unknown for 20,000 residuals.
+# A search ends when an iteration reduces the sum of squares by less than this share. For 20,000
+# residuals, this is an error of 0.04 standard deviations of an unknown.
 LEAST_REDUCTION = 1e-7
 # Largest number of simulations of a search, and largest number of searches, each with new weights
 # of the joints.
@@ -88,7 +88,7 @@ class SimulatedLogs:
         return np.asarray(np.maximum(np.sqrt(np.mean(every**2, axis=0)), ROUNDING))
 
     def cost(self, scatter: FloatArray) -> float:
-        """Sum of the squared residuals, which are divided by `scatter` [rad], (dof,)."""
+        """Sum of the squares of the residuals divided by `scatter` [rad], (dof,)."""
         return float(sum(np.sum((x / scatter) ** 2) for x in self.residuals))
 
 
@@ -224,18 +224,18 @@ def allowed_deviations(model: RobotUnknowns, values: FloatArray) -> FloatArray:
 
 def mask_moved(model: RobotUnknowns, grids: list[LogGrid]) -> BoolArray:
     """Mask of the unknowns of the whole robot and of the joints that a log moves, (unknowns,)."""
-    # Joints without own motion are excluded, because their motion due to other joints shows that
+    # Joints that are not commanded to move are excluded. Their response to other joints shows that
     # friction holds them, but not the magnitude of this friction.
     ranges = np.max([np.ptp(x.log.command, axis=0) for x in grids], axis=0)
     return np.asarray((model.joints < 0) | (ranges > LEAST_MOTION)[model.joints])
 
 
 def mask_observable(model: RobotUnknowns, grids: list[LogGrid], values: FloatArray) -> BoolArray:
-    """Mask of the unknowns that logs with only encoder noise would determine, (unknowns,)."""
+    """Mask of unknowns that the logs determine if errors are encoder noise only, (unknowns,)."""
     jacobian = position_derivatives(model, grids, simulate_logs(model, grids, values))
     scaled = jacobian / largest_noise(grids)[:, None]
     precision = Precision.from_jacobian(scaled.reshape(-1, len(values)))
-    # A smaller payload counts as 1 kg, because the payload is not known yet.
+    # A payload below 1 kg counts as 1 kg, because the payload is not known yet.
     bold = np.where(model.mask("payload_mass"), np.maximum(values, 1.0), values)
     limit = allowed_deviations(model, bold) * np.where(model.mask(*LOGARITHMIC), 1.0, 2.0)
     return mask_determined(model, precision, mask_moved(model, grids), limit)
@@ -244,7 +244,7 @@ def mask_observable(model: RobotUnknowns, grids: list[LogGrid], values: FloatArr
 def mask_determined(
     model: RobotUnknowns, precision: Precision, free: BoolArray, limit: FloatArray
 ) -> BoolArray:
-    """Mask of the free unknowns that are determined if the others are nominal, (unknowns,)."""
+    """Mask of free unknowns that are determined if all other unknowns are nominal, (unknowns,)."""
     # The least determined unknown becomes nominal until the standard deviations of all others are
     # at most `limit`, (unknowns,).
     free = free.copy()
@@ -261,17 +261,17 @@ def mask_determined(
 
 
 def mask_defined(model: RobotUnknowns, free: BoolArray) -> BoolArray:
-    """Mask of the unknowns except the payload's centre if its mass is neither free nor nominal."""
+    """Mask of defined unknowns: the payload's centre requires a fitted or nominal payload mass."""
     has_mass = free[model.mask("payload_mass")] | (model.load.mass > LEAST_MASS)
     return ~model.mask(*CENTER) | has_mass
 
 
 def estimate_bias(model: RobotUnknowns, grids: list[LogGrid], fit: OutputError) -> FloatArray:
-    """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,)."""
+    """Magnitude of the bias of the unknowns due to two assumptions, to first order, (unknowns,)."""
     # The first part is the change of the estimates if interpolated commands have their corners
     # midway between the samples instead of at the samples, or if held set-points come one interval
-    # earlier. The second part is the change if the drive cycle is longer by half. Without this
-    # bias, 95 % intervals contain the true value in 60 to 80 % of the cases.
+    # earlier. The second part is the change if the drive cycle is longer by half. If this bias is
+    # not added, 95 % intervals contain the true value in only 60 to 80 % of the cases.
     drives = model.drives(fit.trial.values)
     delay = float(fit.trial.values[-1]) + model.lag
     changes = []

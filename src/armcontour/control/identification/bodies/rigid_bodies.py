@@ -46,7 +46,7 @@ from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 
 BODY_FIT = BodyFit()
-# Initial gains without a nominal servo [1/s].
+# Initial gains if there is no nominal servo [1/s].
 KP, KV = 25.0, 150.0
 # Samples at the start of a log are not compared, because they depend on the initial state: number
 # of time constants of the slowest position loop, and shortest time [s].
@@ -134,8 +134,8 @@ def _describe(
     delays: tuple[float, float],
 ) -> BodyIdentification:
     """Make the result of the identification from a fit."""
-    # unconverged: mask of unknowns in which the search did not converge. delays: range of the dead
-    # time of the search [s].
+    # unconverged: mask of unknowns in which the search did not converge. delays: range in which the
+    # dead time is searched [s].
     explained, values = check_fit(grids, fit.trial), fit.trial.values
     common, *every = _list_estimates(model, grids, fit)
     # Logs determine only the sum of J K_v and viscous friction, so one of the two is nominal.
