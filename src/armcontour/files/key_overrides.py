@@ -125,7 +125,7 @@ class KeyOverrides:
 
 # Names of the keys for the ends of a range.
 ENDS = {"start": "from", "end": "to"}
-# The keys of dataclasses that are not listed equal the fields.
+# Dataclasses that are not listed have keys that equal their fields.
 KEY_OVERRIDES: dict[type, KeyOverrides] = {
     AnglesModel: KeyOverrides(names=ENDS),
     LengthsModel: KeyOverrides(names=ENDS),

@@ -34,7 +34,8 @@ def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
 
 
 Dumper.add_representer(str, _represent_text)
-# The resolvers of both loaders, so that text which either reads as a number is quoted.
+# The resolvers of both loaders are used, so that a text is quoted if one of the loaders would read
+# it as a number.
 Dumper.yaml_implicit_resolvers = {
     first: [
         *Loader.yaml_implicit_resolvers.get(first, []),

@@ -83,7 +83,7 @@ class Description:
         )
 
     def link_frames(self) -> dict[str, tuple[int, Frame]]:
-        """Index of the chain's link that each link is fixed to (0: base), and its frame there."""
+        """By link: index of the moving link to which it is fixed (0: base), and its frame there."""
         number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
         frames = {self.base: (0, Frame())}
         for joint in self.below:
@@ -95,7 +95,7 @@ class Description:
         return frames
 
     def _joint_frame(self, joint: Joint) -> Frame:
-        """Frame of the child link of a joint in the parent link, at 0 or the locked position."""
+        """Frame of the child link in the parent link, at position 0 or at the locked position."""
         xyz, rpy = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
         place = Frame(position=xyz, rotation=from_rpy(rpy))
         value = 0.0 if joint.name in self._names else self._locked_position(joint, ())
