@@ -201,7 +201,7 @@ def _complete_adapter(mark: KeyMark) -> TypeAdapter[Any]:
 
 @cache
 def _model(kind: type, *, specified: bool = False, null: bool = False) -> type[BaseModel]:
-    """Pydantic model of a dataclass; with `specified` all keys are optional."""
+    """Pydantic model of a dataclass; if `specified` is true, all keys are optional."""
     name = f"Given{kind.__name__}" if specified else kind.__name__
     summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
     return _new_model(name, summary, _keys(kind, specified=specified, null=null))

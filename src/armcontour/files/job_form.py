@@ -122,8 +122,8 @@ GROUPS = {
     "Cell": ("scene", "ignore_collisions"),
     "Name, certificate, placement": ("name", "title", "certificate", "placement", "experiment"),
 }
-# The fields of FLAT_MAPPINGS are shown directly in the group of the mapping. In these mappings,
-# fields with a name in MAPPING_LABELLED have the name of the mapping as their label.
+# The fields of the mappings FLAT_MAPPINGS are shown directly in the group of the mapping. Of these
+# fields, those named in MAPPING_LABELLED have the name of the mapping as their label.
 FLAT_MAPPINGS = ("corners", "servo", "timing", "compensation")
 MAPPING_LABELLED = {"method", "shape"}
 # Keys without a field: geometry, because the drawing defines it; `runs`, because they have a table;

@@ -125,9 +125,10 @@ TOLERANCE = 1e-9
 
 def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     """Set-points of a file or result folder; a `LearningResult` if the folder has a lesson."""
-    # The result has the exact set-points of the job or of the lesson in the same folder. The file
-    # is compared with these set-points within its printed digits. If a result folder has the plan
-    # of the job, its set-points are valid even if the servo of the job has changed since.
+    # The returned set-points are those of the job, or of the lesson in the same folder, because the
+    # file has rounded numbers. The file must equal them within its printed digits. If a result
+    # folder has the plan of the job but other set-points, for example because the servo of the job
+    # has changed since, the set-points of the file are returned.
     name = plan.run.name
     file = verify_file(location, f"{name}/set_points.csv") if location.is_dir() else location
     history = file.parent / LESSON

@@ -108,7 +108,7 @@ def read_dxf(
     """Read the contours of a DXF drawing."""
     # Lines and arcs are not changed; ellipses and splines become arcs within the chord tolerance.
     # If all points have z = 0, the program is in the plane, otherwise in space. The name of a
-    # contour is the handle of its first entity, in a block after the handle of the INSERT.
+    # contour is the handle of its first entity. In a block, the handle of the INSERT precedes it.
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source, skip=options.skips)
         walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)

@@ -163,7 +163,8 @@ class Pen:
         """Draw a Bézier curve (command C, S, Q or T); return its last control point."""
         last, control = self.previous
         if kind in "ST":
-            # The first control point is that of the previous curve, mirrored at the current point.
+            # The first control point is the last control point of the previous curve, mirrored at
+            # the current point. After other commands it is the current point.
             smooth = last in ("CS" if kind == "S" else "QT") and bool(last)
             points = [2 * self.position - control if smooth else self.position, *points]
         if kind in "CS":

@@ -206,7 +206,7 @@ class Walk:
         return ""
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
-        """Chain all entities to a program; its notes are `notes` and those of the traversal."""
+        """Chain all entities to a program with `notes` and the notes of traversal and chaining."""
         pieces = self._clipped_entities(list(entities))
         contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
         notes = [*notes, *self.notes, *chaining_notes]

@@ -43,8 +43,9 @@ MAX_SAMPLES = 20_000_000
 # Decimals of results, and the largest number of decimals of joint positions.
 DECIMALS = 12
 # Decimals of joint positions [rad] in exported texts. An error of 1e-7 rad moves a tool at 1 m by
-# 0.1 um. For cycles up to FINE_CYCLE [s], 7 decimals would change accelerations, which are second
-# differences of the positions, by 0.03 rad/s^2 or more, so that FINE_DECIMALS are used.
+# 0.1 um. With a cycle of FINE_CYCLE [s], 7 decimals would change accelerations, which are second
+# differences of the positions, by up to 0.0125 rad/s^2, and with shorter cycles by more. Therefore
+# cycles up to FINE_CYCLE have FINE_DECIMALS.
 POSITION_DECIMALS, FINE_DECIMALS, FINE_CYCLE = 7, 9, 0.004
 # Each quantity has this number of decimals fewer than the joint positions.
 FEWER_DECIMALS = {"dq": 1, "ddq": 2, "torque": 3}

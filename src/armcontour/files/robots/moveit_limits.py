@@ -18,8 +18,8 @@ from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, UNITS, Limits, or
 # joint has no such limit.
 Table = dict[str, list[Any]]
 
-# Kinds of limits that a file can enable and disable, each with the names of its limits by key of
-# the file.
+# Kinds of limits that a file can enable and disable. The names of the limits of each kind are
+# listed by key of the file.
 KINDS = {
     "position": {"min_position": "joint_lower", "max_position": "joint_upper"},
     "velocity": {"max_velocity": "joint_velocity"},
