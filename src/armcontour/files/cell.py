@@ -26,7 +26,7 @@ from armcontour.jobs.job import LONGEST_TITLE
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 
-# Keys of `path` with the geometry of a job, which a drawing replaces.
+# Keys of `path` that define the geometry of a job. A drawing replaces them.
 GEOMETRY_KEYS = ("points", "start", "segments", "spline")
 YAML = (".yaml", ".yml")
 
@@ -38,7 +38,7 @@ def cell_names() -> tuple[str, ...]:
 
 
 def cell_text(name: str) -> str:
-    """Text of a built-in cell, a job file without a path, with its comments."""
+    """Text of a built-in cell, including its comments. A cell is a job file without a path."""
     names = cell_names()
     if name not in names:
         raise InvalidInput(
@@ -57,7 +57,7 @@ def read_cell(
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
-    """Make the job of a cell or job file with a drawing; `path` and `patch` override keys."""
+    """Make a job from a cell or job file and a drawing; `path` and `patch` override keys."""
     # The drawing replaces the geometry of a job file, but not its frame and its reader options.
     values: Patch = {("path", key): value for key, value in (path or {}).items()}
     data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
@@ -77,7 +77,7 @@ def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
 
 
 def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
-    """Arm, or None, and scene of a cell or job file, which needs no other keys."""
+    """Arm (None if not specified) and scene of a cell or job file; other keys may be missing."""
     text, source, folder = _read_cell_text(str(cell))
     specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
     model, path, scene = (
@@ -93,7 +93,7 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
 def cell_data(
     cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
 ) -> tuple[dict[str, Any], str, FilePath]:
-    """Job data of a cell and a drawing, the cell's name for messages, and its folder."""
+    """Job data of a cell with a drawing, the cell's name for messages, and the cell's folder."""
     text, source, folder = _read_cell_text(str(cell))
     data, location = read_data(text, source), FilePath(drawing)
     drawn = _drawing_patch(data, location, str(location.absolute()))
@@ -102,7 +102,7 @@ def cell_data(
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
-    """Job file text of a cell and a drawing for the folder `to`, with the comments of the cell."""
+    """Text of a job file in the folder `to` for a cell and a drawing, with the cell's comments."""
     text, source, folder = _read_cell_text(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
@@ -111,7 +111,7 @@ def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) ->
 
 
 def _drawing_patch(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
-    """Patch that inserts a drawing into a cell: its path, name and title; `file` is its name."""
+    """Patch that sets path, name and title of a cell for a drawing with the file name `file`."""
     cell_title = cell.get("title")
     title = drawing.name if cell_title is None else f"{drawing.name} on {cell_title}"
     return {
@@ -124,7 +124,7 @@ def _drawing_patch(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Pat
 
 
 def _read_cell_text(cell: str) -> tuple[str, str, FilePath]:
-    """Text of a cell, its name for messages, and the folder of its relative file names."""
+    """Text of a cell, its name for messages, and the folder for its relative file names."""
     file = FilePath(cell)
     if file.suffix.lower() in YAML:
         return job_text(file), file.name, file.parent

@@ -20,7 +20,8 @@ Key = TypeVar("Key", bound=Hashable)
 NUMBER = re.compile(
     r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?", re.ASCII
 )
-# Translation of digits other than 0 to 1, so that numbers with the same digit pattern are equal.
+# Translation that replaces each nonzero digit by 1, so that texts of numbers with the same pattern
+# of zero and nonzero digits become equal.
 _DIGIT_PATTERN = str.maketrans("23456789", "11111111")
 # A comma between digits, as in 0,125.
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
@@ -76,7 +77,8 @@ class Digits:
 
     def add(self, texts: Sequence[str]) -> None:
         """Update the statistics with the texts of numbers."""
-        # Numbers without exponents are counted once per pattern of zero and nonzero digits.
+        # Numbers with the same pattern of zero and nonzero digits have the same statistics, so each
+        # pattern is evaluated once. Numbers with exponents are not translated.
         alike = {x if "e" in x or "E" in x else x.translate(_DIGIT_PATTERN) for x in texts}
         for match in filter(None, map(NUMBER.fullmatch, alike)):
             whole, part, power = match.group("whole", "part", "power")
@@ -89,7 +91,7 @@ class Digits:
 
 
 def last_digit(columns: Sequence[Digits]) -> float:
-    """Value of the last printed digit of the largest number, for columns of one print format."""
+    """Value of the last printed digit of the largest number in columns with one print format."""
     # A format that removes trailing zeros does not change the result, because the numbers of
     # decimals and of significant digits are the largest over all numbers.
     decimals = max(x.places for x in columns)
@@ -134,7 +136,7 @@ class CsvTable(Generic[Key]):
         return f"{self.option} '{new}={old}'" if self.option else new
 
     def place(self, row: int, *keys: Key) -> str:
-        """File, line and titles of columns of a row, for messages."""
+        """Text for messages: the file, the line of a row, and the titles of the given columns."""
         titles = " ".join(self.columns[x].title for x in keys)
         location = f"{self.source}, line {self.numbers[row]}"
         return f"{location}, column {show(titles)}" if keys else location
@@ -166,7 +168,7 @@ class CsvTable(Generic[Key]):
             yield first, [[row[i] for row in rows] for i in indices]
 
     def read(self, keys: Sequence[Key]) -> tuple[FloatArray, list[Digits]]:
-        """Numbers of columns in SI units, (rows, columns), NaN if empty, and printed digits."""
+        """Numbers in SI units, (rows, columns), NaN in empty cells; printed digits by column."""
         if not self.lines:
             raise InvalidInput(f"{self.source} has column names, but no rows with numbers.")
         values = np.empty((len(self.lines), len(keys)))
@@ -269,7 +271,7 @@ def read_table(
 
 
 def _find_titles(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
-    """Index of the line of titles; for `count` known titles, of the first sample with titles."""
+    """Index of the line of titles; if `count` titles are known, of the first line of numbers."""
     lines = [line for _, line in numbered]
     if count is not None:
         every = (re.split(r"\s*[,;\t]\s*|\s+", line.strip()) for line in lines)
@@ -294,7 +296,7 @@ def _read_units(cells: Sequence[str], count: int) -> list[str]:
 
 
 def _is_blank_separated(lines: Sequence[str]) -> bool:
-    """True if blanks separate the cells of the first lines, and no commas."""
+    """True if the cells of the first lines are separated by blanks and not by commas."""
     words = [len(x.split()) for x in lines]
     return min(words) == max(words) > 1 and not any("," in _DECIMAL_COMMA.sub("", x) for x in lines)
 
@@ -318,8 +320,9 @@ def _split_any(line: str, separator: str | None) -> list[str]:
 
 
 def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
-    """Rename columns or joints by pairs NEW=OLD such as `q# [deg]=joint_#`, in a comma list."""
+    """Rename columns or joints; `pairs` is a comma-separated list of `NEW=OLD`, such as `q1=a`."""
     # In OLD, # matches a number and * any text; the same wildcard in NEW inserts the matched text.
+    # An example is `q# [deg]=joint_#`.
     renamed = list(names)
     for pair in pairs.split(","):
         new, _, old = map(str.strip, pair.partition("="))

@@ -121,7 +121,7 @@ class MappingKeys(KeyMark):
 
 @dataclass(frozen=True, slots=True)
 class SpecifiedKeys(KeyMark):
-    """Annotation of a dictionary with only the fields of a dataclass that a file specifies."""
+    """Annotation of a dictionary with those fields of a dataclass that a file specifies."""
 
     target: type
     null: bool = False  # Whether every key may be `null`
@@ -201,7 +201,7 @@ def _complete_adapter(mark: KeyMark) -> TypeAdapter[Any]:
 
 @cache
 def _model(kind: type, *, specified: bool = False, null: bool = False) -> type[BaseModel]:
-    """Pydantic model of a dataclass; with `specified` all keys are optional."""
+    """Pydantic model of a dataclass; if `specified` is true, all keys are optional."""
     name = f"Given{kind.__name__}" if specified else kind.__name__
     summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
     return _new_model(name, summary, _keys(kind, specified=specified, null=null))
@@ -274,7 +274,7 @@ def _has_factory(field: dataclasses.Field[Any]) -> bool:
 
 @cache
 def _factory_fields(owner: type) -> frozenset[str]:
-    """Names of the fields with a default factory, for which null means the default."""
+    """Names of the fields with a default factory; for these keys, null means the default."""
     return frozenset(x.name for x in dataclasses.fields(owner) if _has_factory(x))
 
 

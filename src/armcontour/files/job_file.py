@@ -206,7 +206,7 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
 
 
 def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
-    """Servo model with values replaced by `differs`, and with one value per joint."""
+    """Servo model with the values of `differs`, and with one value per joint."""
     with error_context(key):
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
@@ -310,7 +310,10 @@ def _check_run_names(key: str, names: Sequence[str], job: JobModel) -> None:
 def add_process(
     path: Path | Program, process: Process | None, drawing: PathModel
 ) -> tuple[Path | Program, Process]:
-    """Path or program of a job with the notes of its process, and the process itself."""
+    """Program of a job with notes on unused keys of its process, and the complete process.
+
+    If the job has neither a drawing nor a process, the path is returned unchanged.
+    """
     if drawing.file is None and process is None:
         return path, Process()
     program = Program.from_path(path)
@@ -326,7 +329,7 @@ def add_process(
 
 
 def _note_unused_keys(process: Process, program: Program) -> list[str]:
-    """Notes on keys of a process without effect on the drawing; a cell often has such keys."""
+    """Notes on process keys that have no effect on the drawing; a cell often has such keys."""
     layers = {x.layer for x in program.contours}
     notes = [
         f"process.by_layer has the layer {x!r}, but no contour is on this layer."

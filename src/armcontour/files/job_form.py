@@ -32,7 +32,7 @@ TOPICS = {
     "certificate": "Certificate",
     "placement": "Places",
 }
-# Parts of a description that help texts omit: "Whether to", units, shapes, backticks, and all
+# Help texts omit these parts of a description: "Whether to", units, shapes, backticks, and all
 # sentences after the first.
 OMITTED_TEXT = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
 
@@ -122,12 +122,12 @@ GROUPS = {
     "Cell": ("scene", "ignore_collisions"),
     "Name, certificate, placement": ("name", "title", "certificate", "placement", "experiment"),
 }
-# Mappings whose fields are shown as fields of their group (FLAT), and the names of fields in these
-# mappings that are labelled with the name of the mapping (CALLED).
+# The fields of the mappings FLAT_MAPPINGS are shown directly in the group of the mapping. Of these
+# fields, those named in MAPPING_LABELLED have the name of the mapping as their label.
 FLAT_MAPPINGS = ("corners", "servo", "timing", "compensation")
 MAPPING_LABELLED = {"method", "shape"}
-# Keys without a field: geometry, because the drawing defines it; `runs`, which have a table; and
-# keys of the arm, which has a single field.
+# Keys without a field: geometry, because the drawing defines it; `runs`, because they have a table;
+# and keys of the arm, because the arm has a single field.
 OMITTED = (
     *(f"path.{x}" for x in (*GEOMETRY_KEYS, "file")),
     *("runs", "arm.name", "arm.file"),
@@ -162,7 +162,8 @@ def form_text() -> str:
 
 def _groups() -> dict[str, list[Field]]:
     """Fields of each group, by title; the entry `at` of a field is its key path."""
-    # If groups list only some keys of a mapping, its other keys are in the group of the mapping.
+    # If groups list only some keys of a mapping, the other keys are in the group that lists the
+    # mapping.
     schema = json_schema()
     tree = _fields(schema, schema["$defs"])
     run = _fields(schema["$defs"]["RunModel"], schema["$defs"])

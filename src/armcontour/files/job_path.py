@@ -116,7 +116,7 @@ def read_drawing(
 
 
 def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Program:
-    """Select the tool of a drawing, repeat it, convert it to space, and orient the tool."""
+    """Select one tool of a drawing, repeat the drawing, lift it to space, and orient the tool."""
     if model.tool is not None:
         from armcontour.program.tools import part_of_tool
 
@@ -143,7 +143,7 @@ def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Prog
 
 
 def part_of(model: PathModel) -> Frame:
-    """Frame of the part, which is `path.frame`; zero by default."""
+    """Frame of the part: `path.frame`, or the zero frame if it is missing."""
     return Frame() if model.frame is None else frame_of("path.frame", model.frame)
 
 

@@ -156,7 +156,7 @@ def _check_index(key: Key, change: Change) -> int:
 
 
 def _group_changes(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
-    """Yield the changes in groups whose locations in the text are independent."""
+    """Yield the changes in groups; the changes of one group affect separate parts of the text."""
     group: list[Change] = []
     for change in changes:
         alone = (

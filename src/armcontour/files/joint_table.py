@@ -80,10 +80,10 @@ class Key(NamedTuple):
     # "z" for the tool
     kind: str
     role: str = ""  # "command" or "measured"; empty for times and tool positions
-    joint: str = ""  # Number of the joint as in the file, or its name; empty as for `role`
+    joint: str = ""  # Number or name of the joint in the file; empty for times and tool positions
 
     def __str__(self) -> str:
-        """Title of such a column, for messages."""
+        """Title of a column with this quantity, for messages."""
         return f"{self.kind}{self.joint}"
 
     @property
@@ -100,7 +100,7 @@ class _Word(NamedTuple):
     """A word of a title."""
 
     text: str
-    meaning: str | None  # Key of TABLE; None for a name or a number
+    meaning: str | None  # Key of WORDS_BY_MEANING; None for names and numbers
     link: str  # Text that joins the word to the previous word in a name, "_" or empty
 
 
@@ -160,7 +160,7 @@ def read_tool_title(name: str, has_unit: bool) -> Title[Key] | None:
 
 
 def _split_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
-    """Title without the name of an arm joint in it, and this name; it may have known words."""
+    """Split a title into its other words and the name of an arm joint; "" if it has none."""
     if not joint_names or _are_numbers(tuple(joint_names)):
         return name, ""
     for joint in sorted(joint_names, key=len, reverse=True):
@@ -175,14 +175,14 @@ def _split_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
 
 @cache
 def _are_numbers(joint_names: tuple[str, ...]) -> bool:
-    """True if the names of joints only contain their numbers, such as joint_1, joint_2."""
+    """True if names of joints are recognized as joint numbers 1, 2, ..., as in joint_1, joint_2."""
     titles = [read_joint_title(x, True) for x in joint_names]
     numbers = [x.key.joint if x else "" for x in titles]
     return numbers == [str(k) for k in range(1, len(numbers) + 1)]
 
 
 def _time_title(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
-    """Title of a time column, or of the column with its fraction of a second; None for others."""
+    """Title of a column of times or of fractions of a second; None for other columns."""
     if not {x.meaning for x in words} <= {"t", "fraction", "topic", "q", "measured"}:
         return None
     for word in words:
@@ -193,7 +193,7 @@ def _time_title(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
 
 
 def _find_joint(parts: Sequence[Sequence[_Word]]) -> str:
-    """Number or name of the joint, from the last part of a title with one; "" if there is none."""
+    """Number or name of the joint in the last part of a title that has one; "" if none has."""
     for part in reversed(parts):
         names = [x for x in part if x.meaning is None]
         if names and all(x.text.isdigit() for x in names):
@@ -226,7 +226,7 @@ def _split_words(part: str) -> Iterator[_Word]:
 
 @cache
 def _meaning(word: str) -> str | None:
-    """Meaning of a word in the singular or plural, a key of TABLE; None if unknown."""
+    """Meaning of a word (singular or plural), a key of WORDS_BY_MEANING; None if unknown."""
     low = word.lower()
     singular = f"{low[:-3]}y" if low.endswith("ies") else low.removesuffix("s")
     return _MEANING.get(low) or _MEANING.get(singular)
@@ -362,7 +362,7 @@ def _filled_rows(
 def tidy_times(
     t: FloatArray, values: FloatArray, digit: float, source: str
 ) -> tuple[FloatArray, IntArray, tuple[str, ...]]:
-    """Times without rounding, the indices of the rows that are not repeated, and notes."""
+    """Times corrected for rounding, the indices of the rows that are not repeated, and notes."""
     again = np.zeros(len(t), dtype=bool)
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
     # If all rows are equal, all are used; `check_samples` rejects their times later.
@@ -390,7 +390,7 @@ def tidy_times(
 
 
 def _find_constant_step(t: FloatArray, digit: float) -> float | None:
-    """Step [s] with the fewest digits whose rounded multiples equal the times; None if none."""
+    """Constant step [s] with the fewest digits that agrees with rounded times, or None."""
     index = np.arange(len(t))
     step = float(np.polyfit(index, t - t[0], 1)[0])
     for count in range(1, 10):

@@ -11,7 +11,7 @@ from armcontour.core.text import shorten, show, suggest
 
 # Values by key path in a job file, from the outermost key.
 Patch: TypeAlias = Mapping[tuple[str | int, ...], Any]
-# Names of types in the location of an error of pydantic, which are not keys.
+# Names of types that pydantic inserts into the location of an error; they are not keys.
 TYPE_NAMES = {
     "bool",
     "float",
@@ -103,8 +103,8 @@ def _rank(problem: Any) -> tuple[bool, bool, bool, int]:
 
     The order is wrong values (wrong lengths highest), unknown keys, then the deepest location.
     """
-    # If a key may be a number or a list, a wrong length of a list is more informative than its
-    # type.
+    # If a key may be a number or a list, the wrong length of a list is more informative than "not a
+    # number".
     kind = problem["type"]
     is_length = kind in ("too_short", "too_long")
     return kind in VALUE_PROBLEMS, is_length, kind == "extra_forbidden", len(_keys(problem))
@@ -203,7 +203,7 @@ def _keys(problem: Any) -> tuple[Any, ...]:
 
 
 def _is_inside(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
-    """True if the key path `inner` equals `outer` or is inside it; both count as one problem."""
+    """True if the key path `inner` equals `outer` or is inside it, so that both are one problem."""
     return inner[: len(outer)] == outer
 
 

@@ -111,13 +111,13 @@ TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 class KeyOverrides:
     """Differences between the keys of a file and the fields of their dataclass, by field."""
 
-    # Names of keys that differ from the field
+    # Names of keys, if they differ from the names of the fields
     names: Mapping[str, str] = field(default_factory=dict)
-    # Annotations of keys that differ from the field
+    # Annotations of keys, if they differ from those of the fields
     types: Mapping[str, Any] = field(default_factory=dict)
-    # Defaults of keys that differ from the field
+    # Defaults of keys, if they differ from those of the fields
     defaults: Mapping[str, Any] = field(default_factory=dict)
-    # Descriptions of keys that differ from the field
+    # Descriptions of keys, if they differ from those of the fields
     texts: Mapping[str, str] = field(default_factory=dict)
     # Fields without a key
     omit: frozenset[str] = frozenset()
@@ -125,7 +125,7 @@ class KeyOverrides:
 
 # Names of the keys for the ends of a range.
 ENDS = {"start": "from", "end": "to"}
-# The keys of dataclasses that are not listed equal the fields.
+# Dataclasses that are not listed have keys that equal their fields.
 KEY_OVERRIDES: dict[type, KeyOverrides] = {
     AnglesModel: KeyOverrides(names=ENDS),
     LengthsModel: KeyOverrides(names=ENDS),

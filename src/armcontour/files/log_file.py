@@ -137,7 +137,7 @@ def _read_log(
     *,
     commanded: bool,
 ) -> tuple[Log, bool]:
-    """Log of a file, and True if the file has commands; if not, measured positions replace them.
+    """Log of a file, and True if it has commands; else measured positions are used as commands.
 
     A file without commands is rejected if `commanded`.
     """

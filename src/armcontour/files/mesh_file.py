@@ -224,7 +224,7 @@ def _check_triangle_count(count: int, source: str) -> None:
 
 def _merge_corners(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """Unique points, (m, 3), and the index of each corner among them, (n,)."""
-    # Adding 0.0 converts -0.0 to 0.0, which has other bytes.
+    # Adding 0.0 converts -0.0 to 0.0, because the bytes of both numbers differ.
     rows = np.ascontiguousarray(corners + 0.0).view(np.dtype((np.void, 24))).ravel()
     _, first, index = np.unique(rows, return_index=True, return_inverse=True)
     return corners[first], index.astype(np.intp)

@@ -22,7 +22,8 @@ from armcontour.jobs.job import ARC, FREE, OF_FREE
 from armcontour.motion import Method
 
 IN_JOB, IN_RUN = ({x.name for x in fields(of)} for of in (JobModel, RunModel))
-# Keys whose mapping in a run is merged with that of the job; other keys replace the job's value.
+# For these keys, the mapping of a run is merged with the mapping of the job. For other keys, the
+# value of a run replaces the value of the job.
 MERGED = ("limits", "command_limits")
 # Keys that are valid only with one method or shape, with the name of this method or shape.
 TIMING_OPTIONS, COMPENSATION_OPTIONS = (
@@ -30,7 +31,7 @@ TIMING_OPTIONS, COMPENSATION_OPTIONS = (
     for methods in (planning.METHODS, compensation.METHODS)
 )
 SHAPE_OPTIONS = {**dict.fromkeys(OF_FREE, FREE), "continuity": ARC, "transition_tolerance": ARC}
-# These keys by the two last keys of the path to the method or shape.
+# The keys above, by the last two keys of the key path of their method or shape.
 CHOICES: dict[Keys, dict[str, str]] = {
     ("timing", "method"): TIMING_OPTIONS,
     ("compensation", "method"): COMPENSATION_OPTIONS,
@@ -74,7 +75,7 @@ def full_key(keys: Keys) -> Keys:
 
 
 def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
-    """Key path at which a value is set: in the run if it overrides the job, else in the job."""
+    """Key path at which a value is set: in the run if it overrides the key, else in the job."""
     runs = value_at(data, ("runs",))
     if keys[0] == "runs" and isinstance(runs, Mapping) and (len(keys) < 2 or keys[1] not in runs):
         names = [str(x) for x in runs]
@@ -153,7 +154,7 @@ def _changes_of_value(keys: Keys, value: Any, data: Any, run: str | None) -> Ite
 def _set_corner_option(
     keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]
 ) -> Iterator[Change]:
-    """Yield the changes that set an option of the corner shape, in all runs that allow it."""
+    """Yield the changes that set the corner shape or an option of it in all runs that allow it."""
     refused = True
     for name in runs:
         inherited = locate_key(("corners",), data, name)

@@ -89,7 +89,7 @@ class ResultFolder:
         return self._staging_folder("new")
 
     def _staging_folder(self, name: str) -> FilePath:
-        """Path of a folder in the staging folder, which is created if it does not exist."""
+        """Path of the folder `name` in the staging folder; creates it if it does not exist."""
         folder = self._staging.folder / name
         folder.mkdir(exist_ok=True)
         return folder
@@ -153,7 +153,7 @@ class ResultFolder:
                 f"changed since: {list_some(sorted(changed), MAX_NAMED)}. Move them elsewhere, or "
                 "choose another --out."
             )
-        # The summary marks a complete result, so that it is moved away first.
+        # The summary is moved away first, because it marks a complete result.
         return sorted(names, key=lambda x: x != SUMMARY)
 
     def _move_to_destination(self) -> None:
@@ -183,7 +183,7 @@ class ResultFolder:
 
 
 def _staging_place(target: FilePath) -> FilePath:
-    """Path of the staging folder: in an existing destination, else in the nearest parent folder."""
+    """Path of the staging folder: in an existing destination, or in its nearest existing parent."""
     if target.is_dir():
         return staging.inside(target)
     above = next(x for x in target.parents if x.exists())
@@ -245,7 +245,7 @@ def _is_unchanged(file: FilePath, checksum: object) -> bool:
 
 
 def _checksum(file: FilePath) -> str:
-    """SHA-256 of a regular file in hexadecimal; empty for links and if it is not a regular file."""
+    """SHA-256 of a regular file in hexadecimal; empty for links, folders and unreadable files."""
     no_link = getattr(os, "O_NOFOLLOW", 0)
     try:
         stream = open(

@@ -69,7 +69,7 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
 def robot_yaml(
     identification: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath
 ) -> str:
-    """Arm file of an identified arm: the nominal arm with other payload, friction and armature."""
+    """Arm file of the nominal arm with identified payload, friction and armature."""
     chain = identification.arm.dynamics.chain
     base: Any = arm if isinstance(arm, str) else _relative_files(arm, folder)
     page: dict[str, Any] = {
@@ -99,7 +99,7 @@ def robot_yaml(
 
 
 def robot_servo_yaml(identification: BodyIdentification) -> str:
-    """YAML text of the key `servo` of a job file, identified together with the arm's bodies."""
+    """YAML text of the key `servo`; its values were identified together with the arm's bodies."""
     servo = identification.servo_model()
     lines = [
         f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "

@@ -39,7 +39,7 @@ CONTAINER_TYPES = (
     "moveit_msgs/msg/DisplayTrajectory",
     *GOAL_TYPES,
 )
-# Fields of these messages that contain the JointTrajectory, directly or in further fields.
+# Fields of these messages that contain the JointTrajectory, directly or nested.
 INNER_FIELDS = ("request", "goal", "trajectory", "joint_trajectory")
 EVENT = "_SendGoal_Event"
 STATE = "sensor_msgs/msg/JointState"
@@ -179,7 +179,7 @@ def _read_yaml(
 
 
 def _trajectory_in(source: str, data: Any) -> Any:
-    """JointTrajectory in a message or goal; `data` itself if it contains no field LEADING."""
+    """JointTrajectory in a message or goal; `data` itself if it has no field of INNER_FIELDS."""
     if isinstance(data, list):
         if len(data) > 1:
             raise InvalidInput(
@@ -244,7 +244,7 @@ def _join_points(
     *,
     printed: bool = False,
 ) -> TrajectoryFile:
-    """Motion of the points of one trajectory; with `printed` with the resolution of its numbers."""
+    """Motion of the points of one trajectory; if `printed`, with the resolution of the numbers."""
     if not points:
         raise InvalidInput(f"{source} has a trajectory without points.")
     requested = tuple(joint_names) or tuple(names)
@@ -276,7 +276,7 @@ def _stack(
     orders: Sequence[list[int]],
     kinds: Sequence[str] = tuple(ARRAYS),
 ) -> dict[str, FloatArray]:
-    """Arrays of points, (n, dof), by kind; omits velocities or accelerations that a point lacks.
+    """Arrays, (n, dof), by kind; omits velocities or accelerations if any point lacks them.
 
     `orders` has for each point the indices of the requested joints.
     """
@@ -334,8 +334,8 @@ def _read_bag(
         # Bags recorded before 2023 have no message definitions, so a default is necessary.
         store = get_typestore(Stores.ROS2_HUMBLE)
         with unpacker.installed(), AnyReader([file], default_typestore=store) as reader:
-            # AnyReader unpacks a bag without an index completely when it opens the bag. The quota
-            # of unpacked bytes starts anew for reading.
+            # AnyReader unpacks a bag without an index completely when it opens the bag. The limit
+            # of unpacked bytes is reset before reading.
             unpacker.remaining = LARGE
             of_topic = {x.topic: x for x in reader.connections}
             used = _choose_topic(
@@ -346,7 +346,7 @@ def _read_bag(
                 (at, reader.deserialize(read.count(raw), connection.msgtype))
                 for connection, at, raw in islice(
                     reader.messages([x for x in reader.connections if x.topic == used]),
-                    # More than one trajectory is an error, so that two messages are enough.
+                    # More than one trajectory is an error, so at most two messages are read.
                     2
                     if kind in (TRAJECTORY, *CONTAINER_TYPES) and not kind.endswith(EVENT)
                     else None,
@@ -470,7 +470,7 @@ class _JointState:
 
 
 def _point(message: Any, fields: Sequence[str]) -> Any:
-    """Point of a controller state: the first of `fields` with positions, else the first."""
+    """Point of a controller state: the first of `fields` with positions, else the first field."""
     points: Iterator[Any] = (getattr(message, x) for x in fields if hasattr(message, x))
     candidates = list(points)
     return next((x for x in candidates if len(x.positions)), candidates[0])

@@ -190,7 +190,7 @@ def _bodies(
 def _link_shape(
     key: str, model: BodyModel, folder: FilePath, link: int, *, tip: Frame | None = None
 ) -> LinkShape:
-    """Shape of a link, or of the tool if `tip`, the frame of the tip in the last link, is given."""
+    """Shape of a link; with the frame `tip` of the tip in the last link, a shape of the tool."""
     with error_context(key):
         shape, frame = _shape(model, folder), _body_frame(model)
         if tip is not None:
@@ -213,7 +213,7 @@ def _place_obstacle(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obst
 
 
 def _body_frame(model: PlacedModel) -> Frame:
-    """Frame of a body in the frame of the arm's base, the part or the link."""
+    """Frame of a body in its reference frame (the arm's base, the part or a link)."""
     turned = (
         _half_space_rotation(model) if isinstance(model, HalfSpaceModel) else rotation_of("", model)
     )
@@ -224,7 +224,7 @@ def _body_frame(model: PlacedModel) -> Frame:
 
 
 def _half_space_rotation(model: HalfSpaceModel) -> FloatArray | None:
-    """Rotation matrix whose z axis is the outward normal of a half-space; None by default."""
+    """Rotation matrix whose z axis is the outward normal of a half-space; None if unspecified."""
     turned = rotation_of("", model)
     if model.normal is None:
         return turned

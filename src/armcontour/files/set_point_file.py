@@ -118,16 +118,17 @@ def _split_fields(
 
 # Name of the lesson file, next to the set-points of the next run.
 LESSON = "lesson.npz"
-# Largest deviation of set-points that are computed again [rad] (or of times [s]), because versions
-# of libraries round differently.
+# Largest deviation of set-points [rad] and times [s] that are computed again. Versions of libraries
+# round differently.
 TOLERANCE = 1e-9
 
 
 def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
-    """Set-points of a file or result folder; a `LearningResult` if a lesson is in its folder."""
-    # The result has the exact set-points of the job or of the lesson in the same folder. The file
-    # is compared with these set-points within its printed digits. If a result folder has the plan
-    # of the job, its set-points are valid even if the servo of the job has changed since.
+    """Set-points of a file or result folder; a `LearningResult` if the folder has a lesson."""
+    # The returned set-points are those of the job, or of the lesson in the same folder, because the
+    # file has rounded numbers. The file must equal them within its printed digits. If a result
+    # folder has the plan of the job but other set-points, for example because the servo of the job
+    # has changed since, the set-points of the file are returned.
     name = plan.run.name
     file = verify_file(location, f"{name}/set_points.csv") if location.is_dir() else location
     history = file.parent / LESSON
@@ -163,7 +164,7 @@ def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
 
 
 def _recorded_set_points(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
-    """Set-points of a file, with the plan of a job; None if they equal those of the job.
+    """Set-points of a file, with the plan of a job; None if they equal the set-points of the job.
 
     Also None if the cycle of the file differs from that of the job.
     """
@@ -214,7 +215,7 @@ def _check_same_set_points(
 
 
 def _time_tolerance(stored: TrajectoryFile) -> float:
-    """Largest difference of equal times in a file [s]."""
+    """Largest difference due to rounding between a time in a file and the exact time [s]."""
     return stored.resolution["t"] + TOLERANCE
 
 

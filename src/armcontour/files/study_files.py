@@ -112,7 +112,7 @@ def placed_job_text(
 
 
 def _placement_patch(placement: Placement, text: str) -> Patch:
-    """Patch that moves a job to the best placement: `path.frame`, or `arm.work`."""
+    """Patch for the best placement: `arm.work` of a serial arm, `path.frame` of a planar arm."""
     job = placement.job
     inside = [] if job.scene is None else [x.fixed_to for x in job.scene.obstacles]
     if placement.moved == BASE and BASE in inside:

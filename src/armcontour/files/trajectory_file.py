@@ -197,7 +197,7 @@ def _raise_other_joints(
     )
 
 
-# Largest difference of equal times [cycles]; times are printed with 12 digits.
+# Times are equal if they differ by at most this [cycles]; times are printed with 12 digits.
 SAME_TIME = 1e-6
 
 

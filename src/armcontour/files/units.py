@@ -154,9 +154,9 @@ def read_quantity(value: Any, kind: Quantity) -> float:
 
 
 def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -> Any:
-    """Write an SI value in the unit of `old`, with the fewest digits for an error of `within` [SI].
+    """Write an SI value in the unit of `old`, with the fewest digits for an error of `within`.
 
-    Returns text with a unit, or a number if `old` is a number.
+    `within` is in SI units. Returns text with a unit, or a number if `old` is a number.
     """
     affixes = _unit_affixes(old, kind)
     if affixes is None:
@@ -199,7 +199,7 @@ def read_plain(value: Any, kind: Quantity) -> float:
 
 
 def _shortest_text(number: float, value: float, read: Callable[[str], float], within: float) -> str:
-    """Text of `number` with the fewest digits that `read` converts to `value` within `within`."""
+    """Text of `number` with the fewest digits for which `read` returns `value` within `within`."""
     allowed = max(within, RELATIVE_ROUNDING * abs(value))
     text = "0"
     if abs(value) <= allowed:

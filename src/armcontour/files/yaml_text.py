@@ -34,7 +34,8 @@ def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
 
 
 Dumper.add_representer(str, _represent_text)
-# The resolvers of both loaders, so that text which either reads as a number is quoted.
+# The resolvers of both loaders are used, so that a text is quoted if one of the loaders would read
+# it as a number.
 Dumper.yaml_implicit_resolvers = {
     first: [
         *Loader.yaml_implicit_resolvers.get(first, []),
@@ -60,7 +61,7 @@ def flow_text(value: Any, style: str | None = None) -> str:
 
 
 def entry_text(value: Any, column: int, eol: str, *, in_list: bool) -> str:
-    """Text of a value after a key or dash in a column: on its line if it fits, else as a block."""
+    """Text of a value after a key or dash in a column: on the same line if it fits, or a block."""
     line = flow_text(value)
     if not (isinstance(value, dict | list) and value and column + len(line) > WIDTH):
         return f" {line}"
@@ -193,7 +194,7 @@ class YamlPart:
         return _items(self, self.node) if isinstance(self.node, yaml.SequenceNode) else []
 
     def can_contain(self, key: Any) -> bool:
-        """True if the value can contain a key: it is a mapping, or for an index a list."""
+        """True if the value is a mapping, or if it is a list and the key is an index."""
         if self.node is None and self.outer is not None:
             raise SharedValue
         if isinstance(self.node, yaml.SequenceNode):

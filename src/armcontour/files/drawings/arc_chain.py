@@ -19,8 +19,8 @@ from armcontour.geometry.segments import REPEATED_POINT, close_gaps
 # MAX_FLATTENING times the square of the longer semi-axis.
 SAME_AXES = 0.01
 MAX_FLATTENING = 0.01
-# Largest distance between the end of an arc drawn with its radius and the end point in the drawing
-# [m]. An arc with a larger distance is drawn through both end points.
+# An arc is drawn with its radius if it then ends within this distance [m] of the end point in the
+# drawing. Otherwise it is drawn through both end points.
 END_TOLERANCE = 0.1 * REPEATED_POINT
 # Relative difference of semi-axes that is due to rounding.
 AXIS_ROUNDING = 1e-12
@@ -184,7 +184,7 @@ class ArcChain:
         return dataclasses.replace(self, starts=starts, angles=angles)[has_length]
 
     def _is_exact(self, tolerance: float) -> BoolArray:
-        """Mask of the lines and circular arcs with a length, which are not approximated, (n,)."""
+        """Mask of the lines and circular arcs with a length; these need no approximation, (n,)."""
         arc, far = self._long_arcs, np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
         return np.asarray(np.where(self.angles > 0, arc, far) & ~self._elliptical(tolerance))
 
@@ -313,7 +313,7 @@ class Affine:
             return Affine(self.linear @ inner.linear, self.linear @ inner.offset + self.offset)
 
     def map_vectors(self, vectors: FloatArray) -> FloatArray:
-        """The images of vectors, (..., dimension), which the offset does not change."""
+        """The images of vectors, (..., dimension); the offset does not apply to vectors."""
         return np.asarray(vectors @ self.linear.T)
 
     @property

@@ -71,7 +71,7 @@ MAX_DEPTH = 50
 EXPLODE = "explode the entity into lines and arcs in the CAD program"
 MAX_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
-# Starts of the notes on omitted entities and on letters.
+# First words of the notes on omitted entities and on letters.
 HIDDEN = "Skipped on layers that are off or frozen"
 INVISIBLE = "Skipped because they are invisible"
 NOT_READ = "Skipped because they are not lines, arcs or curves"
@@ -108,7 +108,7 @@ def read_dxf(
     """Read the contours of a DXF drawing."""
     # Lines and arcs are not changed; ellipses and splines become arcs within the chord tolerance.
     # If all points have z = 0, the program is in the plane, otherwise in space. The name of a
-    # contour is the handle of its first entity, in a block after the handle of the INSERT.
+    # contour is the handle of its first entity. In a block, the handle of the INSERT precedes it.
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source, skip=options.skips)
         walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)
@@ -177,7 +177,7 @@ class DxfWalk(Walk):
         self._layer_colors: dict[str, frozenset[str]] = {}
 
     def explain_empty(self) -> str:
-        """Text after the file name in the error for no contours; "" if no other layer has any."""
+        """Text for the error that no contour is selected; "" if no other layer has entities."""
         if not self.on_other_layers:
             return ""
         requested = ", ".join(repr(x) for x in sorted(self.requested_layers or ()))
@@ -335,7 +335,8 @@ class DxfWalk(Walk):
         """Number of entities that an INSERT draws, including those of nested blocks."""
         name = _fold_case(str(_attribute(entity, "name", "")))
         if name not in self._block_sizes:
-            # The value 1 ends the recursion if a block contains itself, which is refused later.
+            # The value 1 ends the recursion if a block contains itself. Such a block is refused
+            # later.
             self._block_sizes[name] = 1
             content = self.document.blocks.get(name)
             inner = [x for x in content or () if x.dxftype() == "INSERT"]
@@ -475,7 +476,7 @@ def _read(data: bytes) -> Any:
 
 
 def _explain_error(error: Exception) -> str:
-    """Text for a message about an error of ezdxf; internal errors have a general text."""
+    """Text for a message about an error; errors other than `DXFError` have a general text."""
     from ezdxf.lldxf.const import DXFError
 
     if isinstance(error, DXFError):
@@ -515,7 +516,7 @@ def _remove_broken(data: bytes) -> tuple[bytes, list[str]]:
 
 
 def _raise_version(lines: list[str]) -> list[str]:
-    """The file with a version later than R12, in which ezdxf supports subclass markers."""
+    """Raise the version of an R12 file, so that ezdxf supports subclass markers in the file."""
     names = [x.strip() for x in lines]
     version = ["9", "$ACADVER", "1", "AC1015"]
     if "$ACADVER" in names:
@@ -528,7 +529,7 @@ def _raise_version(lines: list[str]) -> list[str]:
 
 
 def _add_subclass_markers(lines: list[str], name: str) -> list[str]:
-    """The lines of an entity with its subclass markers, which some programs omit."""
+    """The lines of an entity with subclass markers, which are added if they are missing."""
     codes = [x.strip() for x in lines[::2]]
     if "100" in codes:
         return lines

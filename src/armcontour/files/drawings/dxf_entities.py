@@ -172,7 +172,7 @@ def spline(entity: Any) -> Shape | None:
 
 
 def _fit_spline(entity: Any) -> Shape | None:
-    """The cubic spline through the fit points; None if all are one point.
+    """The cubic spline through the fit points; None if all fit points coincide.
 
     The parameter is the chord length, as in CAD programs.
     """

@@ -17,7 +17,7 @@ from armcontour.program import Contour
 
 # Two pieces are the same if their points differ by at most this [m].
 SAME_PIECE = 1e-9
-# Grid on which pieces must have equal features to be compared [m].
+# Pieces are compared only if their features are equal after rounding to this grid [m].
 FEATURE_GRID = 1e-8
 # Gaps up to this [m] stay open, because closing them would change the tangents of short segments.
 MAX_OPEN_GAP = 0.5 * REPEATED_POINT
@@ -44,14 +44,14 @@ class DrawnEntity:
 def chain_pieces(
     pieces: Sequence[DrawnEntity], tolerance: float
 ) -> tuple[list[Contour], list[str]]:
-    """Chain pieces of the same layer whose ends are closer than a tolerance [m]; adds notes.
+    """Contours of the pieces, chained if their ends are closer than a tolerance [m], and notes.
 
-    Pieces can be reversed. The first piece of a contour determines the direction, the name and the
-    position in the order. Closed pieces are not joined to others. If more than two ends meet, ends
-    that touch are joined before ends with a gap, then pairs with a smaller turn first, then
-    earlier pieces first. A gap is closed at its middle: the end of a line is moved, and an arc is
-    scaled and rotated without a change of its angle. If an arc would move too far, a short line
-    closes the gap. No point moves by more than the tolerance.
+    Only pieces of the same layer are chained. Pieces can be reversed. The first piece of a contour
+    determines the direction, the name and the position in the order. Closed pieces are not joined
+    to others. If more than two ends meet, ends that touch are joined before ends with a gap, then
+    pairs with a smaller turn first, then earlier pieces first. A gap is closed at its middle: the
+    end of a line is moved, and an arc is scaled and rotated without a change of its angle. If an
+    arc would move too far, a short line closes the gap. No point moves by more than the tolerance.
 
     Pieces that coincide with others of their layer are omitted. Contours that are not longer than
     the tolerance are omitted too, unless they are closed without gaps.
@@ -384,11 +384,12 @@ def _touching_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
 
 
 def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of ends at the same vertex with the smallest turns for each end, as two arrays."""
+    """For each end, pairs with ends at the same vertex that have the smallest turns; two arrays."""
     if len(vertex) == 0:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
-    # Tangents differ by at most 2, and the first coordinates at different vertices by at least 4.
-    # Therefore a neighbour within 3 is at the same vertex.
+    # The first coordinates of ends at different vertices differ by at least 4. At the same vertex,
+    # the distance is that of the tangents, which is at most 2. Therefore a neighbour within 3 is at
+    # the same vertex.
     points, opposite = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
     count = min(MAX_CANDIDATES + 1, len(vertex))
     return _drop_missing(nearest_points(opposite, points, count, 3.0), len(vertex))

@@ -21,7 +21,8 @@ from armcontour.geometry.segments import REPEATED_POINT
 # Number of Bézier curves that are fitted at once: large enough for a small overhead of numpy, and
 # small enough for less than 100 MB of memory.
 FIT_BATCH = 4000
-# Largest gap in a continuous spline due to rounding, as a fraction of its size.
+# Largest gap in a continuous spline due to rounding, as a fraction of the extent or of the largest
+# coordinate of the spline (the larger one).
 SAME_RELATIVE = 1e-9
 
 
@@ -102,8 +103,8 @@ class BezierSpline:
 
 def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
     """Control points of the Bézier curves of a B-spline, (curves, degree + 1, dimension)."""
-    # Each control point is a value of the polar form of a curve at the ends of its knot interval,
-    # computed by de Boor's algorithm with a separate parameter in each step.
+    # Each control point is the value of the polar form (blossom) of a curve, with the ends of the
+    # knot interval as arguments. De Boor's algorithm computes it with one argument per step.
     n = len(points)
     k = degree + np.flatnonzero(np.diff(knots[degree : n + 1]) > 0)
     a, b = knots[k], knots[k + 1]
@@ -140,7 +141,7 @@ def fit_splines(
 def _fit_alike(
     splines: Sequence[BezierSpline], numbers: list[int], tolerance: float
 ) -> list[tuple[int, Segments]]:
-    """Fit the splines with the indices `numbers`, which have one degree; indices and arcs."""
+    """Fit the splines with the indices `numbers`, which have equal degrees; indices and arcs."""
     table = _SplineCurves([splines[i] for i in numbers])
     try:
         return list(zip(numbers, fit_many(table, *table.breaks, tolerance), strict=True))
@@ -204,8 +205,8 @@ def _evaluate_bezier(control: list[FloatArray], fraction: FloatArray) -> FloatAr
     return control[0]
 
 
-# The gap of a closed outline is closed by moving the end point if the gap is at most this fraction
-# of the chord of the last line, arc or curve. A larger gap is closed by a line.
+# The gap of a closed outline is closed by moving the end point only if the gap is at most `join`
+# and at most this fraction of the chord of the last line, arc or curve.
 SMALL_GAP = 0.1
 
 Shape = ArcChain | BezierSpline
@@ -253,7 +254,8 @@ class Outline:
     def close_gap(self, join: float) -> Sequence[Shape]:
         """The shapes of the outline; the gap of a closed outline is closed.
 
-        A gap up to `join` [m] is closed by moving the end point, a larger gap by a line.
+        A gap up to `join` [m] and SMALL_GAP of the last chord is closed by moving the end point, a
+        larger gap by a line.
         """
         if not self.closed:
             return self.shapes
@@ -276,7 +278,7 @@ def paths_of(
     """The paths of outlines; None for an outline without length.
 
     Lines and circular arcs are not changed; other curves become tangent arcs within `tolerance`
-    [m]. A gap of a closed outline up to `join` [m] is closed by moving the end point.
+    [m]. `join` is that of `Outline.close_gap`.
     """
     # All curves are fitted in one call, which is faster.
     plain = _draw_exact(outlines, tolerance, join)

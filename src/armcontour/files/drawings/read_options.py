@@ -90,8 +90,8 @@ class Labels:
     # A name that is too long is cut, and characters that are not printable become escapes, because
     # some CAD programs write such names. Different names stay different.
 
-    _changed: dict[str, str] = field(default_factory=dict)  # New names by the changed names
-    _alike: Counter[str] = field(default_factory=Counter)  # Numbers of equal new names
+    _changed: dict[str, str] = field(default_factory=dict)  # New names by original name
+    _alike: Counter[str] = field(default_factory=Counter)  # Counts of equal new names
 
     def __call__(self, name: str) -> str:
         """The valid name for a name in the drawing; the same name if it is valid."""
@@ -244,7 +244,10 @@ class ReadOptions(Checked):
 
     @property
     def fit_tolerance(self) -> float:
-        """Maximum distance between a curve and its fitted arcs [m], without transitions."""
+        """Maximum distance between a curve and its fitted arcs [m].
+
+        Curvature transitions have the rest of the chord tolerance.
+        """
         fraction = 1.0 if self.continuity == "tangent" else FIT_SHARE
         return fraction * self.chord_tolerance
 
@@ -309,7 +312,7 @@ class ReadOptions(Checked):
 
 
 def repair_vertices(program: Program, options: ReadOptions) -> Program:
-    """Make vertices tangent whose turn can be explained by rounded coordinates, and add a note."""
+    """Make vertices tangent if rounding of coordinates can explain their turn, and add a note."""
     # Contours with a tool orientation are not changed.
     moves: list[Move] = list(program.moves)
     tolerances, changed = options.layer_tolerances, []

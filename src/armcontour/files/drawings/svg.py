@@ -212,7 +212,7 @@ class SvgWalk(Walk):
         self._repeated = self._segments = 0
 
     def explain_empty(self) -> str:
-        """Text after the file name in the error for no contours; "" if the file is not a font."""
+        """Text for the error that the file has no contours; "" if the file is not a font."""
         if all(x.tag != "glyph" for x in self._elements):
             return ""
         return "is a font, not a drawing: specify a drawing whose text has been converted to paths"

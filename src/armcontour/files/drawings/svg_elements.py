@@ -142,8 +142,8 @@ class _Builder:
                 f"{location} must be plain text within the file, but is not: save the drawing as "
                 "plain SVG."
             )
-        # The references are counted before the parser expands them, which requires an encoding that
-        # contains ASCII.
+        # The references are counted in the bytes of the file, before the parser expands them.
+        # Therefore the encoding of the file must contain ASCII.
         self._expanded += len(value) * self._data.count(f"&{name};".encode())
         if self._expanded > MAX_EXPANDED or b"<!ENTITY" not in self._data:
             raise InvalidInput(
@@ -258,7 +258,7 @@ def parse_numbers(element: Element, key: str, text: str) -> list[float]:
 
 
 def limit_matches(matches: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
-    """The first matches, at most one more than `MAX_NUMBERS`."""
+    """The first MAX_NUMBERS + 1 matches; with the last one, `check_numbers` detects too many."""
     return itertools.islice(matches, MAX_NUMBERS + 1)
 
 
@@ -300,7 +300,7 @@ def read_length_or_zero(element: Element, key: str) -> float:
 
 
 def make_absolute(element: Element, view: ViewBox | None, font: float) -> Element:
-    """The element with lengths in %, em, ex and rem converted to user units, if possible."""
+    """The element with relative lengths in user units; lengths in % only if `view` is known."""
     changed = {}
     for key in LENGTHS & element.attributes.keys():
         match = _LENGTH.fullmatch(element.get(key))

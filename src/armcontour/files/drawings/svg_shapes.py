@@ -82,7 +82,7 @@ def _commands(element: Element, count_segments: Callable[[int], None]) -> Iterat
 
 
 def _parse_numbers(element: Element, chunk: str, position: int) -> list[float]:
-    """Parse the arguments of a command, whose text `chunk` starts at `position` of the data."""
+    """Parse the arguments of a command from `chunk`, which starts at `position` of the data."""
     good = NUMBERS.match(chunk)
     end = good.end() if good else 0
     if end < len(chunk):
@@ -92,7 +92,7 @@ def _parse_numbers(element: Element, chunk: str, position: int) -> list[float]:
 
 
 def _parse_arcs(element: Element, chunk: str, position: int) -> list[float]:
-    """Parse the arguments of a command A, whose text `chunk` starts at `position` of the data."""
+    """Parse the arguments of a command A from `chunk`, which starts at `position` of the data."""
     values: list[float] = []
     end = 0
     while (match := _ARC.match(chunk, end)) and len(values) <= MAX_NUMBERS:
@@ -104,7 +104,7 @@ def _parse_arcs(element: Element, chunk: str, position: int) -> list[float]:
 
 
 def _refuse_arguments(element: Element, chunk: str, position: int, end: int) -> None:
-    """Raise an error for the character `end` of the arguments of a command."""
+    """Raise an error for the text from index `end` of the arguments `chunk` of a command."""
     element.refuse(
         f"path data has {chunk[end : end + 20].strip()!r} at character {position + end + 1}, which "
         "is not a valid argument of the command"
@@ -163,7 +163,8 @@ class Pen:
         """Draw a Bézier curve (command C, S, Q or T); return its last control point."""
         last, control = self.previous
         if kind in "ST":
-            # The first control point is that of the previous curve, mirrored at the current point.
+            # The first control point is the last control point of the previous curve, mirrored at
+            # the current point. After other commands it is the current point.
             smooth = last in ("CS" if kind == "S" else "QT") and bool(last)
             points = [2 * self.position - control if smooth else self.position, *points]
         if kind in "CS":

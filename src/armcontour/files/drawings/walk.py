@@ -71,7 +71,7 @@ def _clip_once(path: Path, clip: Clip) -> list[Path]:
 
 
 def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Parts of segments between crossings with a polygon: segment index, start and end [m]."""
+    """Parts of segments, cut at a polygon: segment indices, start and end arc lengths [m]."""
     n = len(table)
     rows, distances = [np.arange(n)], [np.zeros(n)]
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -97,18 +97,19 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
 
 
 def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[FloatArray]:
-    """Arc lengths [m] at which segments cross a line: two arrays of (n,), not finite if none.
+    """Two arc lengths at which each segment crosses a line [m], (n,) each.
 
-    The line passes through `a`, and is perpendicular to the unit vector `normal`.
+    The line passes through `a`, and is perpendicular to the unit vector `normal`. Without a
+    crossing, the arc lengths are not finite or outside the segment.
     """
     k = table.curvatures
     height = (table.starts - a) @ normal
     rise, normal_rise = table.tangents @ normal, table.normals @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
         straight = -height / rise
-        # An arc with the curvature k crosses the line at the arc length u if
-        # k height + normal_rise + rise sin(ku) - normal_rise cos(ku) = 0.
-        # In the plane, rise² + normal_rise² = 1 for an arc.
+        # At the arc length u, the distance of an arc with the curvature k from the line is height +
+        # (rise sin(ku) + normal_rise (1 - cos(ku))) / k, which is 0 at a crossing. In the plane,
+        # rise² + normal_rise² = 1 for an arc.
         middle, half = np.arctan2(rise, -normal_rise), np.arccos(-(k * height + normal_rise))
         turns = [np.mod(middle + x, 2 * np.pi) / k for x in (-half, half)]
     return [np.where(k > 0, x, straight) for x in turns]
@@ -142,7 +143,7 @@ class Inherited:
     """Properties that the entities inside a group, block or reference inherit."""
 
     to: Affine  # Map from the coordinates of the entities to the page or the world [m]
-    layer: str = ""  # Layer of entities that have none
+    layer: str = ""  # Layer of entities without their own layer
     name: str = ""  # Name of the innermost reference or INSERT
     targets: tuple[object, ...] = ()  # Targets of the nested references or INSERTs, outermost first
     color: frozenset[str] = frozenset()  # Names of the colour
@@ -175,7 +176,7 @@ class Walk:
         self.labels = Labels()
         # Names of omitted entities by the reason, with their counts.
         self.omitted: dict[str, Counter[str]] = {}
-        # Numbers of entities on layers, and of colours, that are not selected.
+        # Numbers of entities that are not selected, by layer and by colour.
         self.on_other_layers: Counter[str] = Counter()
         self.of_other_colors: Counter[str] = Counter()
 
@@ -201,11 +202,11 @@ class Walk:
         return sentences + self.labels.notes
 
     def explain_empty(self) -> str:
-        """Text after the file name in the error for no contours; "" selects the general text."""
+        """Text for the error that there is no contour; "" selects the general text."""
         return ""
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
-        """Chain all entities to a program; its notes are `notes` and those of the traversal."""
+        """Chain all entities to a program with `notes` and the notes of traversal and chaining."""
         pieces = self._clipped_entities(list(entities))
         contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
         notes = [*notes, *self.notes, *chaining_notes]
@@ -265,7 +266,7 @@ def list_counted(names: Counter[str]) -> str:
 
 
 def place_outline(outline: Outline, to: Affine) -> tuple[Outline, str]:
-    """The image of an outline under an affine map [m], and a text if it is too far away, or ""."""
+    """Image of an outline under an affine map [m], and an error text; "" if it is in range."""
     with np.errstate(over="ignore", invalid="ignore"):
         placed = outline.place(to)
         reach = float(np.abs(placed.bounding_points).max())

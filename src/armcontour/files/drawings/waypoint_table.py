@@ -196,7 +196,7 @@ def _fill_down(texts: Iterable[str]) -> Iterator[str]:
 
 
 def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
-    """Indices of the rows at which a new contour starts, without the first row."""
+    """Indices of the rows at which a new contour starts, except the first row."""
     rows = list(zip(*texts.values(), strict=True))
     return [i for i in range(1, len(rows)) if rows[i] != rows[i - 1]]
 

@@ -69,7 +69,7 @@ def part_files(file: FilePath, count: int) -> list[FilePath]:
 
 
 def describe_parts(parts: Sequence[SetPointTable], most: int | None) -> list[str]:
-    """Sentences on the files that have more than `most` points, and on those that end in motion."""
+    """Sentences on files that have more than `most` points, and on files that end in motion."""
     sentences: list[str] = []
     long = [k for k, x in enumerate(parts, 1) if most is not None and len(x.t) > most]
     if long:

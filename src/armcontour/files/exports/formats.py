@@ -37,7 +37,8 @@ from armcontour.robot import Arm
 BAG_EXTENSIONS = (".mcap", ".db3", ".yaml")
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
 Derivatives = Annotated[int, AtLeast(0, 2)]
-# Accelerations have two decimals less than positions, torques three, and need at least one.
+# Decimals of joint positions. Accelerations have two fewer and torques three fewer decimals. The
+# minimum is 4, so that torques have at least one.
 Decimals = Annotated[int, AtLeast(4, DECIMALS)]
 
 
@@ -62,7 +63,7 @@ class ExportFormat(Checked):
     joints: ClassVar[int | None] = None
     # Whether a file may end in motion, because the player continues with the next file
     in_motion: ClassVar[bool] = False
-    # Whether the interval between all points must be one cycle
+    # Whether consecutive points must be exactly one cycle apart
     regular: ClassVar[bool] = False
     name: str | None = None
     points_per_file: int | str | None = None

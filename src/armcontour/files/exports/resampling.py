@@ -1,4 +1,4 @@
-"""Commands that a controller interpolates from exported set-points, for simulation by plants."""
+"""Commands that a controller interpolates from exported set-points, for simulated plants."""
 
 from __future__ import annotations
 

@@ -36,17 +36,18 @@ from armcontour.robot import Arm, Limits, SerialArm
 # point, because both times have rounding errors.
 EVENT_TOLERANCE = 1e-9
 # Set-points equal the plan if they differ by at most this value [rad]; results have 12 decimals.
-# Also the joint speed below which a trajectory stops [rad/s].
+# Also the joint speed up to which a joint counts as stopped [rad/s].
 SAME_POSITION = 2e-12
 # Maximum number of samples of a trajectory; more do not fit into memory together with the export.
 MAX_SAMPLES = 20_000_000
 # Decimals of results, and the largest number of decimals of joint positions.
 DECIMALS = 12
 # Decimals of joint positions [rad] in exported texts. An error of 1e-7 rad moves a tool at 1 m by
-# 0.1 um. For cycles up to FINE_CYCLE [s], 7 decimals would change accelerations, which are second
-# differences of the positions, by 0.03 rad/s^2 or more, so that FINE_DECIMALS are used.
+# 0.1 um. With a cycle of FINE_CYCLE [s], 7 decimals would change accelerations, which are second
+# differences of the positions, by up to 0.0125 rad/s^2, and with shorter cycles by more. Therefore
+# cycles up to FINE_CYCLE have FINE_DECIMALS.
 POSITION_DECIMALS, FINE_DECIMALS, FINE_CYCLE = 7, 9, 0.004
-# Number of decimals by which each quantity has fewer decimals than the joint positions.
+# Each quantity has this number of decimals fewer than the joint positions.
 FEWER_DECIMALS = {"dq": 1, "ddq": 2, "torque": 3}
 # Decimals of times [s]: MICRO if all times are whole microseconds, otherwise NANO.
 MICRO, NANO = 6, 9
@@ -287,7 +288,7 @@ def tabulate(
     effort: Samples | None = None,
     **about: Any,
 ) -> SetPointTable:
-    """Create the table of samples, with the torques of the motion `effort`.
+    """Create the table of samples; if `effort` is given, with the torques of its motion.
 
     `about` are further fields of `SetPointTable`.
     """
@@ -340,7 +341,7 @@ def _tool_fields(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArr
 
 
 def _find_stops(plan: Trajectory) -> FloatArray:
-    """Times between moves of the program at which the joints stop [s], (stops,)."""
+    """Times between moves of the program at which all joints are at rest [s], (stops,)."""
     ends = np.array([x.t[1] for x in plan.spans[:-1]])
     still = np.all(np.abs(plan(ends, 1)) <= SAME_POSITION, axis=1)
     return np.unique(ends[still])
@@ -361,7 +362,7 @@ def _sample_stops(plan: Trajectory, samples: Samples, stops: FloatArray, cycle: 
 
 
 def check_export_cycle(cycle: float, duration: float, name: str) -> None:
-    """Check that a cycle is not longer than the motion, unless the motion is tiny."""
+    """Check that a cycle is not longer than the motion; up to LONGEST_CLOCK it is always valid."""
     if cycle > max(duration, LONGEST_CLOCK):
         raise InvalidInput(
             f"The cycle of {cycle:g} s is longer than the motion of {name!r}, which takes "
@@ -457,9 +458,9 @@ def _with_builtin_types(event: TimedEvent) -> TimedEvent:
 def joint_columns(
     t: FloatArray, joint_names: Sequence[str], **quantities: FloatArray | None
 ) -> tuple[list[str], list[FloatArray]]:
-    """Titles and columns: `t [s]`, then `q 1 [rad]`, `q 2 [rad]`, ... Omits quantities of None."""
-    # Titles contain the names of the joints, without "joint " if all names stay unique. The readers
-    # of joint files recognize these titles.
+    """Titles (`t [s]`, `q 1 [rad]`, ...) and columns of times and quantities that are not None."""
+    # Titles contain the names of the joints, without "joint " if the shortened names are unique.
+    # The readers of joint files recognize these titles.
     called = [x.removeprefix("joint ") for x in joint_names]
     if len(set(called)) < len(called):
         called = list(joint_names)
@@ -515,7 +516,7 @@ def _csv_line(cells: Sequence[str]) -> str:
 def format_rows(
     row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None
 ) -> Iterator[str]:
-    """Yield rows as text in blocks; `row` is the format (%), `lines` has those of single rows."""
+    """Yield rows as text in blocks; `row` is the % format, and `lines` has exceptions by row."""
     at_once = max(1, FORMAT_BLOCK // max(1, row.count("%")))
     for i in range(0, len(columns[0]), at_once):
         values = np.column_stack([x[i : i + at_once] for x in columns])

@@ -197,7 +197,7 @@ def _read_template(template: str | FilePath) -> tuple[str, str, FilePath]:
 
 
 def _read_included(folder: FilePath, name: str) -> str:
-    """Text of a template that another template includes; it must be inside the folder."""
+    """Text of a template that another template includes; its file must be inside the folder."""
     from jinja2 import TemplateNotFound
     from jinja2.loaders import split_template_path
 

@@ -35,7 +35,7 @@ HOLD = 0.5
 
 # Number of standard analog outputs of a control box.
 ANALOG_OUTPUTS = 2
-# Format of the level of an analog output, and its rounding error.
+# Format of the level of an analog output, and the rounding error of this format.
 LEVEL, SAME_LEVEL = "%.4f", 5e-5
 # Format of a joint position [rad].
 ANGLE = f"%.{POSITION_DECIMALS}f"
@@ -107,7 +107,7 @@ def write_urscript(
 def _commands(
     table: SetPointTable, lines: Sequence[tuple[float, str]], point: str, last: str
 ) -> Iterator[str]:
-    """Yield the program text: servoj commands and `lines`, (time [cycles], text), by time."""
+    """Yield servoj commands and `lines`, (time [cycles], text), in the order of their times."""
     done, count = 0, len(table.q)
     for position, command in lines:
         # A servoj takes one cycle, so that the next line is executed at the time of the next

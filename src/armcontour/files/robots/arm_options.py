@@ -19,7 +19,7 @@ DESCRIPTIONS, MJCF = (".urdf", ".xacro"), (".xml", ".mjcf")
 # Maximum length of the name of a robot, joint or link [characters]. It is large, because some
 # packages add prefixes to names.
 MAX_CHARACTERS = 1000
-# Options of any arm, of a model or MJCF file, and of a robot description.
+# Options that are valid for any arm, for a model or MJCF file, and for a robot description.
 ANY_OPTIONS = ("joint_limits", "srdf")
 MODEL_OPTIONS = (*ANY_OPTIONS, "tip", "locked")
 DESCRIPTION_OPTIONS = (*MODEL_OPTIONS, "base", "packages", "arguments")

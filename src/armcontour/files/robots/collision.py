@@ -152,7 +152,8 @@ def shape_of(
     scale: FloatArray | None = None
     if "scale" in element.attrib:
         scale = read_three(location, "scale", element.get("scale", ""))
-        # Many programs always write scale factors of 1, so that these do not confirm the unit m.
+        # Many programs always write scale factors of 1, so a factor of 1 does not confirm the unit
+        # m.
         scale = None if (scale == 1).all() else scale
     name = element.get("filename", "")
     file = find_mesh(tree, name, packages)

@@ -53,7 +53,7 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
     pin.forwardKinematics(model, data, posture)
     links: list[list[Body]] = [[] for _ in (0, *ids)]
     # The body of a locked joint moves with the nearest moving joint before it, or with the base
-    # (0).
+    # (index 0) if there is none.
     carrier = [0] * model.njoints
     for i in range(model.njoints):
         carrier[i] = ids.index(i) + 1 if i in ids else carrier[model.parents[i]]

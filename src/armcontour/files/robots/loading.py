@@ -211,7 +211,7 @@ def _built_in(name: str) -> Any:
 def arm_of(
     file: str, data: Any, payload: Payload | None = None, load: Callable[..., Arm] | None = None
 ) -> Arm:
-    """Make the arm of the data of an arm file; `load` loads the original of a derived arm."""
+    """Make the arm from the data of an arm file; `load` loads the original arm of a derived arm."""
     kind = data.get("kind") if isinstance(data, Mapping) else None
     keys = KINDS.get(kind) if isinstance(kind, str) else None
     if keys is None:
@@ -444,7 +444,7 @@ def read_hulls(name: str) -> ArmShapes:
 
 
 def _hull_file(name: str) -> Traversable:
-    """File of the hulls of a built-in arm; it does not exist for all arms."""
+    """File of the hulls of a built-in arm; some arms have no such file."""
     return resources.files("armcontour.files.robots") / "library" / "hulls" / f"{name}.json"
 
 

@@ -18,7 +18,8 @@ from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, UNITS, Limits, or
 # joint has no such limit.
 Table = dict[str, list[Any]]
 
-# Kinds of limits that a file can enable and disable: names of the limits by key of the file.
+# Kinds of limits that a file can enable and disable. The names of the limits of each kind are
+# listed by key of the file.
 KINDS = {
     "position": {"min_position": "joint_lower", "max_position": "joint_upper"},
     "velocity": {"max_velocity": "joint_velocity"},
@@ -84,7 +85,7 @@ def override_limits(table: Table, joints: Sequence[str], file: FilePath) -> None
 
 
 def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
-    """`Limits` of a table; checks that ranges are not empty and that no joint lacks a limit."""
+    """`Limits` of a table; checks the ranges, and that no joint lacks a limit of other joints."""
     limits: dict[str, Any] = {}
     for name in JOINT_LIMITS:
         if any(x is not None for x in table[name]):
@@ -107,7 +108,7 @@ def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
 def _check_values(
     name: str, values: Sequence[Any], joints: Sequence[str], source: str
 ) -> Sequence[Any]:
-    """Checked values of a limit, one per joint; if one has two bounds, two bounds per joint."""
+    """Checked values of a limit, one per joint; two bounds per joint if any joint has two."""
     # Unlike other limits, jerk may be limited for only some joints.
     some = name == "joint_jerk"
     for joint, value in zip(joints, values, strict=True):

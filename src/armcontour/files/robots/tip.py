@@ -16,8 +16,9 @@ NextJoints = dict[str | None, list[Joint]]
 
 def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str]:
     """Tip link of the only chain of moving joints, and a note if other links were possible."""
-    # Joints of a gripper are ignored. These are branches at the end of the chain that have equal
-    # lengths and are shorter than the chain, and a last joint that another joint mimics.
+    # Joints of a gripper are ignored. These are: branches at the end of the chain that have equal
+    # lengths and are shorter than the chain; and the last joint of the chain if another joint
+    # mimics it.
     parents = {joint.parent for joint in tree.joints.values()}
     ends = [x.child for x in tree.below(base) if x.child not in parents]
     if len(ends) == 1:
@@ -72,7 +73,7 @@ def _only_chain(tree: Tree, following: NextJoints) -> list[Joint]:
 
 
 def _without_fingers(following: NextJoints, branches: Sequence[Joint], depth: int) -> list[Joint]:
-    """Branches without fingers, which are branches of equal length that is less than `depth`."""
+    """Branches that are not fingers. Fingers have equal lengths, of fewer than `depth` joints."""
     lengths = [_length(following, x) for x in branches]
     fingers = [length < depth and lengths.count(length) > 1 for length in lengths]
     return [x for x, finger in zip(branches, fingers, strict=True) if not finger]
@@ -89,7 +90,7 @@ def _length(following: NextJoints, joint: Joint) -> int:
 
 
 def _tip_of(tree: Tree, last: str) -> str:
-    """Tip among the links that are fixed to the last moving link: tool frame, only end, or it."""
+    """Tip among `last` and the links fixed to it: tool frame, else the only end, else `last`."""
     fixed = [last]
     # The loop extends the list that it iterates over.
     for link in fixed:

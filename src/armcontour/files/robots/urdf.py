@@ -36,8 +36,8 @@ HINT = (
     "with has_acceleration_limits and max_acceleration for every joint, or set "
     "limits.joint_acceleration"
 )
-# Limits in the limit elements of a description: attribute of the element, which is also the kind of
-# limit in joint_limits.yaml, by name of the limit.
+# Limits of descriptions by name: the attribute of the limit element, which is also the name of the
+# kind of limit in joint_limits.yaml.
 DESCRIBED_LIMITS = {"joint_velocity": "velocity", "joint_torque": "effort"}
 # Ranges whose ends are between these values [rad] are rejected, because they are probably in
 # degrees. Usual arms turn by at most 2.5 turns.
@@ -160,7 +160,7 @@ def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
 
 
 def _lock_advice(joint: Joint) -> str:
-    """Advice to lock a joint, for the end of a message; empty if it has no single position."""
+    """Advice to lock a joint, for the end of a message; empty for a planar or floating joint."""
     if joint.kind in ("planar", "floating"):
         return ""
     return f", or lock it with locked={{{joint.name!r}: ...}} (in a job, arm.locked)"
@@ -186,8 +186,8 @@ def _limits(
     lacking = {}
     for name, key in DESCRIBED_LIMITS.items():
         lacking_joints = [x for x, value in zip(names, table[name], strict=True) if value is None]
-        # A limit that the description has for some joints only is removed. If it is the file that
-        # has the limit for some joints only, `limits_of` raises an error.
+        # A limit that the description has for only some joints is removed. If the file changes this
+        # limit but not for all joints that lack it, `limits_of` raises an error.
         if lacking_joints and table[name] == described[name]:
             table[name] = [None] * len(moving)
             lacking[key] = f"no {key} of {list_some(lacking_joints, MAX_NAMED)}"
@@ -207,7 +207,7 @@ def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
 
 
 def _hint(limits: Limits, *, has_bodies: bool) -> str:
-    """Advice for an arm without acceleration limits; empty if it has them or torque limits."""
+    """Advice for an arm without acceleration limits; empty if the arm has acceleration limits."""
     if limits.joint_acceleration is not None:
         return ""
     if not has_bodies or limits.joint_torque is not None:
@@ -237,7 +237,7 @@ def _apply_soft_limits(table: Table, moving: list[Joint], file: str) -> str:
     narrowed = []
     for k, joint in enumerate(moving):
         low, high = (joint.number("safety_controller", key, file) for key in SOFT)
-        # A safety controller of speed only has no such limits, or both are 0.
+        # A safety controller that limits only the speed has no soft limits, or both are 0.
         if joint.kind != "continuous" and low is not None and high is not None and low < high:
             before = [table[name][k] for name in JOINT_RANGE]
             narrow_range(table, k, low, high)
@@ -252,7 +252,7 @@ def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) 
     """Check that joint ranges are not probably in degrees; `stated` ranges are not checked."""
     for k, joint in enumerate(moving):
         low, high = (table[name][k] or 0.0 for name in JOINT_RANGE)
-        # Descriptions of joints without a range often have a power of ten in both directions.
+        # For joints without a range, descriptions often have plus and minus a power of ten.
         endless = low == -high and math.log10(high or 1.0).is_integer()
         is_stated = any(stated[name][k] is not None for name in JOINT_RANGE)
         if MAX_RADIANS < max(-low, high) < MAX_DEGREES and not (endless or is_stated):

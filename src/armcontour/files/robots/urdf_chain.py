@@ -16,7 +16,7 @@ from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.tree import Joint, Tree
 from armcontour.robot.chain import Chain, check_inertia, merge_bodies
 
-# Maximum length of a sequence of joints of which each mimics the next; grippers have about 3.
+# Maximum length of a sequence of joints in which each mimics the next; grippers have about 3.
 MAX_MIMICS = 50
 # Maximum number of locked joints that a note lists.
 MAX_LOCKED = 8
@@ -83,7 +83,7 @@ class Description:
         )
 
     def link_frames(self) -> dict[str, tuple[int, Frame]]:
-        """Index of the chain's link that each link is fixed to (0: base), and its frame there."""
+        """By link: index of the moving link to which it is fixed (0: base), and its frame there."""
         number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
         frames = {self.base: (0, Frame())}
         for joint in self.below:
@@ -95,7 +95,7 @@ class Description:
         return frames
 
     def _joint_frame(self, joint: Joint) -> Frame:
-        """Frame of the child link of a joint in the parent link, at 0 or the locked position."""
+        """Frame of the child link in the parent link, at position 0 or at the locked position."""
         xyz, rpy = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
         place = Frame(position=xyz, rotation=from_rpy(rpy))
         value = 0.0 if joint.name in self._names else self._locked_position(joint, ())
@@ -182,7 +182,7 @@ class Description:
         return False
 
     def _has_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
-        """True if all links that the arm moves have valid masses; adds a note if not."""
+        """True if all links that the arm moves have valid masses; notes data that are ignored."""
         faults, has_bodies = self._inertia_faults(carried)
         if has_bodies and faults:
             others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
@@ -237,7 +237,7 @@ class Description:
         return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)
 
     def _body(self, link: str) -> tuple[float, Frame, FloatArray] | None:
-        """Mass [kg], frame of the centre of mass, and inertia in it [kg m²]; None if missing."""
+        """Mass [kg], frame of the centre of mass, and inertia in that frame [kg m²], or None."""
         inertial = self.tree.links[link].find("inertial")
         where = f"The link {link} of {self.tree.file}"
         if inertial is None:

@@ -29,8 +29,9 @@ Point = tuple[float, float]
 ALWAYS_ALLOWED = {"mm": 2 * math.sqrt(2) * 1e-5, "inch": 2 * math.sqrt(2) * 2.54e-5}
 MAX_DIFFERENCE = {"mm": 0.5e-3, "inch": 0.05 * 0.0254}
 MAX_RELATIVE = 1e-3
-# A programmed radius may be shorter than half the chord by this length [m]. A distance from the
-# centre below it counts as zero (LinuxCNC's RADIUS_TOLERANCE).
+# A programmed radius may be shorter than half the chord by at most this length [m]. If the start or
+# end is nearer to the centre than this length, the radius counts as zero (LinuxCNC's
+# RADIUS_TOLERANCE).
 RADIUS_TOLERANCE = 0.00005 * 0.0254
 # An arc with a larger swept angle [rad] is drawn as two arcs. At this angle, the projection onto
 # the bisector moves the centre by 0.7 times the difference of its distances to start and end.
@@ -51,7 +52,7 @@ class ArcPart:
     end: Point  # End point [m]
 
     def circle(self, start: Point) -> ArcPart:
-        """The full circle on which the arc is, from its start point `start` back to `start`."""
+        """The full circle that contains the arc; it begins and ends at the start point `start`."""
         length = 2 * math.pi / self.curvature
         return ArcPart(self.tangent, self.normal, self.curvature, length, start)
 
@@ -101,7 +102,7 @@ def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str)
 
 
 def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> ProgrammedArc:
-    """The arc of a given radius [m]: at most half a circle, or at least half if it is negative."""
+    """Arc with a radius [m]: at most half a circle, or at least half if the radius is negative."""
     chord = math.dist(start, end)
     if chord <= REPEATED_POINT:
         raise Fault(
@@ -123,7 +124,7 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Progr
 
 
 def arc_parts(arc: ProgrammedArc, turns: int) -> list[ArcPart]:
-    """Divide a programmed arc into `turns` - 1 full circles and the one or two arcs of the rest."""
+    """Divide a programmed arc into `turns` - 1 full circles, and one or two arcs to its end."""
     if arc.start == arc.end:
         last = [_arc_around(arc, 2 * math.pi)]
     elif arc.sweep > NEARLY_FULL and _distance_to_bisector(arc) > REPEATED_POINT:
@@ -155,7 +156,7 @@ def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
 
 
 def _arc_around(arc: ProgrammedArc, sweep: float) -> ArcPart:
-    """The arc around the programmed centre, from the start over an angle `sweep` [rad]."""
+    """The arc around the programmed centre, from the start by the angle `sweep` [rad]."""
     normal = (
         (arc.center[0] - arc.start[0]) / arc.radius,
         (arc.center[1] - arc.start[1]) / arc.radius,
@@ -174,7 +175,7 @@ def _arc_around(arc: ProgrammedArc, sweep: float) -> ArcPart:
 
 
 def _divide_arc(arc: ProgrammedArc) -> list[ArcPart]:
-    """An arc around the programmed centre over half the angle, and a tangent arc to the end."""
+    """An arc around the programmed centre by half the swept angle, and a tangent arc to the end."""
     first = _arc_around(arc, arc.sweep / 2)
     ex = (first.end[0] - arc.center[0]) / arc.radius
     ey = (first.end[1] - arc.center[1]) / arc.radius
@@ -190,7 +191,7 @@ def _divide_arc(arc: ProgrammedArc) -> list[ArcPart]:
 
 
 def _check_end(start: Point, piece: ArcPart) -> None:
-    """Check that the end computed from the data of an arc is within `END_TOLERANCE` of its end."""
+    """Check that the end computed from the data of an arc is within END_TOLERANCE of `end`."""
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
     across = 2 * math.sin(turn / 2) ** 2 / piece.curvature
@@ -213,7 +214,7 @@ def helix_length(arc: ProgrammedArc, turns: int, rise: float) -> float:
 def helix_points(
     arc: ProgrammedArc, turns: int, tolerance: float, count_segments: Callable[[int], None]
 ) -> list[Point]:
-    """End points, in the plane of the arc [m], of chords within a tolerance [m] of a helix."""
+    """End points, in the plane of the arc [m], of the chords of a helix within a tolerance [m]."""
     # The radius changes linearly from start to end. `count_segments` receives the number of chords
     # before they are computed, and raises an error if there are too many.
     largest = max(arc.radius, arc.end_radius)

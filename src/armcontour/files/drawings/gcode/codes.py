@@ -149,8 +149,8 @@ NEVER_SKIPPED_G = frozenset(
 CALLS = frozenset((97, 98, 99))
 # M72 restores the modes that M70 saved. With the words P, R or S it is a code of printers.
 RESTORE = 72
-# Codes that use all words of their line except F and S. If one is skipped, so is the motion of its
-# line.
+# Codes that use all words of their line except F and S. If such a code is skipped, the motion of
+# its line is also skipped.
 OWN_THE_LINE = frozenset((SET_DATA, *REFERENCE_MOVES, 431, 432, MACHINE, SHIFT))
 
 

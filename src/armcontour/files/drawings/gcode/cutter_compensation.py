@@ -37,8 +37,8 @@ from armcontour.program.crossings import (
 )
 from armcontour.program.moves import Value
 
-# Largest distance of two ends of parallels that are one point [m]: half of the smallest gap of a
-# path.
+# The ends of two parallels count as one point up to this distance [m]: half of the smallest gap of
+# a path.
 SAME_END = REPEATED_POINT / 2
 # A move reverses the direction if its turn differs from half a turn by at most this [rad].
 REVERSAL = 1e-9
@@ -246,7 +246,7 @@ class Compensation:
                 action()
 
     def _entry_arc(self, move: _Move, tip: complex, tangent: complex) -> FloatArray:
-        """Row of the entry arc: from the position of the tool, tangent to `tangent` at `tip`."""
+        """Row of the entry arc from the position of the tool to `tip`, with `tangent` at `tip`."""
         start = complex(*self.draft.last[:2])
         half = cmath.phase(tangent / (tip - start))
         curvature = 2 * math.sin(half) / abs(tip - start)
@@ -265,7 +265,7 @@ class Compensation:
     def _cut_corners(
         self, moves: Sequence[_Move], parallel: FloatArray, inside: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Arc lengths at which each parallel, cut at inside corners, begins and ends [m], (n,)."""
+        """Start and end arc lengths of parallels, cut at inside corners [m], (n,) each."""
         cut, lengths = np.flatnonzero(inside), parallel[:, LENGTH]
         first, last = np.zeros(len(parallel)), lengths.copy()
         back, first[cut + 1] = corner_cuts(parallel[cut], parallel[cut + 1])
@@ -298,7 +298,7 @@ class Compensation:
     def _draft_corner(
         self, move: _Move, parallel: FloatArray, tangent: FloatArray, turn: float
     ) -> None:
-        """Draft the arc around the outside corner before a move; a line before a rapid."""
+        """Draft the arc around the outside corner before a feed move; before a rapid, a rapid."""
         x, y = parallel[:2].tolist()
         if move.feed is None:
             self.draft.add_rapid(x, y, self.draft.last[2])

@@ -17,7 +17,7 @@ from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
 
-# Largest squared distance of two points that are the same [m²].
+# Two points are the same if their squared distance is at most this [m²].
 SAME_POINT_SQUARED = REPEATED_POINT**2
 # Largest rounding error of z after relative moves that return to zero [m].
 Z_ROUNDING = 1e-12
@@ -106,7 +106,7 @@ class ProgramDraft:
             )
 
     def add_rapid(self, x: float, y: float, z: float) -> None:
-        """Add a rapid move. Before the first contour only its end is stored."""
+        """Add a rapid move. Before the first contour, only the end point of the move is stored."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= SAME_POINT_SQUARED:
             return
@@ -203,7 +203,7 @@ def _point(values: Sequence[float]) -> Point:
 
 
 def _contour(chain: FeedChain, dimension: int, count: int, source: str) -> Contour:
-    """The contour of feed moves; the `count`-th contour of its line has the count in its name."""
+    """Contour of feed moves; `count` is its number among contours that start in the same line."""
     try:
         path = _path(chain.points, dimension, chain)
     except InvalidInput as error:

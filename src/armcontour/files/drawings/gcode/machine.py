@@ -33,7 +33,7 @@ M_PARAMETERS = "DEHLOPQST"
 
 
 class UnknownWords:
-    """Removes codes and words that are not executed from a line, with notes, or refuses them."""
+    """Removes from lines the codes and words that are not executed, with notes, or refuses them."""
 
     def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
         self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient

@@ -102,7 +102,7 @@ class Offsets:
 
 # Largest feed rate [m/s].
 FASTEST = 1e6
-# Largest relative difference between two units that are equal.
+# Two units are equal if their relative difference is at most this.
 SAME = 1e-9
 
 
@@ -119,7 +119,7 @@ class Modes:
     tolerance: float = math.nan  # Maximum permitted corner error [m], NaN if not specified
     # Whether cycles end at the height R (G99), not at the initial level (G98).
     return_to_r: bool = False
-    # Whether F is one over the duration of a move [1/min] (G93), not a feed rate (G94).
+    # Whether F is the inverse of the duration of a move [1/min] (G93), not a feed rate (G94).
     inverse_time: bool = False
     feed: float | None = None  # F [m/s], or [1/min] under G93; None if no F is active
     feed_given: bool = False  # Whether a line of the file had an F
@@ -136,7 +136,7 @@ class Modes:
                 self.inverse_time, self.feed = inverse_time, None
         value = block.words.pop("F", None)
         if self.inverse_time:
-            # Under G93, F is valid for the move of its line only.
+            # Under G93, F is valid only for the move on the same line.
             self.feed = value
             if value is not None and value < 0:
                 raise Fault(f"F under G93 must not be negative, but is {value:g}")

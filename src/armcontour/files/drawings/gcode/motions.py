@@ -22,7 +22,7 @@ from armcontour.files.drawings.gcode.words import WHOLE_TOLERANCE, Block, Fault,
 
 # Largest coordinate [m]. Above this value a double does not resolve a nanometre.
 FARTHEST = 1e6
-# Largest difference of two heights that are equal [m].
+# Two heights are equal if their difference is at most this [m].
 SAME_HEIGHT = 1e-9
 
 REFERENCE_NOTE = (

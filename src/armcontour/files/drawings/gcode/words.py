@@ -87,7 +87,8 @@ MAX_LINE_LENGTH = 65_536
 SHOWN_CHARACTERS = 30
 # Smallest M code that may have decimals, such as M862.3 of 3D printers.
 FIRST_WITH_DECIMALS = 100
-# A value is a whole number if it differs from one by at most this (LinuxCNC manual, "Numbers").
+# A value counts as a whole number if it differs from the nearest whole number by at most this
+# (LinuxCNC manual, "Numbers").
 WHOLE_TOLERANCE = 1e-4
 
 TOKEN = re.compile(r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL)
@@ -109,8 +110,8 @@ QUOTED_TEXT = re.compile(r'"[^"]*"')
 LASER_CODES = frozenset({3, 4, 5})
 # Matches a numbered line with the checksum that senders of 3D printers append: "N3 T0*57".
 CHECKSUM = re.compile(r"^(N[0-9]+[^;(*]*)\*[0-9]+(?=;|$)")
-# Removes white space and converts to capitals: both are ignored (LinuxCNC manual, "Format of a
-# line").
+# Removes white space and converts to capitals, because white space and case are ignored (LinuxCNC
+# manual, "Format of a line").
 TO_COMPACT = str.maketrans(
     {c: None for c in " \t\r\n"} | {chr(i): chr(i - 32) for i in range(ord("a"), ord("z") + 1)}
 )
