@@ -13,7 +13,7 @@ from armcontour.core.palette import VERDICTS
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
 from armcontour.core.text import digits, format_table, to_html
 
-# Display units of SI units, and their sizes.
+# Display unit of each SI unit, and size of the display unit in the SI unit.
 SHOWN = {
     "1": ("%", 1e-2),
     "m": ("mm", 1e-3),
@@ -27,7 +27,8 @@ WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2
 SHORT = 0.1
 # Numbers below this are shown with six decimals instead of four significant digits.
 FINE = 1e-3
-# Widest figure after which notes are aligned, and widest line of a table [characters].
+# Widest figure that counts for the column in which notes begin, and widest line of a table
+# [characters].
 WIDEST_FIGURE = 16
 WIDEST_TABLE = 118
 # Longest list in a JSON file.

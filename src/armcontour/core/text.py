@@ -210,13 +210,13 @@ def _members(value: Any, depth: int) -> str:
 
 
 def digits(value: float, count: int = 4) -> str:
-    """Format a number with a number of significant digits, without exponent below 10^15."""
+    """Format a value with `count` significant digits; large values below 10^15 have no exponent."""
     text = f"{value:.{count}g}"
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e15 else text
 
 
 def clock(t: float, count: int = 4) -> str:
-    """Format a time in s with significant digits, to 0.1 ms for large times such as Unix time."""
+    """Format a time in s: with `count` significant digits below 1 s, from 1 s on to 0.1 ms."""
     return f"{t:.{count}g}" if abs(t) < 1 else f"{t:.4f}".rstrip("0").rstrip(".")
 
 

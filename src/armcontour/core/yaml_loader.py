@@ -33,8 +33,8 @@ DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9
 # Text that libyaml and PyYAML's own parser read differently: tabs, other line ends, marks of the
 # byte order, directives, tags, "?" in texts, heads of text blocks.
 PARSED_DIFFERENTLY = re.compile("[\t\r\x85\u2028\u2029\ufeff?!]|^%|[|>][-+0-9]*#", re.MULTILINE)
-# Messages of the parser and their replacements in plain words; `begun` is the first line of the
-# wrong construct.
+# Messages of the parser and their replacements in plain words; `begun` is the number of the line in
+# which the wrong construct begins.
 PLAIN = {
     re.compile(r"unexpected end of stream"): "the quote that begins in line {begun} does not end",
     re.compile(r"'\\t' that cannot start"): "this line is indented by a tab: use blanks",
@@ -121,7 +121,7 @@ def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
 
 
 def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
-    """Decimal number, infinity or NaN; the checks of the keys reject the last two by name."""
+    """Decimal number, infinity or NaN; later checks of the key reject infinity or NaN by name."""
     text = str(loader.construct_scalar(node))
     if ENDLESS.match(text):
         return float(text.replace(".", ""))

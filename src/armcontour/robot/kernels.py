@@ -20,13 +20,14 @@ Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, flo
 
 # Number of states per block.
 B = 32
-# Pi in two parts of 33 bits: multiples of it are exact for angles below EXACT_TO [rad].
+# Pi as a sum of two parts of 33 bits. Multiples of the parts are exact for angles below EXACT_TO
+# [rad].
 HALF_TURN, REST_OF_IT = 3.1415926534682512, 1.2154201012607932e-10
 EXACT_TO = 1e6
 # Adding this number and subtracting it again rounds a value to a whole number.
 TO_WHOLE = 6755399441055744.0
-# Taylor series of sine over x and of cosine, in x², from the last significant term for angles up to
-# pi / 2.
+# Taylor coefficients of sin(x) / x and cos(x) as polynomials in x², the highest power first.
+# Further terms are negligible for angles up to pi / 2.
 SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(10, -1, -1))
 COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(11, -1, -1))
 # Number of rows per joint: cosine and sine of its position, then its first to third derivative.

@@ -19,8 +19,8 @@ from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.orientation import turns_between
 from armcontour.geometry.projection import pack_segments
 
-# A value between samples is a peak only if it exceeds the highest sample by this fraction of it
-# plus this amount [m or rad].
+# A value between samples is a peak only if it exceeds the highest sample by more than this fraction
+# of the sample plus this amount [m or rad].
 CLOSE, ROUNDING = 3e-7, 1e-13
 # Number of parts per searched interval, and largest number of subdivisions.
 PARTS = 32
@@ -28,8 +28,8 @@ MAX_CUTS = 12
 # If the path turns by more than this between two samples [rad], the error may have a peak there
 # that no sample shows.
 SHARP = 0.2
-# First sample times of smooth functions, as fractions of the interval, and number of refinements by
-# a factor of 16.
+# Sample times of the first search for the maximum of a smooth function, as fractions of the
+# interval, and number of searches, each with steps 16 times shorter than the previous one.
 FEW = np.arange(9) / 8
 CLOSER = 3
 # Sample times of an interval, and of the next search relative to the estimated peaks, as fractions

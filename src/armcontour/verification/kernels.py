@@ -43,7 +43,8 @@ class PathIntervals(NamedTuple):
 class PathParts(NamedTuple):
     """Parts of a path between the path points of successive tool points, m parts."""
 
-    # Step (index of the tool point before it), segment, and 1 if the part is the last of its step.
+    # Step (index of the tool point before the part), segment, and 1 if the part is the last of its
+    # step.
     indices: IntArray  # (m, 3)
     ends: FloatArray  # First and last arc length of each part [m], (m, 2)
     bounds: FloatArray  # Bounds on the distance from each part to the tool [m], (m,)
@@ -182,7 +183,8 @@ def _tool_distances(
     """Distances of path points p and q from the tool's motion near chord i [m], and a bound."""
     # The searched motion extends by `reach` on both sides of the chord, and until the tool has
     # passed `until` for the last time. The bound holds for all points on the line from p to q: it
-    # is the larger distance of both ends from one chord, for the best chord.
+    # is the smallest value, over all chords, of the larger of the distances of p and q from the
+    # chord.
     a = b = bound = math.inf
     for step in (1, -1):
         j, gone, spare = i, 0.0, 0.0

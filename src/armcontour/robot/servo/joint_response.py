@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 from armcontour.core.kernels import FUSED, compiled
 
-# Longest step of a free motion, in shortest time constants of the servo. Within it, the slope of
-# the demand has at most one extremum, and the series below converge up to rounding errors.
+# Longest step of a free motion, as a multiple of the shortest time constant of the servo. Within
+# it, the slope of the demand has at most one extremum, and the series below converge up to rounding
+# errors.
 LARGEST_STEP = 0.5
 # Largest number of terms of the series in `_integrals`, the factors 1 / n in them, and the relative
 # size below which terms are negligible.
@@ -334,7 +335,7 @@ def demand(servo: Servo, u: Cubic, q: float, w: float) -> float:
 @compiled(inner=True, fastmath=FUSED)
 def _saturated_side(servo: Servo, z: float, u: Cubic) -> float:
     """1 if the demand z is above its upper bound, -1 if z is below its lower bound, else 0."""
-    # Both bounds may have the same sign.
+    # The sign of z does not decide, because both bounds may have the same sign.
     tolerance = ROUNDING * servo.kp * servo.kv * abs(u.value)
     if z > servo.upper + tolerance:
         return 1.0
@@ -475,7 +476,7 @@ def next_phase(
 
 @compiled(fastmath=FUSED)
 def progresses(kp: float, kv: float, span: float) -> bool:
-    """True if steps advance the time in floating point, and their number is acceptable."""
+    """True if steps over `span` [s] change a floating-point time, and are not too many."""
     step = LARGEST_STEP / fastest_rate(kp, kv)
     return step >= span or (span + step > span and span < MAX_STEPS * step)
 

@@ -29,8 +29,8 @@ FINEST = 1e-6
 # Accuracy of the first time at which a margin is violated, as a travel [m]; number of pieces per
 # window of the search.
 STEP, PIECES = 1e-5, 16
-# Number of pieces per window, by the largest number of windows for which it is used; two pieces if
-# there are more windows.
+# Numbers of pieces per window, each with the largest number of windows for which it is used. If
+# there are more windows, each is divided into two pieces.
 FEW = {8: 25, 4: 100}
 # Number of breaks of a motion per batch, to bound the memory.
 AT_ONCE = 20_000
@@ -458,8 +458,8 @@ class _ClearanceSearch:
 
     def _bound_distances(self, t: FloatArray, travel: FloatArray) -> None:
         """Search a part of the motion."""
-        # `t` are the times of its breaks [s], `travel` the largest travel of each joint since the
-        # start of the part [rad], (n, dof).
+        # `t` are the times of the breaks in the part [s], `travel` the largest travel of each joint
+        # since the start of the part [rad], (n, dof).
         pair = np.arange(len(self.pairs))
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
         travelled = np.zeros(len(pair)), self._radii @ travel[-1]
