@@ -100,7 +100,8 @@ class Value:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        # Otherwise a dataclass with slots would define its own versions of these two methods.
+        # Without these lines, a dataclass with slots would define its own versions of the two
+        # methods.
         for name in ("__getstate__", "__setstate__"):
             if getattr(cls, name) is getattr(Value, name):
                 setattr(cls, name, getattr(Value, name))

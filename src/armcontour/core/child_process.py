@@ -48,7 +48,7 @@ class ProcessEnded(ExecutionError):
 
 
 class _Serving:
-    """State of this process and its threads with respect to work for other processes."""
+    """State of this process, and of its threads, as workers for other processes."""
 
     # here: True in a child process, which starts no further processes.
 

@@ -67,7 +67,7 @@ def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> Co
 @contextmanager
 def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
     """Context in which other processes compile the functions of a usual run."""
-    # If the run needs a function that is not compiled, it waits, and this function is compiled
+    # If the run needs a function that is not compiled, the run waits, and this function is compiled
     # next. If the other processes fail, the run compiles the function itself.
     kind: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
     if _is_compiled(kind) or not can_start():
@@ -214,7 +214,7 @@ class CompilationSchedule:
             return key, self._remaining[key]
 
     def _finish(self, key: Key, compiled: int) -> None:
-        """Remove a finished function; count it as compiled if any call of it was compiled."""
+        """Record that a function is finished; count it if it had to be compiled."""
         with self._changed:
             self._remaining.pop(key, None)
             self._done += self._size[key]

@@ -106,7 +106,7 @@ def check(value: Any) -> None:
 
 @cache
 def quantities(kind: type) -> dict[str, Quantity]:
-    """Quantities of the fields of a dataclass, by the names of the fields."""
+    """Quantities of the fields of a dataclass, by field name."""
     hints = get_type_hints(kind, include_extras=True).items()
     pairs = ((name, _find(Quantity, tuple(parts_of(hint)))) for name, hint in hints)
     return {name: x for name, x in pairs if x is not None}
@@ -280,7 +280,7 @@ def _read_whole(mark: AtLeast, who: str) -> Reader:
 
 
 def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
-    """Reader of None, a text or one other kind; any value if there are several other kinds."""
+    """Reader of None, texts and one other kind; with several other kinds, any value is valid."""
     texts = [x for x in parts if x is str or _is_text(x)]
     others = [x for x in parts if x not in (*texts, bool, type(None))]
     if len(texts) > 1 or len(others) > 1:

@@ -91,8 +91,8 @@ class _Files(FunctionCache):
         """The compiled function; None if its files are missing, incomplete or out of date."""
         for wait in tuple(_waiting):
             wait(self._py_func)
-        # Compiled code needs this to count references. A refresh of the whole target would import
-        # hundreds of modules; numba refreshes it before it compiles.
+        # Compiled code needs `rtsys` to count references. A refresh of the whole target would
+        # import hundreds of modules; numba refreshes the target before it compiles.
         rtsys.initialize(target)
         try:
             return self._load_overload(signature, target)

@@ -134,7 +134,7 @@ class ProcessPool(ThreadPoolExecutor):
             self.shutdown()
 
     def _run_in_process(self, kills: int, heard: Callable[[Any], None], work: partial[R]) -> R:
-        """Run work in an idle or new process; `kills` is the count of `kill` at submission."""
+        """Run work in an idle or new process; `kills`: number of calls of `kill` at submission."""
         if not can_start():
             return work()
         with self._lock:

@@ -77,7 +77,7 @@ def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
 
 
 def describe_fields(cls: type) -> dict[str, str]:
-    """Descriptions of the fields of a dataclass, from its docstring and those of its bases."""
+    """Descriptions of the fields of a dataclass, from the docstrings of the class and its bases."""
     texts: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         _, _, entries = inspect.cleandoc(base.__doc__ or "").partition("\nArgs:\n")

@@ -80,7 +80,7 @@ class Loader(yaml.SafeLoader):
         return node
 
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
-        """Insert merged keys before explicit keys, which override them, unlike PyYAML 6.0.4."""
+        """Insert merged keys first, so that explicit keys override them; PyYAML 6.0.4 does not."""
         merged, explicit = [], []
         for key, value in node.value:
             if key.tag != MERGE_TAG:
@@ -187,7 +187,7 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
 
 
 def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Load a YAML document, and the root of its nodes, which have line numbers; None if empty."""
+    """Load a YAML document; also returns its root node, with line numbers, or None if empty."""
     # In the nodes, merged keys stay where they are written.
     with _reading(text, source):
         loader = Loader(text)

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 # Step h along the motion for the finite difference of the Jacobian rate [rad]. The truncation error
 # h⁴ / 30 and the rounding error 1e-16 / h are about equal.
 STEP = 1e-3
-# A limit counts as equal to the arm's limit if it exceeds it by at most this fraction (for joint
-# ranges of less than 1 rad: this angle [rad]), because files contain rounded values.
+# A limit counts as equal to the arm's limit if it exceeds it by at most this fraction (for ends of
+# joint ranges between -1 and 1 rad: by this angle [rad]), because files contain rounded values.
 SAME_LIMIT = 1e-3
 # A point farther out of reach than this [m] probably has a wrong unit. Arms reach 0.5 to 4 m;
 # coordinates in mm that are read as m are hundreds of metres away.

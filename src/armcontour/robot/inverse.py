@@ -117,7 +117,7 @@ def _range_middle(arm: ChainArm) -> FloatArray:
 def shift_by_turns(
     arm: ChainArm, q: FloatArray, start: FloatArray | None = None
 ) -> tuple[FloatArray, bool]:
-    """Joint positions shifted by whole turns into their ranges, and True if this is possible."""
+    """Joint positions shifted by whole turns into the ranges; True if all of them are inside."""
     # The shift brings the positions as near as possible to the start, or to the middle of the
     # ranges. A joint whose range has only one end is shifted into its range.
     lower, upper = arm.limits.joint_range(arm.dof)

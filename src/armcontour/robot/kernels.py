@@ -41,9 +41,9 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # series, which is exact to rounding.
 NEAR_ANGLE = 0.125
 # Number of rows of a link: cosine and sine of its joint (rows 0 and 1); first and second derivative
-# of the joint (2, 3); force and moment about the joint of a motion whose accelerations are the
-# first derivatives (4 to 9), and of the motion with both derivatives (10 to 15); first moment of
-# this and all later links (16 to 18); gravity along x and y (19, 20).
+# of the joint (2, 3); force, and moment about the joint, for accelerations equal to the first
+# derivatives without velocity (4 to 9), and for the motion with both derivatives (10 to 15); first
+# moment of this and all later links (16 to 18); gravity along x and y (19, 20).
 LINK_ROWS = 21
 # Number of rows of the motion that is propagated from link to link, three each: angular velocity,
 # velocity, angular acceleration, acceleration, gravity.

@@ -200,7 +200,7 @@ class ChainArm(Arm):
         from armcontour.robot.kernels import tool_motion
 
         leading, rows = self._rows(*states)
-        # The kernel does not use derivatives above its order, so q stands for them.
+        # The kernel does not use derivatives above its order, so q is passed in their place.
         motion = tool_motion(self.link_table, len(rows) - 1, *(rows * 4)[:4])
         return np.asarray(motion.reshape(*leading, motion.shape[1]))
 

@@ -192,7 +192,7 @@ def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
 
 
 def _cut_at(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-    """Times up to `end`, and columns interpolated at `end`, constant after the last time."""
+    """Times before `end`, then `end`; columns at these times, constant after the last time."""
     inside = t < end
     return np.append(t[inside], end), [np.append(x[inside], np.interp(end, t, x)) for x in columns]
 
@@ -358,8 +358,8 @@ def smallest_angles(
     """Smallest angle between the tool and the orientations nearby on the path [rad], (n,)."""
     # Where the path crosses itself, turns back or closes, the tool may follow another point of the
     # path than the nearest one. The result is therefore the smallest angle at the nearest points of
-    # all segments, and at segment ends, within `reach` [m]. Angles that cannot be the largest one
-    # are not reduced. turned: rotation matrices of the tool, (n, 3, 3).
+    # all segments, and at segment ends, within `reach` [m]. To save time, angles that cannot be the
+    # largest are those at the nearest point. turned: rotation matrices of the tool, (n, 3, 3).
     from armcontour.verification.kernels import find_path_points
 
     assert path.orientation is not None

@@ -176,7 +176,7 @@ class Evaluation(Result, Checked):
 
     @property
     def _reserved(self) -> str:
-        """Text that says which times and limits `time_at_limit` refers to."""
+        """Note on the times and limits to which `time_at_limit` refers."""
         plan = None if self.judged is None else self.judged.executed.set_points.trajectory
         if plan is None or not plan.reserve:
             return "of the motion"
@@ -362,7 +362,7 @@ def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
 
 
 def saturated_fractions(executed: Execution, end: float) -> FloatArray:
-    """Saturated fraction of the time of each joint until `end` [s] or the last sample, (dof,)."""
+    """Per joint, saturated fraction of the time to the last sample or a later `end` [s], (dof,)."""
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
     return np.asarray(executed.saturated_time / time)
 
@@ -380,7 +380,7 @@ def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float
 
 
 def _time_at_limit(executed: Execution, limits: Limits, duration: float) -> float:
-    """Fraction of the planned duration [s] in which a joint is within 1 % of a limit or above."""
+    """Fraction of times up to `duration` [s] at which a joint uses at least `NEAR` of a limit."""
     moved = (executed.t >= 0) & (executed.t <= duration)
     values = {"joint_acceleration": executed.ddq, "joint_velocity": executed.dq}
     if executed.torque is not None:

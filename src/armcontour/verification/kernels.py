@@ -30,7 +30,7 @@ class FollowedTool(NamedTuple):
     distance: FloatArray  # Distances of the tool points from their path points [m], (n,)
     s: FloatArray  # Arc lengths of the path points [m], (n,)
     sizes: FloatArray  # Lengths of the tool's chords [m], (n - 1,)
-    later: FloatArray  # Smallest arc length of each and all later path points [m], (n,)
+    later: FloatArray  # Smallest arc length of a path point and all later ones [m], (n,)
 
 
 class PathIntervals(NamedTuple):
@@ -102,8 +102,8 @@ def _reachable_intervals(
                 # If several path points are equally near, the next one ahead of `before` is used.
                 if d < best - EQUAL or (d <= best + EQUAL and nearest_s < before - EQUAL):
                     nearest_s = base + arc
-                    # The start of the interval restricts the path point, not the start of a
-                    # segment.
+                    # `held` is for the start of an interval; the start of a segment alone does not
+                    # restrict the path point.
                     held = centre < x and x > 0.0 and base + x <= low + EQUAL
                 best = min(best, d)
             if base + length >= high and not (is_open and done >= base + length - EQUAL):

@@ -31,7 +31,7 @@ PEAKS = 12
 
 VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
 # An excess below this fraction of a limit is attributed to rounding, because the printed digits of
-# a plan that uses a limit fully may exceed it.
+# a plan that uses a limit fully may exceed the limit.
 UNSEEN = 1e-3
 
 # Units of the limits by their names.
@@ -144,7 +144,7 @@ class LimitUse(Result, Occurrence):
 
 
 def decide_verdict(certain: float, highest: float, tolerance: float) -> str:
-    """Verdict on a limit, from its largest certain ratio and its largest ratio."""
+    """Verdict on a limit, from the largest certain ratio and the largest ratio of its use."""
     if certain > 1 + tolerance:
         return VIOLATED
     return KEPT if highest <= 1 + tolerance + UNSEEN else CANNOT_TELL
@@ -188,7 +188,7 @@ class LimitUseAccumulator:
         self.orientation_deviation = orientation_deviation
         self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
         # True if recorded values count for the highest ratio. Means over wider windows are more
-        # certain, but never exceed the means over the narrower windows inside.
+        # certain, but never exceed the largest mean over the narrower windows inside.
         self.narrow = True
         self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
@@ -305,7 +305,7 @@ class TimeLaw(Protocol):
 def record_law(
     law: TimeLaw, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
 ) -> int:
-    """Record a law at its breaks and at `points` random times per interval; return their number."""
+    """Record a law at breaks and `points` random times per interval; return the number of times."""
     # velocity_step: permitted jump of a joint's velocity at a break [rad/s].
     breaks = np.asarray(law.breaks, dtype=np.float64)
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
@@ -492,7 +492,7 @@ def _peaks(
     ratio: FloatArray,
     threshold: float,
 ) -> FloatArray:
-    """Ratios at the highest peaks between the times whose parabolas exceed `threshold`."""
+    """Ratios at the highest peaks between the times, if parabolas there exceed `threshold`."""
     before, middle, after = ratio[:-2], ratio[1:-1], ratio[2:]
     curvature, tilt = before - 2 * middle + after, (after - before) / 2
     # A parabola without a top between its outer times has its highest value at an end.

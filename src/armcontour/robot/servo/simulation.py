@@ -1,4 +1,4 @@
-"""Simulation of joint servos over cycles, at any times, and over logs."""
+"""Simulation of joint servos: in set-point cycles, at any times, and along logs."""
 
 from __future__ import annotations
 
@@ -230,7 +230,7 @@ def follow(
 
 
 def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Command in each cycle as a cubic in the time since its start, (dof, n + 1, 4)."""
+    """Command in each cycle as a cubic in the time since the cycle's start, (dof, n + 1, 4)."""
     # The command includes feed-forward and friction, so that a servo without them responds in the
     # same way. Interval k is between set-points k - 1 and k. Before the first and after the last
     # set-point the command is constant.

@@ -113,8 +113,9 @@ class _Tree:
         self.parents = [0]
 
     def grow(self, goal: FloatArray, lines: _LineChecker, *, whole: bool = False) -> int | None:
-        """Grow from the nearest posture towards a goal; index of the newest posture, or None."""
-        # With `whole`, the growth continues to the goal; otherwise it is one step.
+        """Grow towards a goal; index of the newest posture, None if no line is collision-free."""
+        # Growth starts from the nearest posture. With `whole`, it continues to the goal; otherwise
+        # it is one step.
         rows = np.array(self.postures)
         k = int(np.argmin(np.linalg.norm(rows - goal, axis=1)))
         newest: int | None = None
