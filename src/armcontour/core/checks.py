@@ -393,7 +393,7 @@ def check_int(name: str, value: Any, low: int | None = None, high: int | None = 
 def per_vertex(
     name: str, values: npt.ArrayLike | None, vertices: int, unit: str = ""
 ) -> FloatArray:
-    """Return nonnegative numbers per vertex between segments, (vertices,); infinity if None."""
+    """Return a nonnegative number per vertex between segments, (vertices,); infinity if None."""
     if values is None:
         return np.full(vertices, np.inf)
     array = check_numbers(name, values, unit)

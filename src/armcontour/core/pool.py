@@ -295,7 +295,7 @@ class TaskQueue(Generic[T, R]):
             yield from self.take()
 
     def _result(self, future: Future[Packed]) -> R:
-        """Result of an item; for a lost worker `_lost` if specified; otherwise raises the error."""
+        """Result of an item; of `_lost`, if specified, for a lost worker; raises other errors."""
         try:
             result = unpack(future.result())
         except (Exception, CancelledError) as error:

@@ -71,12 +71,12 @@ class Table:
 
     @staticmethod
     def from_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
-        """Table of rows with the same values, each with its unit and note; not shown if empty."""
+        """Table of rows with equal columns; each value has its unit and note; hidden if empty."""
         return Table(name, tuple(rows[0]) if rows else (), rows, TABLE if rows else FILE)
 
     @staticmethod
     def from_results(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
-        """Table with a result per row, all with the same values; shown are values up to `FIRST`."""
+        """Table with one result per row and equal columns; columns up to `FIRST` are shown."""
         columns = tuple(
             replace(x, value=None, label=x.label if x.level <= FIRST else "")
             for x in (results[0].rows if results else ())

@@ -121,7 +121,7 @@ def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
 
 
 def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
-    """Decimal number, infinity or NaN; later checks of the key reject infinity or NaN by name."""
+    """Decimal number, infinity or NaN; the later check of the key may reject infinity or NaN."""
     text = str(loader.construct_scalar(node))
     if ENDLESS.match(text):
         return float(text.replace(".", ""))
