@@ -14,10 +14,11 @@ MAX_STEPS = 80
 # Tolerances of a solution: violation relative to the bounds, and duality gap relative to the
 # objective; a gap of ROUNDED is accepted if rounding errors end the search.
 EXACT, OPTIMAL, ROUNDED = 1e-10, 1e-9, 1e-5
-# Initial product of slack and multiplier if the excess is half the distance between the bounds.
+# Initial product of slack and multiplier if a bound is exceeded by at least half the distance
+# between the bounds.
 FIRST_PRODUCT = 1.0
-# A missing bound is replaced by this multiple of the larger of the largest value and the other
-# bound.
+# A missing bound is replaced by this multiple of the largest magnitude of the values and of the
+# other bound.
 FAR = 10.0
 # Fraction of the longest feasible step that is used, so that slacks and multipliers stay positive.
 INSIDE = 0.995
@@ -25,7 +26,7 @@ INSIDE = 0.995
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
-    """Nearest values in the mean square whose differences are within bounds; None if impossible."""
+    """Least-squares nearest values within bounds on values and differences; None if impossible."""
     # `values` (n,). `bounds`: of the values, then of their differences of orders 1, 2, .... The
     # first and the last value do not change; before and after them the values are assumed constant.
     # The method is a primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2, 575-601, 1992)
@@ -52,7 +53,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
     change, side = np.zeros(len(values) - 2), np.array([[1.0], [-1.0]])
 
     def forward(x: FloatArray) -> FloatArray:
-        """Scaled differences of the changes x of the inner values; other changes are zero."""
+        """Scaled differences of x, the changes of the inner values; other changes are zero."""
         parts = zip(orders, scales, strict=True)
         return np.concatenate([scale * np.diff(np.pad(x, k), k) for k, scale in parts])
 
@@ -117,7 +118,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
 
 
 def differences(values: FloatArray, order: int) -> FloatArray:
-    """Differences of an order, of values assumed constant before the first and after the last."""
+    """Differences of an order; before the first and after the last value, values are constant."""
     around = [(order - 1, order - 1), *[(0, 0)] * (values.ndim - 1)]
     return np.diff(np.pad(values, around, mode="edge"), order, axis=0)
 
@@ -125,7 +126,7 @@ def differences(values: FloatArray, order: int) -> FloatArray:
 def _bands(
     count: int, orders: Sequence[int], scales: Sequence[float], weights: Sequence[FloatArray]
 ) -> FloatArray:
-    """Lower bands, diagonal first, of the identity plus weighted squares of differences."""
+    """Lower bands, diagonal first, of `I + sum(D' W D)`: scaled differences D, weights W."""
     bands = np.zeros((max(orders) + 1, count))
     bands[0] = 1.0
     for k, scale, weight in zip(orders, scales, weights, strict=True):

@@ -34,7 +34,7 @@ MAX_JOINTS = 1000
 # Largest number of sampled values, such as set-points times joints. The arrays that are computed
 # from so many values need some GB.
 MAX_VALUES = 5e7
-# Largest whole number; seeds have no smaller limit.
+# Largest whole number, for values such as seeds that have no other upper bound.
 MAX_WHOLE = 2**63 - 1
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
@@ -100,7 +100,8 @@ class Value:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        # Without this, a dataclass with slots would define its own methods.
+        # Without these lines, a dataclass with slots would define its own versions of the two
+        # methods.
         for name in ("__getstate__", "__setstate__"):
             if getattr(cls, name) is getattr(Value, name):
                 setattr(cls, name, getattr(Value, name))
@@ -150,7 +151,7 @@ def _is_frozen_value(value: Any) -> bool:
 
 
 def _refuse_old(instance: object, state: Any, count: int) -> None:
-    """Raise an error if a pickled state is from another version: not a tuple of `count` parts."""
+    """Raise an error if a pickled state is not a tuple of `count` parts, as of another version."""
     if not (isinstance(state, tuple) and len(state) == count):
         raise InvalidInput(
             f"This pickled {type(instance).__name__} was made by another version of armcontour. "
@@ -184,8 +185,8 @@ class Immutable:
         @wraps(construct)
         def construct_and_freeze(self: Immutable, *args: Any, **keywords: Any) -> None:
             construct(self, *args, **keywords)
-            # If this is not the constructor of the object's class, a subclass constructor
-            # continues.
+            # Only the constructor of the object's own class freezes: constructors of its bases run
+            # inside that constructor, before its end.
             if type(self).__init__ is construct_and_freeze:
                 arrays = {k: x for k, x in vars(self).items() if isinstance(x, np.ndarray)}
                 vars(self).update({k: freeze_copy(x) for k, x in arrays.items()}, _frozen=True)
@@ -392,7 +393,7 @@ def check_int(name: str, value: Any, low: int | None = None, high: int | None = 
 def per_vertex(
     name: str, values: npt.ArrayLike | None, vertices: int, unit: str = ""
 ) -> FloatArray:
-    """Return numbers at least 0, one per vertex between segments, (vertices,); inf for None."""
+    """Return a nonnegative number per vertex between segments, (vertices,); infinity if None."""
     if values is None:
         return np.full(vertices, np.inf)
     array = check_numbers(name, values, unit)
@@ -458,7 +459,7 @@ def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> 
 
 
 def raise_if(wrong: bool | np.bool_, message: str) -> None:
-    """Raise InvalidInput if a condition is true; for messages that are cheap to format."""
+    """Raise InvalidInput if a condition is true; the message is formatted in either case."""
     if wrong:
         raise InvalidInput(message)
 

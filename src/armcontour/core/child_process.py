@@ -39,7 +39,7 @@ def frozen_mapping(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(dict(mapping))
 
 
-# Pickle does not support read-only mappings, which are fields of values.
+# Pickle does not support read-only mappings, but some pickled dataclasses have such fields.
 copyreg.pickle(MappingProxyType, lambda x: (frozen_mapping, (dict(x),)))
 
 
@@ -48,7 +48,7 @@ class ProcessEnded(ExecutionError):
 
 
 class _Serving:
-    """State of this process and its threads with respect to work for other processes."""
+    """State of this process, and of its threads, as workers for other processes."""
 
     # here: True in a child process, which starts no further processes.
 
@@ -161,7 +161,7 @@ def serve() -> None:
 
 
 def report_to_parent(value: Any) -> None:
-    """Report a picklable value to the parent of a `submit_reporting` call before the result."""
+    """Send a picklable value to the parent process, for `heard` of `submit_reporting`."""
     if _Serving.answers is not None:
         _write(_Serving.answers, pickle.dumps((None, value)))
 
@@ -169,7 +169,7 @@ def report_to_parent(value: Any) -> None:
 def call(
     child: subprocess.Popen[bytes], work: Callable[[], Any], heard: Callable[[Any], None]
 ) -> Any:
-    """Run work in a child process with read-only arrays; `heard` is called with its reports."""
+    """Run work with read-only arrays in a child process; `heard` receives its reports."""
     assert child.stdin is not None and child.stdout is not None
     packed = pickle.dumps(pack(work))
     try:

@@ -1,4 +1,4 @@
-"""Ahead-of-time compilation of functions in several processes: of all, or for a usual run.
+"""Ahead-of-time compilation in several processes: of all functions, or for a usual run.
 
 `kernels.txt` lists, one call per line, the runs that call a function and the types of its
 arguments. A function is compiled after its callees, because it loads them.
@@ -67,7 +67,7 @@ def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> Co
 @contextmanager
 def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
     """Context in which other processes compile the functions of a usual run."""
-    # If the run needs a function that is not compiled, it waits, and this function is compiled
+    # If the run needs a function that is not compiled, the run waits, and this function is compiled
     # next. If the other processes fail, the run compiles the function itself.
     kind: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
     if _is_compiled(kind) or not can_start():
@@ -188,7 +188,7 @@ class CompilationSchedule:
             self.give_up()
 
     def wait(self, function: Any) -> None:
-        """Wait until a function is compiled, with priority; return at once if it is not listed."""
+        """Give a function priority, and wait until it is compiled; no wait if it is not listed."""
         key = function.__module__, function.__name__
         with self._changed:
             self._requested |= {key, *self._needs.get(key, ())}
@@ -203,7 +203,7 @@ class CompilationSchedule:
             self._changed.notify_all()
 
     def _take(self) -> Calls | None:
-        """Next function to compile; None if all remaining functions wait for their callees."""
+        """Next function to compile; None if each remaining one is started or waits for callees."""
         with self._changed:
             undone = self._remaining.keys()
             ready = [x for x in undone - self._started if not self._needs[x] & undone]
@@ -214,7 +214,7 @@ class CompilationSchedule:
             return key, self._remaining[key]
 
     def _finish(self, key: Key, compiled: int) -> None:
-        """Count a finished function and its compilations."""
+        """Record that a function is finished; count it if it had to be compiled."""
         with self._changed:
             self._remaining.pop(key, None)
             self._done += self._size[key]

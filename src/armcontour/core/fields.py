@@ -39,7 +39,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 # Function that returns the checked value, or the value itself if no conversion was needed.
 Reader = Callable[[Any], Any]
-# Shapes: one number; one for all joints or one per joint; the same with bounds; any array.
+# Shapes: one number; one number for all joints or one per joint; these, or two bounds per joint;
+# any array.
 SINGLE = (Axes(),)
 PER_JOINT = (Axes(), Axes("joints"))
 BOUNDED = (*PER_JOINT, Axes("joints", 2))
@@ -56,11 +57,11 @@ class Checked(Value):
         self._check_together()
 
     def _check_together(self) -> None:
-        """Check combinations of fields, or compute others; called after the check of each field."""
+        """Check combinations of fields, or compute fields; called after all fields are checked."""
 
 
 class Options(Checked):
-    """Base of the options of a method: dataclasses that are equal if all their values are equal."""
+    """Base of dataclasses with the options of a method; equal if all their values are equal."""
 
     __slots__ = ()
     method: ClassVar[str]
@@ -94,7 +95,8 @@ def check(value: Any) -> None:
         if shapes:
             _refuse_misfits(value, shapes)
     except InvalidInput as error:
-        # `name` and `source` may be properties that depend on the invalid field.
+        # Only fields are used, because properties `name` and `source` may depend on the invalid
+        # field.
         named = {x.name for x in fields(kind)} & {"source", "name"} - {name}
         location = getattr(value, max(named)) if named else None
         if not isinstance(location, str) or not location:
@@ -104,7 +106,7 @@ def check(value: Any) -> None:
 
 @cache
 def quantities(kind: type) -> dict[str, Quantity]:
-    """Quantities of the fields of a dataclass, by the names of the fields."""
+    """Quantities of the fields of a dataclass, by field name."""
     hints = get_type_hints(kind, include_extras=True).items()
     pairs = ((name, _find(Quantity, tuple(parts_of(hint)))) for name, hint in hints)
     return {name: x for name, x in pairs if x is not None}
@@ -129,7 +131,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             readers[k](x) if k in readers else x for k, x in zip(names, args, strict=False)
         ]
         named = {k: readers[k](x) if k in readers else x for k, x in keywords.items()}
-        # No second wrapper, because the stack level of warnings counts the calls.
+        # `explained` is repeated here, because a second wrapper would change the stack level of
+        # warnings.
         try:
             return function(*positional, *args[len(names) :], **named)
         except TypeError:
@@ -149,7 +152,7 @@ class _Field(NamedTuple):
 
 @cache
 def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, Axes]]]:
-    """Readers of the fields of a dataclass with their defaults, and shapes with shared axes."""
+    """Readers of a dataclass's fields, with defaults; shapes of fields that share an axis."""
     hints = get_type_hints(kind, include_extras=True)
     user = _noun(kind)
     readers, shapes = [], []
@@ -161,7 +164,7 @@ def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, 
             axes = _find(Axes, getattr(hint, "__metadata__", ()))
             if axes is not None:
                 shapes.append((name, axes))
-    # Only shapes with an axis of another field are needed.
+    # Only shapes that share an axis with another field are needed.
     names: Counter[Any] = Counter(
         x for _, shape in shapes for x in shape.axes if isinstance(x, str)
     )
@@ -252,7 +255,7 @@ def _read_annotated(base: Any, marks: tuple[Any, ...], field: _Field) -> Reader 
 
 
 def _read_choice(choices: tuple[str, ...], single: bool, who: str) -> Reader:
-    """Reader of one of the choices or, unless `single`, of a sequence of them."""
+    """Reader of one choice; unless `single`, it also reads a sequence of choices."""
 
     def read(value: Any) -> Any:
         if single or isinstance(value, str):
@@ -277,7 +280,7 @@ def _read_whole(mark: AtLeast, who: str) -> Reader:
 
 
 def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
-    """Reader of a union: None, booleans, a text, and one other kind or several classes."""
+    """Reader of None, texts and one other kind; with several other kinds, any value is valid."""
     texts = [x for x in parts if x is str or _is_text(x)]
     others = [x for x in parts if x not in (*texts, bool, type(None))]
     if len(texts) > 1 or len(others) > 1:
@@ -393,7 +396,7 @@ def _freeze_array(value: Any, kind: Any, who: str, unit: str) -> Any:
 
 
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:
-    """Check numbers against the range of their quantity; the message has the first wrong one."""
+    """Check numbers against the range of their quantity; the message has the first wrong number."""
     low, high = quantity.range
     if low <= array.min(initial=low) and array.max(initial=high) <= high:
         return

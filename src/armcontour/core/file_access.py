@@ -17,7 +17,8 @@ MEGABYTE = 1_000_000
 SMALL = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
-# First bytes of placeholders and of files that need conversion, with the end of the message.
+# First bytes of unsupported files (placeholders, or formats to convert), each with the end of its
+# error message.
 FOREIGN = {
     b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself: fetch "
     "it with `git lfs pull`",

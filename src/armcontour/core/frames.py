@@ -18,8 +18,8 @@ from armcontour.core.quantities import WHOLE_TURN
 ROTATION_TOLERANCE = 1e-6
 # Tolerance of the length of quaternions (about four printed digits), which are then normalized.
 QUATERNION_TOLERANCE = 1e-3
-# Largest z offset [m] and tilt with which a frame keeps a path in the x-y plane; also the largest
-# z component of the vectors of an arc that lies in a plane of constant z.
+# Largest z offset [m] and tilt of a frame that counts as transforming the x-y plane into itself;
+# also the largest z component of the vectors of an arc that counts as parallel to this plane.
 IN_PLANE = 1e-12
 ORIGIN = checks.frozen_array(np.zeros(3))
 IDENTITY = checks.frozen_array(np.eye(3))

@@ -38,8 +38,9 @@ COMPILED = re.compile(r"^@compiled\(", re.MULTILINE)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# glibc retains freed memory up to twice the size of the largest freed block; the system clears
-# other pages at each allocation. Freeing this block [bytes] saves a fifth of an evaluation's time.
+# glibc retains freed memory up to twice the size of the largest freed block. It returns other
+# memory to the system, which clears the pages at the next allocation. Freeing this block of 16 MB
+# saves a fifth of an evaluation's time.
 np.empty(16_000_000, np.uint8)
 
 
@@ -90,13 +91,13 @@ class _Files(FunctionCache):
         """The compiled function; None if its files are missing, incomplete or out of date."""
         for wait in tuple(_waiting):
             wait(self._py_func)
-        # Compiled code needs this to count references. A refresh of the whole target would import
-        # hundreds of modules; numba refreshes it before it compiles.
+        # Compiled code needs `rtsys` to count references. A refresh of the whole target would
+        # import hundreds of modules; numba refreshes the target before it compiles.
         rtsys.initialize(target)
         try:
             return self._load_overload(signature, target)
         except Exception:
-            # Numba would read the index again before it writes the new files.
+            # The index is emptied, because numba reads it again before it writes the new files.
             with suppress(OSError):
                 self.flush()
         return None
@@ -104,7 +105,7 @@ class _Files(FunctionCache):
 
 @functools.cache
 def _sources(file: Path) -> frozenset[Path]:
-    """A file with compiled functions and such files that it imports; empty for other files."""
+    """A file and the files that it imports, all with compiled functions; empty if it has none."""
     text = file.read_text(encoding="utf-8")
     if COMPILED.search(text) is None:
         return frozenset()
@@ -131,7 +132,8 @@ def _refuse_calls(kernel: Any, name: str) -> None:
     def refuse(*args: Any, **kwargs: Any) -> NoReturn:
         raise TypeError(f"{name} is compiled to be called by compiled functions only (inner=True).")
 
-    # Numba calls the first method if no version fits the arguments; the second adds a version.
+    # Numba calls `_compile_for_args` if no version fits the arguments, and `_insert` to add a
+    # version.
     kernel._compile_for_args = refuse
     kernel._insert = lambda *args: None
 

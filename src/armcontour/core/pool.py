@@ -53,7 +53,7 @@ PARTS = 32
 PATIENCE = "20s"
 # Longest wait for results [s]; between waits an interrupt is handled on all systems.
 PULSE = 1.0
-# Errors if the process of some work ended; errors of Dask by name, because Dask is optional.
+# Errors that mean that a working process ended; errors of Dask by name, because Dask is optional.
 LOST = (ProcessEnded, BrokenExecutor, CancelledError, MemoryError)
 LOST_NAMES = ("KilledWorker", "FutureCancelledError", "CommClosedError", "FutureLostError")
 
@@ -134,7 +134,7 @@ class ProcessPool(ThreadPoolExecutor):
             self.shutdown()
 
     def _run_in_process(self, kills: int, heard: Callable[[Any], None], work: partial[R]) -> R:
-        """Run work in an idle or new process; `kills` is the count of `kill` at submission."""
+        """Run work in an idle or new process; `kills`: number of calls of `kill` at submission."""
         if not can_start():
             return work()
         with self._lock:
@@ -161,7 +161,7 @@ class ProcessPool(ThreadPoolExecutor):
 def open_executor(
     workers: int | None = None, cluster: str | None = None, executor: Executor | None = None
 ) -> Iterator[Executor]:
-    """Context with an executor: the caller's, of `workers` processes, or of a Dask `cluster`."""
+    """Context with `executor` if given, else with `workers` processes or a Dask `cluster`."""
     # With 0 workers, the work runs in this process.
     if workers is not None and workers < 0:
         raise InvalidInput(f"workers must be 0 or more, but is {workers}.")
@@ -295,7 +295,7 @@ class TaskQueue(Generic[T, R]):
             yield from self.take()
 
     def _result(self, future: Future[Packed]) -> R:
-        """Result of an item; raises the error of the work, or of a lost worker unless replaced."""
+        """Result of an item; of `_lost`, if specified, for a lost worker; raises other errors."""
         try:
             result = unpack(future.result())
         except (Exception, CancelledError) as error:

@@ -17,7 +17,7 @@ from armcontour.core.checks import LARGEST, LONGEST_NAME, SMALLEST, FloatArray
 WHOLE_TURN = 6.284
 
 
-# Range of numbers by their sign. The largest fraction is the largest float below 1.
+# Ranges of numbers by the `sign` of their quantity. A "share" is at most the largest float below 1.
 RANGES = {
     "any": (-LARGEST, LARGEST),
     "positive": (SMALLEST, LARGEST),

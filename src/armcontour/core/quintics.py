@@ -13,7 +13,7 @@ from armcontour.core.kernels import compiled
 
 # Value, first and second derivative of n curves, (n, dof) each.
 Derivatives: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
-# Rounding error of positions from inverse kinematics, relative to 1 or to their size.
+# Rounding error of positions from inverse kinematics, relative to 1 plus their magnitudes.
 ROUNDING = 2e-15
 
 
@@ -54,9 +54,9 @@ def _fill_coefficients(
             value = q1[i, j] - a0 - a1 - a2
             slope = d1[i, j] * h - a1 - 2 * a2
             curvature = c1[i, j] * (h * h) - 2 * a2
-            # On a very short interval `value` consists of rounding errors of positions, which the
-            # derivatives of the quintic would magnify. The quartic with the given derivatives then
-            # ends at the given value up to rounding errors, and is used instead.
+            # On a very short interval `value` consists of rounding errors of positions, which would
+            # be magnified in the derivatives of the quintic. The quartic with the given derivatives
+            # then ends at the given value up to rounding errors, and is used instead.
             cubic, quartic = slope - curvature / 3, (curvature - 2 * slope) / 4
             rounding = ROUNDING * (1 + abs(a0) + abs(q1[i, j])) + width_error * abs(d0[i, j])
             short = abs(value - cubic - quartic) <= rounding
@@ -68,7 +68,7 @@ def _fill_coefficients(
 
 
 def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: int) -> FloatArray:
-    """Polynomials of degree 5 or their derivatives, (n, values), at distances u from the starts."""
+    """Derivatives of an order of quintics at distances u from their starts, (n, values)."""
     # Coefficients, (n, 6, values), are those of powers of x = u / width.
     x = u / width
     result = np.zeros(np.shape(x) + (coefficients.shape[-1],))
@@ -94,8 +94,9 @@ def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> 
 @compiled()
 def solve_banded(bands: FloatArray, right: FloatArray) -> None:
     """Solve symmetric banded equations in place; `right`, (m, n), becomes the solution."""
-    # Elimination without pivoting, for diagonally dominant or positive definite matrices. `bands`,
-    # (m, width), has row i of the matrix from the diagonal to the right; it is overwritten.
+    # Elimination without pivoting, for diagonally dominant or positive definite matrices.
+    # `bands[i]` is row i of the matrix from the diagonal to the right; `bands`, (m, width), is
+    # overwritten.
     m, width = bands.shape
     sides = right.shape[1]
     for i in range(m):

@@ -13,7 +13,7 @@ from armcontour.core.palette import VERDICTS
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
 from armcontour.core.text import digits, format_table, to_html
 
-# Display units of SI units, and their sizes.
+# Display unit of each SI unit, and size of the display unit in the SI unit.
 SHOWN = {
     "1": ("%", 1e-2),
     "m": ("mm", 1e-3),
@@ -27,7 +27,8 @@ WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2
 SHORT = 0.1
 # Numbers below this are shown with six decimals instead of four significant digits.
 FINE = 1e-3
-# Widest figure after which notes are aligned, and widest line of a table [characters].
+# Widest value that counts for the column in which notes begin, and widest line of a table
+# [characters].
 WIDEST_FIGURE = 16
 WIDEST_TABLE = 118
 # Longest list in a JSON file.
@@ -75,7 +76,7 @@ def number_range(values: Iterable[float], unit: str = "") -> str:
 
 
 def figure(row: Row) -> str:
-    """Displayed figure of a row, with its unit."""
+    """Displayed value of a row, with its unit."""
     return number(row.figure, row.unit)
 
 
@@ -129,7 +130,7 @@ def compare(
         }
         for name, data in results.items()
     }
-    # The result with most figures determines the order.
+    # The result with the most values determines the order of the columns.
     longest = sorted(rows.values(), key=len, reverse=True)
     labels = list(dict.fromkeys(label for row in longest for label in row))
     table = [(name, *(row.get(x, "-") for x in labels)) for name, row in rows.items()]
@@ -163,7 +164,7 @@ def jsonable(value: Any) -> Any:
 
 
 def units(results: Iterable[Data]) -> dict[str, str]:
-    """Units of all figures by name, for JSON."""
+    """Units of all values by name, for JSON."""
     units_by_name: dict[str, str] = {}
     for data in results:
         named: Sequence[Row] = [x for _, x in data.walk()]
@@ -174,7 +175,7 @@ def units(results: Iterable[Data]) -> dict[str, str]:
 
 
 def frame(data: Data, level: int = TABLE) -> list[dict[str, Any]]:
-    """Figures of a result for the page of the Studio."""
+    """Values of a result for the page of the Studio."""
     figures = []
     for row in data.shown(level):
         digits_shown, unit = split(row.figure, row.unit)
@@ -197,11 +198,11 @@ class Result:
     __slots__ = ()
 
     def to_data(self) -> Data:
-        """Figures, tables and sentences of the result."""
+        """Values, tables and sentences of the result."""
         raise NotImplementedError
 
     def __str__(self) -> str:
-        """Figures and warnings as lines."""
+        """Values and warnings as lines."""
         data = self.to_data()
         warnings = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
         return text(replace(data, rows=(*data.rows, *warnings)))

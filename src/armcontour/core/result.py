@@ -1,4 +1,4 @@
-"""`Data`: figures, tables and sentences of a result in SI units, for all outputs."""
+"""`Data`: values, tables and sentences of a result in SI units, for all outputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ JUDGED = "verdict"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure of a result, with its name, label and unit."""
+    """One value of a result, with its name, label and unit."""
 
     # Key in JSON and column in batches; "contour_error.rms" is the key `rms` in the mapping
     # `contour_error`.
@@ -25,7 +25,7 @@ class Row:
     # shown; None if unknown.
     value: Any
     unit: str = ""  # SI unit, "1" for a fraction, "" for a count, `JUDGED` for a verdict
-    label: str = ""  # Displayed name; "" for a figure in files only
+    label: str = ""  # Displayed name; "" for a value in files only
     note: str = ""  # Further information, such as the time or the joint
     level: int = TABLE  # `VERDICT`, `FIRST`, `TABLE` or `FILE`
 
@@ -71,12 +71,12 @@ class Table:
 
     @staticmethod
     def from_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
-        """Table of rows with the same figures, each with its own unit and note; hidden if empty."""
+        """Table of rows with equal columns; each value has its unit and note; hidden if empty."""
         return Table(name, tuple(rows[0]) if rows else (), rows, TABLE if rows else FILE)
 
     @staticmethod
     def from_results(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
-        """Table of results with the same figures, one per row; only main figures are shown."""
+        """Table with one result per row and equal columns; columns up to `FIRST` are shown."""
         columns = tuple(
             replace(x, value=None, label=x.label if x.level <= FIRST else "")
             for x in (results[0].rows if results else ())
@@ -86,10 +86,10 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """Figures, tables and sentences of a result."""
+    """Values, tables and sentences of a result."""
 
     title: str
-    rows: tuple[Row, ...] = ()  # Figures, the most important first
+    rows: tuple[Row, ...] = ()  # Values, the most important first
     tables: tuple[Table, ...] = ()
     # Partial results, by their keys in JSON.
     parts: Mapping[str, Data] = field(default_factory=dict)
@@ -111,7 +111,7 @@ class Data:
         )
 
     def walk(self) -> Iterator[tuple[str, Row]]:
-        """All rows with their names, including those of parts."""
+        """All rows with their names, including the rows of parts."""
         for row in self.rows:
             yield row.name, row
         for key, part in self.parts.items():

@@ -9,8 +9,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 
-# Shortest step of time [s]. Controllers and planners sample at 1 MHz at most, and times are printed
-# with at most nine decimals, so shorter steps are damaged data; division by their square overflows.
+# Smallest time step [s]. Controllers sample at 1 MHz at most, and times are printed with at most
+# nine decimals, so a shorter step means damaged data. Divisions by the square of a very short step
+# can overflow.
 SHORTEST_STEP = 1e-9
 # Smallest distinguishable difference of two times, in units in the last place.
 STEP_ULPS = 4
@@ -21,7 +22,7 @@ LATEST = 1e10
 LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
 Place = Callable[[str, int, int], str]
 JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
-# Length of a gap relative to the usual interval; the command in a gap is unknown.
+# A step longer than this multiple of the usual step is a gap, in which the command is unknown.
 GAP = 3.0
 # Fraction of gaps above which the times come in bursts.
 MAX_GAPS = 0.05
@@ -119,7 +120,7 @@ def integrate(values: FloatArray, t: FloatArray) -> float:
 
 
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
-    """Index of the item of each part, and index of the part in it, for `count` parts per item."""
+    """Index of each part's item, and of each part in its item, for `count` parts per item."""
     whole = np.repeat(np.arange(len(count)), count)
     return whole, np.arange(len(whole)) - np.repeat(np.cumsum(count) - count, count)
 

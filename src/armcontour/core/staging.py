@@ -149,7 +149,7 @@ def abandon(patience: float) -> list[str]:
 
 
 def _take(folder: FilePath, destination: FilePath) -> int | None:
-    """Create a staging folder or take over that of a killed process; returns the locked handle."""
+    """Create a staging folder or take over one of a killed process; returns the locked handle."""
     # Windows and some network file systems have no locks on folders. There the process that creates
     # the folder owns it, and the handle is None.
     handle, is_ours = None, True

@@ -77,7 +77,7 @@ def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
 
 
 def describe_fields(cls: type) -> dict[str, str]:
-    """Descriptions of the fields of a dataclass, from its docstring and those of its bases."""
+    """Descriptions of the fields of a dataclass, from the docstrings of the class and its bases."""
     texts: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         _, _, entries = inspect.cleandoc(base.__doc__ or "").partition("\nArgs:\n")
@@ -210,13 +210,13 @@ def _members(value: Any, depth: int) -> str:
 
 
 def digits(value: float, count: int = 4) -> str:
-    """Format a number with a number of significant digits, without exponent below 10^15."""
+    """Format a value with `count` significant digits; large values below 10^15 have no exponent."""
     text = f"{value:.{count}g}"
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e15 else text
 
 
 def clock(t: float, count: int = 4) -> str:
-    """Format a time in s with significant digits, to 0.1 ms for large times such as Unix time."""
+    """Format a time in s: with `count` significant digits below 1 s, from 1 s on to 0.1 ms."""
     return f"{t:.{count}g}" if abs(t) < 1 else f"{t:.4f}".rstrip("0").rstrip(".")
 
 

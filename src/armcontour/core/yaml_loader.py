@@ -33,8 +33,8 @@ DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9
 # Text that libyaml and PyYAML's own parser read differently: tabs, other line ends, marks of the
 # byte order, directives, tags, "?" in texts, heads of text blocks.
 PARSED_DIFFERENTLY = re.compile("[\t\r\x85\u2028\u2029\ufeff?!]|^%|[|>][-+0-9]*#", re.MULTILINE)
-# Messages of the parser and their replacements in plain words; `begun` is the first line of the
-# wrong construct.
+# Messages of the parser and their replacements in plain words; `begun` is the number of the line in
+# which the wrong construct begins.
 PLAIN = {
     re.compile(r"unexpected end of stream"): "the quote that begins in line {begun} does not end",
     re.compile(r"'\\t' that cannot start"): "this line is indented by a tab: use blanks",
@@ -80,7 +80,7 @@ class Loader(yaml.SafeLoader):
         return node
 
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
-        """Insert merged keys before explicit keys, which override them, unlike PyYAML 6.0.4."""
+        """Insert merged keys first, so that explicit keys override them; PyYAML 6.0.4 does not."""
         merged, explicit = [], []
         for key, value in node.value:
             if key.tag != MERGE_TAG:
@@ -121,7 +121,7 @@ def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
 
 
 def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
-    """Decimal number, infinity or NaN; the checks of the keys reject the last two by name."""
+    """Decimal number, infinity or NaN; the later check of the key may reject infinity or NaN."""
     text = str(loader.construct_scalar(node))
     if ENDLESS.match(text):
         return float(text.replace(".", ""))
@@ -187,7 +187,7 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
 
 
 def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Load a YAML document, and the root of its nodes, which have line numbers; None if empty."""
+    """Load a YAML document; also returns its root node, with line numbers, or None if empty."""
     # In the nodes, merged keys stay where they are written.
     with _reading(text, source):
         loader = Loader(text)

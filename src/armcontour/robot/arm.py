@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 # Step h along the motion for the finite difference of the Jacobian rate [rad]. The truncation error
 # h⁴ / 30 and the rounding error 1e-16 / h are about equal.
 STEP = 1e-3
-# A limit that exceeds the arm's limit by less than this fraction, or angle of a range [rad], counts
-# as equal, because files contain rounded values.
+# A limit counts as equal to the arm's limit if it exceeds it by at most this fraction (for ends of
+# joint ranges between -1 and 1 rad: by this angle [rad]), because files contain rounded values.
 SAME_LIMIT = 1e-3
 # A point farther out of reach than this [m] probably has a wrong unit. Arms reach 0.5 to 4 m;
 # coordinates in mm that are read as m are hundreds of metres away.
@@ -111,7 +111,7 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
 
 
 def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
-    """Upper bounds, (1, 1) of the tool or (1, dof); if directed, also negated lower bounds."""
+    """Upper bounds, (1, 1) or (1, dof); directed limits have a second row: negated lower bounds."""
     array = np.asarray(values, dtype=np.float64)
     if name in TOOL_LIMITS:
         return array.reshape(1, 1)
@@ -310,7 +310,7 @@ class Arm(Immutable, ABC):
         return other
 
     def _rows(self, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
-        """Leading axes of the common shape of states, and the states as rows, (n, dof) each."""
+        """Common shape of the states without the last axis, and the states as rows, (n, dof)."""
         # The shapes are checked because compiled code would read past the end of a short row.
         arrays = [checks.floats("states of an arm", x) for x in states]
         shape = arrays[0].shape

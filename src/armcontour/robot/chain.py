@@ -200,7 +200,7 @@ def joint_frames(chain: Chain) -> FloatArray:
 def merge_bodies(
     bodies: Sequence[tuple[float, FloatArray, FloatArray]],
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Mass [kg], centre of mass [m] and inertia about it [kg m²] of bodies fixed to each other."""
+    """Mass [kg], centre of mass [m], and inertia about it [kg m²] of rigidly joined bodies."""
     # bodies: mass, centre, (3,), and inertia, (3, 3), of each body, in one frame. The sum of the
     # masses must be positive.
     masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))

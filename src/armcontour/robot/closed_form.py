@@ -21,7 +21,7 @@ EXACT = 1e-9
 # The closed form returns no result for poses closer than this to the limit of the reach [m] or to a
 # singular posture [1]; the search determines their solutions.
 NEAR = 1e-6
-# Number of poses in the first batch, and in each further batch.
+# Number of poses, times placements, in the first batch and in each further batch.
 FIRST, AT_ONCE = 8, 4096
 
 
@@ -61,7 +61,7 @@ class JointAxis(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Geometry that the links must bridge for n poses; m = 2 angles of joint 5, 1 for a wrist."""
+    """Geometry that the links must bridge for n poses; m angles of joint 5: 2, or 1 for a wrist."""
 
     # Rotation of the last link from its position with all joints at 0, (n, 3, 3).
     turned: FloatArray
@@ -153,7 +153,7 @@ class ClosedForm:
         return np.asarray(np.pi - np.mod(np.pi - np.stack(q, axis=-1)[exists], 2 * np.pi))
 
     def measure_excess(self, bases: FloatArray, poses: FloatArray, enough: float) -> FloatArray:
-        """Largest distance by which poses are out of reach, per placement of the arm [m], (n,)."""
+        """Largest distance of poses beyond reach, per placement [m], (n,); at most 0 in reach."""
         # bases: base frame of each placement, (n, 3, 4). poses: (m, 3, 4). The evaluation of a
         # placement ends after a batch with a pose farther out of reach than `enough` [m]. The
         # distance is infinite if no wrist orientation reaches a pose.

@@ -31,8 +31,8 @@ REACH_SEEDS = 60
 PARTS = 8
 # A pose is reached if position and orientation are closer than this [m, rad].
 MET = 1e-8
-# Two solutions are distinct if they differ by more than this [rad]. A redundant arm has infinitely
-# many solutions, so the second value, for redundant arms, is large.
+# Two solutions are distinct if they differ by more than this [rad]. The second value is for
+# redundant arms. It is large, because they have infinitely many solutions.
 APART = 1e-3
 APART_REDUNDANT = 0.5
 
@@ -78,7 +78,7 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
 
 
 def _within_ranges(arm: ChainArm, candidates: FloatArray, near: FloatArray | None) -> FloatArray:
-    """Solutions within the joint ranges, (k, dof), sorted by distance from `near` or the middle."""
+    """Solutions in the joint ranges, (k, dof), by distance from `near`, or from the middle."""
     turned = [shift_by_turns(arm, q[None], near) for q in candidates]
     inside = np.array([q[0] for q, fits in turned if fits]).reshape(-1, arm.dof)
     away = np.abs(inside - (_range_middle(arm) if near is None else near)).max(axis=1)
@@ -117,7 +117,7 @@ def _range_middle(arm: ChainArm) -> FloatArray:
 def shift_by_turns(
     arm: ChainArm, q: FloatArray, start: FloatArray | None = None
 ) -> tuple[FloatArray, bool]:
-    """Joint positions shifted by whole turns into their ranges, and True if this is possible."""
+    """Joint positions shifted by whole turns into the ranges; True if all of them are inside."""
     # The shift brings the positions as near as possible to the start, or to the middle of the
     # ranges. A joint whose range has only one end is shifted into its range.
     lower, upper = arm.limits.joint_range(arm.dof)
@@ -202,7 +202,7 @@ def nearest_reached(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) 
 def _approach(
     arm: SerialArm, pose: FloatArray, task: int, q: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Final joint positions of the searches [rad], (k, dof), and distances from the pose [m]."""
+    """Final joint positions of the searches [rad], (k, dof); tool distances from the pose [m]."""
     tried = q.copy()
     parameters = tried, REACH_WEIGHT, MAX_STEPS
     residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)

@@ -20,13 +20,14 @@ Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, flo
 
 # Number of states per block.
 B = 32
-# Pi in two parts of 33 bits: multiples of it are exact for angles below EXACT_TO [rad].
+# Pi as a sum of two parts of 33 bits. Multiples of the parts are exact for angles below EXACT_TO
+# [rad].
 HALF_TURN, REST_OF_IT = 3.1415926534682512, 1.2154201012607932e-10
 EXACT_TO = 1e6
 # Adding this number and subtracting it again rounds a value to a whole number.
 TO_WHOLE = 6755399441055744.0
-# Taylor series of sine over x and of cosine, in x², from the last significant term for angles up to
-# pi / 2.
+# Taylor coefficients of sin(x) / x and cos(x) as polynomials in x², the highest power first.
+# Further terms are negligible for angles up to pi / 2.
 SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(10, -1, -1))
 COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(11, -1, -1))
 # Number of rows per joint: cosine and sine of its position, then its first to third derivative.
@@ -40,9 +41,9 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # series, which is exact to rounding.
 NEAR_ANGLE = 0.125
 # Number of rows of a link: cosine and sine of its joint (rows 0 and 1); first and second derivative
-# of the joint (2, 3); force and moment about the joint of a motion whose accelerations are the
-# first derivatives (4 to 9), and of the motion with both derivatives (10 to 15); first moment of
-# this and all later links (16 to 18); gravity along x and y (19, 20).
+# of the joint (2, 3); force, and moment about the joint, for accelerations equal to the first
+# derivatives without velocity (4 to 9), and for the motion with both derivatives (10 to 15); first
+# moment of this and all later links (16 to 18); gravity along x and y (19, 20).
 LINK_ROWS = 21
 # Number of rows of the motion that is propagated from link to link, three each: angular velocity,
 # velocity, angular acceleration, acceleration, gravity.

@@ -23,7 +23,7 @@ SLOWEST = 1e-6
 # Below this joint velocity [rad/s] dry friction may have any value up to Coulomb friction, in both
 # directions.
 STILL = 1e-6
-# Distance from the end of a one-sided range to its middle [rad].
+# Assumed distance from the only end of a one-sided range to its middle [rad].
 ONE_SIDED = np.pi
 ORDERS = ("q", "dq", "ddq", "dddq")
 
@@ -88,7 +88,7 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
         half = np.where(both, np.where(both, upper / 2 - lower / 2, 0.0), ONE_SIDED)
         end, middle = (lower, lower + half) if name == "joint_lower" else (upper, upper - half)
         bounded = np.isfinite(end)
-        # Without this end the range is infinite, so its use is 0.
+        # If the range has no end on this side, the use of this limit is 0.
         value, limit = np.where(bounded, values, 0.0), np.where(bounded, end, np.inf)
         return Use(name, value, limit, error, np.where(bounded, middle, 0.0))
     if name in JOINT_LIMITS:
@@ -187,7 +187,7 @@ class States:
         return value, self.spread(function, value, order)
 
     def spread(self, function: Quantity, value: FloatArray, order: int) -> FloatArray:
-        """Bound on the norm of the error of a tool vector, whose value is known, (n,)."""
+        """Bound on the norm of the error of `value`, a tool vector from `function`, (n,)."""
         total = np.zeros(len(value))
         for change in self.changes(function, value, order):
             total += np.linalg.norm(change, axis=1)
@@ -288,7 +288,8 @@ def _centripetal(states: States) -> Bounded:
     return value, np.where(speed > SLOWEST, error + turned, 0.0)
 
 
-# Number of time derivatives of q that each limit's quantity needs, and function that evaluates it.
+# For each limit: number of time derivatives of q that its quantity needs, and function that
+# evaluates the quantity.
 QUANTITIES: dict[str, tuple[int, Callable[[States], Bounded]]] = {
     "joint_torque": (2, _torque),
     "angular_speed": (

@@ -97,7 +97,7 @@ class PoseEquations(NamedTuple):
     """Work arrays for the equations of one pose."""
 
     frames: FloatArray  # Frames of the joints and of the tool, (dof + 1, 3, 4)
-    rows: FloatArray  # Jacobian of the pose error, (task, dof) or more rows
+    rows: FloatArray  # Derivative of the tool pose by q, (task, dof) or more rows
     error: FloatArray  # Pose error, (task,) or longer
 
 
@@ -105,7 +105,7 @@ class PoseEquations(NamedTuple):
 def write_equations(
     links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: PoseEquations
 ) -> None:
-    """Write the pose error of the tool and its Jacobian by the joint positions."""
+    """Write the pose error of the tool, and the derivative of the tool pose by joint positions."""
     # The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     # from the pose to the target [rad]. For task 5 they are the components of the rotation vector
     # between the tool axes along the target's x and y axes [rad].
@@ -249,7 +249,8 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
         write_equations(links, task, q[i], targets[i], equations)
         for r in range(dof):
             if r >= task:
-                # Start from the joint axis farthest from the span of the previous rows.
+                # Start from the unit vector (of one joint) farthest from the span of the previous
+                # rows.
                 farthest = 0
                 for k in range(dof):
                     residual[k], rows[r, k] = 1.0, 0.0

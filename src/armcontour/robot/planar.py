@@ -22,8 +22,8 @@ from armcontour.robot.scene import ArmShapes, Capsule, LinkShape
 from armcontour.robot.serial import ChainArm
 
 # Within this distance [m] of a limit of its reach the arm counts as singular: sin(theta2) is about
-# 1e-4, the joints move 10^4 times faster than the tool, and double precision leaves 8 digits of the
-# position.
+# 1e-4, the joints move 10^4 times faster than the tool, and theta2 has only 8 correct digits in
+# double precision.
 SINGULAR_MARGIN = 1e-9
 
 
@@ -282,8 +282,8 @@ def _capsules(tubes: tuple[LinkTube, LinkTube], lengths: tuple[float, float]) ->
     shapes = []
     for k, (tube, length) in enumerate(zip(tubes, lengths, strict=True), start=1):
         radius = tube.outer_diameter / 2
-        # The second link ends at the tool, unless it is thicker than long; then its round end
-        # extends beyond the tool.
+        # The second capsule ends at the tool, unless its radius is at least the length of the link.
+        # Then its round end extends beyond the tool.
         stretch = length - radius if k == 2 and length > radius else length
         shape = Capsule(radius=radius, length=stretch)
         frame = Frame.rpy((0.0, stretch / 2, 0.0), (-np.pi / 2, 0.0, 0.0))

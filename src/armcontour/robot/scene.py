@@ -155,7 +155,8 @@ ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
 class LinkShape(Checked):
     """A shape that moves with a link, or with the tool."""
 
-    name: Name  # Name of the link, for messages and exclusions
+    # Name of the link, or of the body that a job adds to it; for messages and exclusions
+    name: Name
     link: int  # 0 for the base, i for the link after the i-th joint
     shape: Shape
     place: Frame = field(default_factory=Frame)  # Frame of the shape in the frame of the link
@@ -181,7 +182,7 @@ class LinkShape(Checked):
 class LeftOut:
     """Two bodies whose distance is not checked."""
 
-    # first, second: names of the links.
+    # first, second: names of links, obstacles or other bodies.
     first: str
     second: str
     reason: str  # Reason why their distance is not checked

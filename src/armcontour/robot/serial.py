@@ -200,7 +200,7 @@ class ChainArm(Arm):
         from armcontour.robot.kernels import tool_motion
 
         leading, rows = self._rows(*states)
-        # The kernel does not use derivatives above its order, so q stands for them.
+        # The kernel does not use derivatives above its order, so q is passed in their place.
         motion = tool_motion(self.link_table, len(rows) - 1, *(rows * 4)[:4])
         return np.asarray(motion.reshape(*leading, motion.shape[1]))
 
@@ -267,7 +267,7 @@ class SerialArm(ChainArm):
     @cached_property
     def moves_in_a_plane(self) -> bool:
         """True if all joints are parallel, so that the tool stays in a plane."""
-        # The rows of the angular velocity are the axes of the joints.
+        # The columns of the angular part of the Jacobian are the joint axes.
         axes = self.jacobian(np.zeros(self.dof))[3:]
         return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
 

@@ -57,7 +57,7 @@ class ContourExecution:
     before_work: tuple[float, float] | None = None
     offset: float = 0.0  # Length of the previous contours [m], added to arc lengths
     since: float | None = None  # Start of the piece [s]; by default the time of its first sample
-    # End of the time over which root mean squares are taken [s]; by default `end_time`.
+    # End of the RMS interval [s]; by default `end_time`.
     rms_end_time: float | None = None
 
     @cached_property
@@ -375,11 +375,12 @@ def common_delay(executed: Execution) -> float:
 
 
 def evaluated_times(executed: Execution, until: float | None) -> tuple[float, float]:
-    """End times for largest values and for root mean squares of a single path [s]."""
+    """Ends of the intervals for largest values and for root mean squares of a single path [s]."""
     if until is not None:
         return until, until
-    # Root mean squares end when the tool is at rest, because rest would reduce them. Largest values
-    # include the rest of the execution, because a slow tool can still leave the path.
+    # The RMS interval ends when the tool comes to rest, because samples at rest would reduce the
+    # RMS. Largest values include the remaining execution, because a slow tool can still leave the
+    # path.
     end = settling_time(executed, executed.tool_speed)
     return max(end, float(executed.t[-1])), end
 
@@ -389,7 +390,7 @@ def pieces_of(
 ) -> list[ContourExecution]:
     """Split an execution into one piece per contour, in which the process works on the contour."""
     # A single path is one piece, from the first set-point to `end_time`. If `end_time` is None, the
-    # piece ends with the execution, and root mean squares end when the tool is at rest.
+    # piece ends with the execution, and the RMS interval ends when the tool comes to rest.
     spans = executed.set_points.trajectory.contour_spans
     last, rms_end_time = evaluated_times(executed, end_time)
     count = len(spans)
@@ -433,7 +434,7 @@ def pieces_of(
 def _find_window(
     executed: Execution, span: Span
 ) -> tuple[slice, tuple[float | None, float], float]:
-    """Slice of the samples of a contour, its times [s], and length of the previous contours [m]."""
+    """Slice of a contour's samples, its start and end [s], length of the previous contours [m]."""
     assert span.work is not None
     start, end = np.searchsorted(executed.t, span.work)
     # A piece has at least two samples, even on a very short contour.
@@ -547,7 +548,7 @@ def corner_deviations(
 
 
 def _across(path: Path, corners: IntArray) -> FloatArray:
-    """Unit directions of overshoot, (n, dimension): arriving tangents normal to leaving ones."""
+    """Directions of overshoot: arriving tangents minus parts along leaving tangents, normalized."""
     before = path.segments.end_tangents[corners - 1]
     after = path.tangents[corners]
     across = before - np.sum(before * after, axis=1, keepdims=True) * after
@@ -582,7 +583,8 @@ def measure_speed_ratios(
     # after the end.
     falls = np.flatnonzero(after < before)
     _raise_at_segment_ends(ratio, high, first, path.breaks[1:-1][falls], after[falls], past=1)
-    # Where the assigned velocity rises, this speed counts for the last sample before the end.
+    # Where the assigned velocity rises, the speed at the segment end counts for the last sample
+    # before the end.
     rises = np.flatnonzero(after > before)
     _raise_at_segment_ends(ratio, high, last, path.breaks[1:-1][rises], before[rises], past=0)
     return ratio

@@ -68,7 +68,7 @@ def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
 def _find_candidates(
     tool: FloatArray, travel: FloatArray, path: Path, earliest: int
 ) -> list[tuple[int, int]]:
-    """Find pairs of samples, at both ends of a path, between which the tool travels its length."""
+    """Find pairs of samples, at both ends of a path, with a tool travel of about its length."""
     ends = path([0.0, path.length])
     starts = _find_visits(tool, ends[0], path.length, earliest)
     stops = _find_visits(tool, ends[1], path.length, earliest)

@@ -19,8 +19,8 @@ from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.orientation import turns_between
 from armcontour.geometry.projection import pack_segments
 
-# A value between samples is a peak only if it exceeds the highest sample by this fraction of it
-# plus this amount [m or rad].
+# A value between samples is a peak only if it exceeds the highest sample by more than this fraction
+# of the sample plus this amount [m or rad].
 CLOSE, ROUNDING = 3e-7, 1e-13
 # Number of parts per searched interval, and largest number of subdivisions.
 PARTS = 32
@@ -28,8 +28,8 @@ MAX_CUTS = 12
 # If the path turns by more than this between two samples [rad], the error may have a peak there
 # that no sample shows.
 SHARP = 0.2
-# First sample times of smooth functions, as fractions of the interval, and number of refinements by
-# a factor of 16.
+# Sample times of the first search for the maximum of a smooth function, as fractions of the
+# interval, and number of searches, each with steps 16 times shorter than the previous one.
 FEW = np.arange(9) / 8
 CLOSER = 3
 # Sample times of an interval, and of the next search relative to the estimated peaks, as fractions
@@ -192,7 +192,7 @@ def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
 
 
 def _cut_at(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-    """Times up to `end`, and columns interpolated at `end`, constant after the last time."""
+    """Times before `end`, then `end`; columns at these times, constant after the last time."""
     inside = t < end
     return np.append(t[inside], end), [np.append(x[inside], np.interp(end, t, x)) for x in columns]
 
@@ -358,8 +358,8 @@ def smallest_angles(
     """Smallest angle between the tool and the orientations nearby on the path [rad], (n,)."""
     # Where the path crosses itself, turns back or closes, the tool may follow another point of the
     # path than the nearest one. The result is therefore the smallest angle at the nearest points of
-    # all segments, and at segment ends, within `reach` [m]. Angles that cannot be the largest one
-    # are not reduced. turned: rotation matrices of the tool, (n, 3, 3).
+    # all segments, and at segment ends, within `reach` [m]. To save time, angles that cannot be the
+    # largest are those at the nearest point. turned: rotation matrices of the tool, (n, 3, 3).
     from armcontour.verification.kernels import find_path_points
 
     assert path.orientation is not None

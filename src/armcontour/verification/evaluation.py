@@ -176,7 +176,7 @@ class Evaluation(Result, Checked):
 
     @property
     def _reserved(self) -> str:
-        """Text that says which times and limits `time_at_limit` refers to."""
+        """Note on the times and limits to which `time_at_limit` refers."""
         plan = None if self.judged is None else self.judged.executed.set_points.trajectory
         if plan is None or not plan.reserve:
             return "of the motion"
@@ -344,7 +344,7 @@ def evaluate(
 
 
 def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
-    """Fields of `Evaluation` about joint demands; `end` is the end of the root mean squares [s]."""
+    """Fields of `Evaluation` about joint demands; `end` is the end of the RMS interval [s]."""
     jerk = executed_jerk(executed)
     return {
         "demand": executed.peak_demand,
@@ -362,7 +362,7 @@ def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
 
 
 def saturated_fractions(executed: Execution, end: float) -> FloatArray:
-    """Fraction of the time until at least `end` [s] in which each joint is saturated, (dof,)."""
+    """Per joint, saturated fraction of the time to the last sample or a later `end` [s], (dof,)."""
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
     return np.asarray(executed.saturated_time / time)
 
@@ -380,7 +380,7 @@ def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float
 
 
 def _time_at_limit(executed: Execution, limits: Limits, duration: float) -> float:
-    """Fraction of the planned time [s] in which a joint is within 1 % of a limit."""
+    """Fraction of times up to `duration` [s] at which a joint uses at least `NEAR` of a limit."""
     moved = (executed.t >= 0) & (executed.t <= duration)
     values = {"joint_acceleration": executed.ddq, "joint_velocity": executed.dq}
     if executed.torque is not None:
@@ -409,7 +409,7 @@ def mean_jerk(executed: Execution) -> FloatArray:
 
 
 def commanded_jerk(set_points: SetPoints) -> FloatArray:
-    """Largest third difference of the set-points over time, of each joint [rad/s³], (dof,)."""
+    """Largest jerk of each joint, from third differences of the set-points [rad/s³], (dof,)."""
     # Before the first and after the last set-point the command is constant.
     third = np.diff(np.pad(set_points.q, ((3, 3), (0, 0)), mode="edge"), n=3, axis=0)
     return np.asarray(np.abs(third).max(axis=0) / set_points.cycle**3)

@@ -25,13 +25,13 @@ from armcontour.verification.limit_verdict import VERDICTS, LimitUse
 from armcontour.verification.trajectory_check import PathDeviation, TimeSamples, check
 
 # Number of times per interval of a law at which the distance from the path is computed, and total
-# number of times above which fewer are used. With 32 the peak of a smooth error exceeds the largest
-# value by at most 0.3 %.
+# number of times above which fewer are used. With 32 times per interval, the peak of a smooth error
+# exceeds the largest computed value by at most 0.3 %.
 MAX_PER_INTERVAL, MAX_TIMES = 32, 400_000
 # Interpolations whose velocity is discontinuous at the points.
 IN_STEPS = ("lines", "held", "next point")
-# Ratio to the acceleration limit above which the points themselves exceed the limit, not only their
-# interpolation.
+# If the acceleration of the points exceeds the limit by more than this factor, the points
+# themselves are the cause, and not only their interpolation.
 FAR_ABOVE = 1.5
 # Fraction by which commands may exceed a limit, because interpolation adds up to this fraction to a
 # valid plan with limited jerk.
@@ -95,7 +95,8 @@ class InterpolationCheck(Result):
                 *(Row(x, getattr(self, x)) for x in ("controller", "reference")),
                 Row("rate", self.rate, "Hz"),
                 Row("law", self.law, "", "interpolation"),
-                # If the plan is unknown, quintics and cubics are their own reference.
+                # If the plan is unknown, quintics and cubics are their own reference, so a
+                # deviation of 0 is not displayed.
                 Row("deviation", self.deviation, "m", "deviation" * (self.deviation > 0), time),
                 Row("deviation_time", self.deviation_time, "s"),
                 Row("joint_deviation", self.joint_deviation, "rad"),
@@ -162,7 +163,8 @@ def check_interpolation(
             deviation=deviation, orientation_deviation=orientation_deviation, tolerance=tolerance,
         )  # fmt: skip
         uses, far = uses + followed.uses, followed.path_deviation
-    # If the plan is unknown, it is estimated by the spline through its derivatives at the points.
+    # If the plan is unknown, it is estimated by the spline with the positions and derivatives of
+    # the points.
     best = interpolate_points(points, "jtc_spline")
     ideal = reference or best.curve
     q, exact = curve(times), ideal(np.minimum(times, ideal.duration))
@@ -208,7 +210,7 @@ def _law_acceleration(curve: CommandCurve, limits: Limits, t: FloatArray) -> flo
 
 
 def _second_differences(points: TimeSamples, limits: Limits) -> FloatArray:
-    """Largest ratio of the second differences of the points to the acceleration limit, (dof,)."""
+    """Largest ratio of accelerations, from differences of the points, to their limit, (dof,)."""
     t, q = np.asarray(points.t), np.asarray(points.q)
     if limits.joint_acceleration is None or len(t) < 3:
         return np.full(q.shape[1], np.nan)

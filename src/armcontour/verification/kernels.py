@@ -30,7 +30,7 @@ class FollowedTool(NamedTuple):
     distance: FloatArray  # Distances of the tool points from their path points [m], (n,)
     s: FloatArray  # Arc lengths of the path points [m], (n,)
     sizes: FloatArray  # Lengths of the tool's chords [m], (n - 1,)
-    later: FloatArray  # Smallest arc length of each and all later path points [m], (n,)
+    later: FloatArray  # Smallest arc length of a path point and all later ones [m], (n,)
 
 
 class PathIntervals(NamedTuple):
@@ -43,7 +43,8 @@ class PathIntervals(NamedTuple):
 class PathParts(NamedTuple):
     """Parts of a path between the path points of successive tool points, m parts."""
 
-    # Step (index of the tool point before it), segment, and 1 if the part is the last of its step.
+    # Step (index of the tool point before the part), segment, and 1 if the part is the last of its
+    # step.
     indices: IntArray  # (m, 3)
     ends: FloatArray  # First and last arc length of each part [m], (m, 2)
     bounds: FloatArray  # Bounds on the distance from each part to the tool [m], (m,)
@@ -101,8 +102,8 @@ def _reachable_intervals(
                 # If several path points are equally near, the next one ahead of `before` is used.
                 if d < best - EQUAL or (d <= best + EQUAL and nearest_s < before - EQUAL):
                     nearest_s = base + arc
-                    # The start of the interval restricts the path point, not the start of a
-                    # segment.
+                    # `held` is for the start of an interval; the start of a segment alone does not
+                    # restrict the path point.
                     held = centre < x and x > 0.0 and base + x <= low + EQUAL
                 best = min(best, d)
             if base + length >= high and not (is_open and done >= base + length - EQUAL):
@@ -182,7 +183,8 @@ def _tool_distances(
     """Distances of path points p and q from the tool's motion near chord i [m], and a bound."""
     # The searched motion extends by `reach` on both sides of the chord, and until the tool has
     # passed `until` for the last time. The bound holds for all points on the line from p to q: it
-    # is the larger distance of both ends from one chord, for the best chord.
+    # is the smallest value, over all chords, of the larger of the distances of p and q from the
+    # chord.
     a = b = bound = math.inf
     for step in (1, -1):
         j, gone, spare = i, 0.0, 0.0

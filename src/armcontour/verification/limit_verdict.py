@@ -31,7 +31,7 @@ PEAKS = 12
 
 VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
 # An excess below this fraction of a limit is attributed to rounding, because the printed digits of
-# a plan that uses a limit fully may exceed it.
+# a plan that uses a limit fully may exceed the limit.
 UNSEEN = 1e-3
 
 # Units of the limits by their names.
@@ -144,7 +144,7 @@ class LimitUse(Result, Occurrence):
 
 
 def decide_verdict(certain: float, highest: float, tolerance: float) -> str:
-    """Verdict on a limit, from its largest certain ratio and its largest ratio."""
+    """Verdict on a limit, from the largest certain ratio and the largest ratio of its use."""
     if certain > 1 + tolerance:
         return VIOLATED
     return KEPT if highest <= 1 + tolerance + UNSEEN else CANNOT_TELL
@@ -188,7 +188,7 @@ class LimitUseAccumulator:
         self.orientation_deviation = orientation_deviation
         self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
         # True if recorded values count for the highest ratio. Means over wider windows are more
-        # certain, but never exceed the means over the narrower windows inside.
+        # certain, but never exceed the largest mean over the narrower windows inside.
         self.narrow = True
         self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
@@ -305,8 +305,8 @@ class TimeLaw(Protocol):
 def record_law(
     law: TimeLaw, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
 ) -> int:
-    """Record the states of a law at `points` random times per interval; return their number."""
-    # velocity_step: largest jump of a joint's velocity at a break [rad/s].
+    """Record a law at breaks and `points` random times per interval; return the number of times."""
+    # velocity_step: permitted jump of a joint's velocity at a break [rad/s].
     breaks = np.asarray(law.breaks, dtype=np.float64)
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must be at least two increasing times.")
@@ -342,9 +342,9 @@ def uses_of_law(
     jerks: Collection[str],
 ) -> tuple[FloatArray, FloatArray, list[Use]]:
     """Times (n + m,), joint positions (n + m, dof), and use of limits by a law at these times."""
-    # right_times (n,), left_times (m,): times at which a law with a break has the values after and
-    # before the break [s].
-    # The third derivative of the joints is evaluated only if jerk of joints or tool is checked.
+    # At a break, the law has the value after the break for right_times [s], (n,), and the value
+    # before it for left_times [s], (m,). The third derivative of the joints is evaluated only if
+    # jerk of joints or tool is checked.
     order = 3 if set(jerks) - {"path_jerk"} else 2
     t = np.concatenate([right_times, left_times])
     if isinstance(law, Trajectory):
@@ -416,7 +416,7 @@ def _record_acceleration_steps(
 def _accelerations(
     law: TimeLaw, t: FloatArray, tally: LimitUseAccumulator, name: str, side: str
 ) -> FloatArray:
-    """Accelerations whose rate a limit of jerk bounds, on one side of times, (n, columns)."""
+    """Accelerations whose rate a jerk limit bounds, on one side of the times t, (n, columns)."""
     if name == "path_jerk":
         return np.array(cast("Any", law).s(t, 2, side=side))[:, None]
     q, dq, ddq = (law(t, order, side=side) for order in range(3))
@@ -441,7 +441,7 @@ def checkable_jerk_limits(law: TimeLaw, limits: Limits, start: FloatArray) -> tu
 
 
 def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Ratio of the largest use to every specified limit that can be evaluated."""
+    """Largest ratio of a value to its limit, for every specified limit that can be evaluated."""
     # In a program, limits of the tool apply along contours, limits of the joints in every move.
     largest: dict[str, float] = {}
     for motion, bounds in _parts(trajectory, limits):
@@ -492,7 +492,7 @@ def _peaks(
     ratio: FloatArray,
     threshold: float,
 ) -> FloatArray:
-    """Ratios at the highest peaks between the times, estimated by parabolas, above `threshold`."""
+    """Ratios at the highest peaks between the times, if parabolas there exceed `threshold`."""
     before, middle, after = ratio[:-2], ratio[1:-1], ratio[2:]
     curvature, tilt = before - 2 * middle + after, (after - before) / 2
     # A parabola without a top between its outer times has its highest value at an end.

@@ -16,8 +16,9 @@ from armcontour.geometry import Path
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.projection import find_nearest, pack_segments, pad_to_space
 
-# The first leash is SLACK times the largest of these: the distance of about SOME points from the
-# path, the longest step of the tool, and SHORTEST [m]. The leash is doubled until it suffices.
+# The first leash is SLACK times the largest of these: the largest distance of about SOME points
+# from the path, the longest step of the tool, and SHORTEST [m]. The leash is doubled until it
+# suffices.
 SLACK = 4.0
 SOME = 500
 SHORTEST = 1e-7
@@ -83,8 +84,9 @@ def follow_path(
 ) -> Followed:
     """Find the path points of a tool that follows a path, and the coverage error."""
     # points: tool points in order [m], (n, dimension) with n > 1. The coverage error is evaluated
-    # between the arc lengths `work` [m], by default on the whole path; the tool starts at or before
-    # the first. Points outside of `judged` count for the coverage error only.
+    # between the arc lengths `work` [m], by default on the whole path; the first path point is at
+    # or before the first of these arc lengths. Points outside of `judged` count for the coverage
+    # error only.
     from armcontour.verification.kernels import FollowedTool, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)

@@ -124,8 +124,8 @@ def _mean_rows(
 ) -> tuple[list[tuple[str, Column, int]], list[Column]]:
     """Rates to check (limit, column, difference order), and columns of the tool motion."""
     # Velocities follow from positions, accelerations from velocities if available, and jerks from
-    # the highest derivative. The columns of the tool are positions and, if joint velocities are
-    # known, velocities; accelerations only if tool jerk is limited.
+    # the highest derivative. The columns of the tool are positions; velocities if joint velocities
+    # are known; and accelerations if joint accelerations are known, too, and tool jerk is limited.
     arm = states.arm
     joints = {
         order: (x, np.tile(log.errors[order], (len(log.t), 1)))

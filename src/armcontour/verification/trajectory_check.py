@@ -45,7 +45,8 @@ from armcontour.verification.sample_check import SampledMotion, record_samples
 
 # Error bound of computed numbers, in units of the last binary digit.
 ULPS = 4
-# Printed times within this distance of a regular grid are on the grid [last printed digit].
+# Printed times within this distance of a regular grid, in units of the last printed digit, are on
+# the grid.
 ON_GRID = 1e-3
 UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 # Number of tool points between two breaks of a law.
@@ -313,7 +314,7 @@ class _Part:
 
 
 def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | None) -> list[_Part]:
-    """Split a motion into its whole, with joint limits, and its contours, with tool limits."""
+    """Split a motion: the whole motion with joint limits, and its contours with tool limits."""
     planned = samples.limits if isinstance(samples, Trajectory) else None
     bounds = resolve_limits("check", arm, limits, planned)
     spans, plural = (

@@ -1,7 +1,7 @@
 """Nominal robot: drives with position and velocity loops that move the bodies of an arm."""
 
-# Compensation, learning, identification and certification use the nominal robot. Plants, which
-# verify their results, do not use it.
+# Compensation, learning, identification and certification use the nominal robot. Plants verify the
+# results of these steps, so they do not use the nominal robot.
 
 from armcontour.core.lazy import lazy_names
 

@@ -77,8 +77,9 @@ class Drives:
     ) -> FloatArray:
         """Command u for which the drives execute a motion [rad], (n, dof)."""
         # `u = q + dq / K_p + tau / (J K_v K_p)`. tau is the torque without gravity feed-forward and
-        # without the output of an integrator, which holds the arm at the first time. Integrators
-        # need the time `step` between two rows [s]; if it is infinite, the rows are steady states.
+        # without the output of integrators. At the first time, integrators supply the whole torque.
+        # Integrators need the time `step` between two rows [s]; if it is infinite, the rows are
+        # steady states.
         torque = self.moving_torque(q, dq, ddq)
         if self.servo.ki.any():
             from scipy.signal import lfilter

@@ -29,7 +29,7 @@ ROUNDS = 60
 
 
 class LinearLoops(NamedTuple):
-    """Closed loops `M x'' + D x' + K x` of all joints at n times, (n, dof, dof) each."""
+    """Coefficients of the loops `M x'' + D x' + K x` of all joints, (n, dof, dof) each."""
 
     mass: FloatArray  # M [kg m²]
     damping: FloatArray  # D [N m s/rad]
@@ -48,15 +48,15 @@ def simulate_deviations(
     """Simulate deviations from a motion under torques, starting at rest, with dry friction."""
     # Newmark's method with constant mean acceleration (second order, unconditionally stable):
     #
-    #     M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]
+    #     M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / (2 h) + K mean(x) = f[k]
     #     mean(x) = (x[k+1] + 2 x[k] + x[k-1]) / 4
     #
-    # Friction brakes a moving joint with the Coulomb torque, and
-    # holds a joint at rest with a torque of at most this size.
+    # Friction brakes a moving joint with the Coulomb torque, and holds a joint at rest with a
+    # torque of at most this size.
     # step: h [s]. torque: f, averaged around the times [N m], (n, dof, cases). hold: additional
-    # stiffness of a sticking joint in each step, as a multiple of M / h² + D / 2h + K / 4, (n,
-    # dof); 0 for other joints. moved: displacement of the motion in each step [rad], (n - 1, dof).
-    # coulomb: Coulomb torques [N m], (dof,).
+    # stiffness of a sticking joint in each step, as a multiple of `M / h² + D / (2 h) + K / 4`,
+    # (n, dof); 0 for other joints. moved: displacement of the motion in each step [rad],
+    # (n - 1, dof). coulomb: Coulomb torques [N m], (dof,).
     # Returns deviations [rad] and friction torques in each step [N m], (n, dof, cases) each.
     n, dof, cases = torque.shape
     deviations, friction = np.zeros((n, dof, cases)), np.zeros((n, dof, cases))
@@ -156,7 +156,7 @@ class Response(Checked):
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def of_drives(self, drives: Drives, others: Drives, every: int) -> Response:
-        """Response with other drives of the arm instead of `drives`, at each `every`-th time."""
+        """Response with the drives `others` instead of `drives`, at each `every`-th time."""
         return replace(
             self,
             t=self.t[::every],
@@ -316,7 +316,7 @@ def respond_along(
 SMALLEST_CORRECTION = 1e-9
 # Maximum number of corrections. Each correction is about a thousandth of the previous one.
 CORRECTIONS = 40
-# Stiffness of a sticking joint relative to inertia and drive.
+# Additional stiffness of a sticking joint, see `hold` of `simulate_deviations`.
 HELD = 1e6
 # A correction above this means that the simulation diverges [rad].
 AWAY = 1e3
@@ -437,7 +437,7 @@ def _mean(values: FloatArray, before: FloatArray) -> FloatArray:
 
 
 def _rates(q: FloatArray, before: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """Central first and second differences over time, the last ones repeated, (n, dof) each."""
+    """First and second derivatives by central differences, the last rows repeated, (n, dof)."""
     around = np.concatenate([before[None], q, q[-1:]])
     dq = (around[2:] - around[:-2]) / (2 * step)
     ddq = (around[2:] - 2 * around[1:-1] + around[:-2]) / step**2

@@ -17,12 +17,12 @@ from armcontour.robot.servo.joint_response import MAX_PHASES, MAX_STEPS, ROUNDIN
 
 # Times [s] that differ by less than this are equal, as in `march`.
 NEAR = 4e-12
-# Largest number of Taylor terms, longest step in shortest time constants, and relative size below
-# which terms are negligible.
+# Largest number of Taylor terms, longest step as a multiple of the shortest time constant, and
+# relative size below which terms are negligible.
 TERMS, LENGTH, NOTHING = 24, 0.5, 1e-17
 # Number of cached maps; number of inputs of a map (position minus second command, velocity,
-# integral, first minus second command, slopes of both commands); number of its terms, and its
-# longest step.
+# integral, first minus second command, slopes of both commands); number of its Taylor terms, and
+# its longest step, as a multiple of the shortest time constant.
 KEPT, INPUTS, MAP_TERMS, MAP_LENGTH = 4, 6, 16, 0.25
 
 
@@ -142,8 +142,8 @@ def series_of_map(servo: Servo) -> FloatArray:
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def write_map(series: FloatArray, rate: float, span: float, out: FloatArray) -> None:
-    """Write the map of a free motion over a time span [s] and the span into `out`, (19,)."""
-    # rate: bound of the inverse of the shortest time constant [1/s].
+    """Write into `out`, (19,), the map of a free motion over a time span, then the span [s]."""
+    # rate: upper bound of the inverse of the shortest time constant [1/s].
     halvings, h = 0, span
     while h * rate > MAP_LENGTH:
         h, halvings = h / 2, halvings + 1

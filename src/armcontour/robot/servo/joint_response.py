@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 from armcontour.core.kernels import FUSED, compiled
 
-# Longest step of a free motion, in shortest time constants of the servo. Within it, the slope of
-# the demand has at most one extremum, and the series below converge up to rounding errors.
+# Longest step of a free motion, as a multiple of the shortest time constant of the servo. Within
+# it, the slope of the demand has at most one extremum, and the series below converge up to rounding
+# errors.
 LARGEST_STEP = 0.5
 # Largest number of terms of the series in `_integrals`, the factors 1 / n in them, and the relative
 # size below which terms are negligible.
@@ -264,7 +265,7 @@ def _find_root(servo: Servo, f: Signal, low: float, high: float, t: float) -> fl
 
 @compiled(inner=True, fastmath=FUSED)
 def _find_extremum(servo: Servo, y: float, dy: float) -> float:
-    """First time after 0 at which the slope of a free motion is 0; infinity if it never is."""
+    """First time after 0 at which the slope of a free motion is 0; infinity if there is none."""
     kp, kv = servo.kp, servo.kv
     slope = -kv / 2 * dy - kp * kv * y
     if slope == 0.0:
@@ -302,9 +303,9 @@ def _find_cubic_extrema(f: Signal, end: float) -> tuple[float, float]:
 @compiled(inner=True, fastmath=FUSED)
 def _find_extrema(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
     """Times in (0, end) at which a signal has an extremum, in order; `end` if there is none."""
-    # The signal is linear plus a free motion. The slope of a free motion is also a free motion and
-    # has at most one extremum in a short time, so the signal has at most one extremum before and
-    # one after this time.
+    # The signal is linear plus a free motion. The slope of a free motion is also a free motion,
+    # with at most one extremum in a short time. So the signal has at most one extremum before and
+    # one after the extremum of its slope.
     if f.c1 == 0.0:
         return min(_find_extremum(servo, f.free, f.slope), end), end
     curvature = -servo.kv * f.slope - servo.kp * servo.kv * f.free
@@ -334,7 +335,7 @@ def demand(servo: Servo, u: Cubic, q: float, w: float) -> float:
 @compiled(inner=True, fastmath=FUSED)
 def _saturated_side(servo: Servo, z: float, u: Cubic) -> float:
     """1 if the demand z is above its upper bound, -1 if z is below its lower bound, else 0."""
-    # Both bounds may have the same sign.
+    # The sign of z does not decide, because both bounds may have the same sign.
     tolerance = ROUNDING * servo.kp * servo.kv * abs(u.value)
     if z > servo.upper + tolerance:
         return 1.0
@@ -475,7 +476,7 @@ def next_phase(
 
 @compiled(fastmath=FUSED)
 def progresses(kp: float, kv: float, span: float) -> bool:
-    """True if steps advance the time in floating point, and their number is acceptable."""
+    """True if steps over `span` [s] change a floating-point time, and are not too many."""
     step = LARGEST_STEP / fastest_rate(kp, kv)
     return step >= span or (span + step > span and span < MAX_STEPS * step)
 
@@ -558,7 +559,7 @@ def _demand_extremum(
 
 @compiled(inner=True, fastmath=FUSED)
 def _respond_first_order(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion) -> Motion:
-    """Simulate a first-order joint over a step; its demand is its acceleration."""
+    """Simulate a first-order joint over a step; the demand is the joint's acceleration."""
     kp, t = servo.kp, step.time
     q, _ = advance_freely(step, u, m.q, 0.0)
     end = shift(u, t)
@@ -578,7 +579,7 @@ def _respond_first_order(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion)
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
 def respond(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion) -> Motion:
-    """Simulate a joint over a step under the command u; not finite if the steps do not end."""
+    """Simulate a joint over a step under command u; not finite if there are too many phases."""
     kp, kv, t = servo.kp, servo.kv, step.time
     if kv == 0.0:
         return _respond_first_order(servo, step, u, m)

@@ -69,7 +69,7 @@ def piece_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -> 
 
 @compiled(inner=True, fastmath=FUSED)
 def write_step(kp: float, kv: float, span: float, straight: bool, row: FloatArray) -> bool:
-    """Write the map of a free motion over a span, (COLUMNS,); False if it has too many steps."""
+    """Write span, repetitions and map of a step of a free motion; False if steps are too many."""
     if not progresses(kp, kv, span):
         return False
     repeats = max(int(math.ceil(span * fastest_rate(kp, kv) / LARGEST_STEP * SLACK)), 1)
@@ -144,7 +144,7 @@ def march(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """Simulate one joint from times[0] on; not finite if short steps make no progress."""
+    """Simulate one joint from times[0] on; results are not finite if steps are too short."""
     # kind 0: held or linear commands; 1: cubics; 2: a drive holds its acceleration in each piece;
     # 3: as 0, without saturation, with positions as the only results. An infinite kp means a pure
     # delay. pieces: coefficients of the command, (n + 1, 4), of which the first and the last are

@@ -35,11 +35,11 @@ LONGEST_DEAD_TIME = 60.0
 # Largest number of time constants in a cycle. With more, the joint comes to rest long before the
 # next set-point, and the simulation needs a step for each half of a time constant.
 MAX_TIME_CONSTANTS = 1000.0
-# RMS contour error with compensation over the error without it on validation data, above which
+# Ratio of the RMS contour errors with and without compensation on validation data, above which
 # compensation may be worse than none on other programs.
 TRUSTED = 0.5
-# Range of logged velocities and accelerations [rad/s, rad/s²]; ratio to the logged value above
-# which a warning is given.
+# Valid range of logged velocities and accelerations [rad/s, rad/s²]. Motions that exceed a logged
+# value by more than this factor cause a warning.
 LOGGED, EXCEEDED = (0.0, 1e6), 1.02
 PER_JOINT = (
     *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
@@ -522,7 +522,8 @@ def without_integral(
     for j in np.flatnonzero(servo.ki):
         rub = servo.kp[j] * servo.kv[j] * servo.friction[j] * sliding(dq[:, j])
         coefficients = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
-        # The integrator does not change the delay of the feed-forward of a drive with a cycle.
+        # In a drive with a cycle, feed-forward is delayed. The integrator does not change this
+        # delay.
         delay = servo.kv[j] * servo.velocity_feedforward[j] * servo.drive_cycle / 2
         reduced[:, j] = lfilter(*coefficients, ddq[:, j] + rub) - rub + delay * ddq[:, j]
         reduced[:, j] /= 1 + delay

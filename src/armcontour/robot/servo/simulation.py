@@ -1,4 +1,4 @@
-"""Simulation of joint servos over cycles, at any times, and over logs."""
+"""Simulation of joint servos: in set-point cycles, at any times, and along logs."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
 
 
 def add_integrator_pieces(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
-    """Pieces of commands, followed by the pieces of the command for integrators, if any."""
+    """Pieces of commands; with integrators, each also has the coefficients of their command."""
     pieces = commands(servo)
     if not np.any(servo.ki):
         return pieces
@@ -164,8 +164,8 @@ def respond_within(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Response of all joints at increasing times within interval k."""
     # state: positions [rad], velocities [rad/s] and held values at the first time, (dof,) each.
-    # Returns the times with those at which a set-point reaches a joint [s], (m,); positions [rad],
-    # and velocities just before and just after each time [rad/s], (m, dof) each.
+    # Returns `times` and the times at which a set-point reaches a joint, in order [s], (m,);
+    # positions [rad], and velocities just before and just after each time [rad/s], (m, dof) each.
     phase = servo.dead_time % cycle
     tolerance = SNAP * cycle
     times = np.union1d(
@@ -230,7 +230,7 @@ def follow(
 
 
 def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Command in each cycle as a cubic in the time since its start, (dof, n + 1, 4)."""
+    """Command in each cycle as a cubic in the time since the cycle's start, (dof, n + 1, 4)."""
     # The command includes feed-forward and friction, so that a servo without them responds in the
     # same way. Interval k is between set-points k - 1 and k. Before the first and after the last
     # set-point the command is constant.

@@ -8,8 +8,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.motion import JointPath
 from armcontour.verification.clearance.clearance import Cell
 
-# Fractions of half of each line that the rounding of its corners occupies, in the order in which
-# they are tried. With 0 the motion stops at the corners.
+# Shares of half of the shorter line at a corner that the rounding of the corner occupies, in the
+# order in which they are tried. With 0 the motion stops at the corners.
 ROUNDED = (0.9, 0.5, 0.2, 0.0)
 # Search for intermediate postures: length of one step of a tree [rad], margin of the sampled box
 # around both ends [rad], and maximum number of checked lines.
@@ -41,7 +41,8 @@ def path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
 
 def round_postures(postures: FloatArray, share: float) -> JointPath:
     """Make a joint path of straight lines between postures, with parabolas at the corners."""
-    # share: fraction of half of each line that its parabolas occupy; 0 stops at every corner.
+    # share: a parabola occupies this share of half of the shorter line at its corner; 0 stops at
+    # every corner.
     steps = np.diff(postures, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     directions = steps / lengths[:, None]
@@ -112,8 +113,9 @@ class _Tree:
         self.parents = [0]
 
     def grow(self, goal: FloatArray, lines: _LineChecker, *, whole: bool = False) -> int | None:
-        """Grow from the nearest posture towards a goal; index of the newest posture, or None."""
-        # With `whole`, the growth continues to the goal; otherwise it is one step.
+        """Grow towards a goal; index of the newest posture, None if no line is collision-free."""
+        # Growth starts from the nearest posture. With `whole`, it continues to the goal; otherwise
+        # it is one step.
         rows = np.array(self.postures)
         k = int(np.argmin(np.linalg.norm(rows - goal, axis=1)))
         newest: int | None = None

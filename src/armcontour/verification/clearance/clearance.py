@@ -26,11 +26,11 @@ from armcontour.verification.clearance.pairs import Pair, mounting_pairs, pairs_
 
 # Distances within this tolerance of the margin count as violations [m].
 FINEST = 1e-6
-# Accuracy of the first time at which a margin is violated, as a travel [m]; number of pieces per
-# window of the search.
+# Search for the first time at which a margin is violated: accuracy of this time, as a travel [m];
+# number of pieces per window.
 STEP, PIECES = 1e-5, 16
-# Number of pieces per window, by the largest number of windows for which it is used; two pieces if
-# there are more windows.
+# Numbers of pieces per window, each with the largest number of windows for which it is used. If
+# there are more windows, each is divided into two pieces.
 FEW = {8: 25, 4: 100}
 # Number of breaks of a motion per batch, to bound the memory.
 AT_ONCE = 20_000
@@ -128,7 +128,7 @@ class Clearance(Result):
 
     @property
     def nearest(self) -> tuple[PairClearance, ...]:
-        """The pair with the smallest distance of every kind, the smallest first."""
+        """For every kind, the pair with the smallest distance; sorted by distance."""
         by_kind: dict[str, PairClearance] = {}
         for pair in sorted(self.pairs, key=lambda x: x.high):
             by_kind.setdefault(pair.kind, pair)
@@ -336,7 +336,7 @@ class Cell:
 
     @checked
     def stays_above(self, motion: Motion) -> bool:
-        """True if all links stay above the mounting plane of the base; True without one.
+        """True if all links stay above the mounting plane of the base, or without such a plane.
 
         Args:
             motion: The motion.
@@ -458,8 +458,8 @@ class _ClearanceSearch:
 
     def _bound_distances(self, t: FloatArray, travel: FloatArray) -> None:
         """Search a part of the motion."""
-        # `t` are the times of its breaks [s], `travel` the largest travel of each joint since the
-        # start of the part [rad], (n, dof).
+        # `t` are the times of the breaks in the part [s], `travel` the largest travel of each joint
+        # since the start of the part [rad], (n, dof).
         pair = np.arange(len(self.pairs))
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
         travelled = np.zeros(len(pair)), self._radii @ travel[-1]
@@ -476,8 +476,8 @@ class _ClearanceSearch:
                 (travelled[0][goes_on], travelled[1][goes_on]),
                 (distance[0][goes_on], distance[1][goes_on]),
             )
-            # An iteration with few windows takes a constant time, so it divides them into more
-            # pieces.
+            # The time of an iteration with few windows is constant, so each window is divided into
+            # more pieces.
             count = next((n for n, windows in FEW.items() if len(pair) <= windows), 2)
             # Edges of the pieces, one row per window.
             shares = np.arange(count + 1) / count

@@ -17,7 +17,8 @@ from armcontour.robot.scene import BASE, TOOL, ArmShapes, HalfSpace, LeftOut, Me
 ENVIRONMENT, OWN = "environment", "own"
 # Kind of the pairs of links with the mounting plane of the base.
 MOUNTING = "mounting"
-# First link that can be raised, and depth below the mounting plane that counts as below [m].
+# Index of the first link whose height can change, and depth [m] from which a link counts as below
+# the mounting plane.
 FIRST_RAISED, BELOW = 2, 1e-3
 
 
@@ -146,7 +147,7 @@ def _check_obstacles(bodies: Iterable[Body], scene: Scene) -> None:
 def _obstacle_pairs(
     chain: Chain, bodies: Iterable[Body], scene: Scene
 ) -> Iterable[tuple[Body, Body, float, bool]]:
-    """Yield every obstacle with every body of the arm, their margin, and if they may touch."""
+    """Yield all pairs of obstacle and body of the arm, with margin and True if they may touch."""
     bodies = list(bodies)
     for x in scene.obstacles:
         # Link 0 is the base; `chain.base` is its frame in the work frame.
