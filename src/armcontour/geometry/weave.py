@@ -245,7 +245,7 @@ class _Wave:
     places: FloatArray  # Corresponding arc lengths of the seam and of the part [m], (n, 2)
     width: float  # Distance between crests [m]
     pitch: float  # Length of the seam per wave [m]
-    edge: float  # Length of the seam at each edge without change of the offset [m]
+    edge: float  # Length of an edge: a part of the seam at a crest with constant offset [m]
     # Unit vector that weaving is perpendicular to, (3,); None for the tool axis
     up: FloatArray | None
 
