@@ -98,12 +98,13 @@ def _ratios(
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
-    """Third and fourth derivatives of a law's arc length over time, and a bound of the fifth."""
+    """Third and fourth time derivatives of a law's arc length, and a bound of the fifth."""
     # `i`: indices of intervals, (n,); `t`: times in the intervals [s], (n,); `half`: the bound is
     # valid within this time before and after each of `t` [s], (n,).
     ds, dds, ddds = law.path_motion(i, t)[1:]
     slope = law.rates.slope[i]
-    # ds is a sum of cosh and sinh, whose bounds are also valid for a sum of cos and sin.
+    # ds is a sum of cosh and sinh if `slope` is positive, and of cos and sin if it is negative. The
+    # bound for cosh and sinh is valid for both.
     root = np.sqrt(np.abs(slope))
     with np.errstate(invalid="ignore"):
         growth = np.where(root > 0, np.sinh(root * half) / root, half)
@@ -130,7 +131,7 @@ def _bound_quadratics(f: Derivatives, half: FloatArray) -> FloatArray:
 
 
 def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
-    """Fifth derivative of q(s(t)), from the derivatives of q over s and of s over time."""
+    """Fifth time derivative of q(s(t)), from the derivatives `q` of q(s) and `v` of s(t)."""
     return np.asarray(
         q[5] * v[1] ** 5
         + 10 * q[4] * v[1] ** 3 * v[2]
@@ -141,7 +142,7 @@ def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
 
 
 def _fourth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
-    """Fourth derivative of q(s(t)), from the derivatives of q over s and of s over time."""
+    """Fourth time derivative of q(s(t)), from the derivatives `q` of q(s) and `v` of s(t)."""
     return np.asarray(
         q[4] * v[1] ** 4
         + 6 * q[3] * v[1] ** 2 * v[2]
