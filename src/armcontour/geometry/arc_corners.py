@@ -21,7 +21,7 @@ from armcontour.geometry.rounded_orientation import middle_fraction
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, combine_limits
 
 # Relative error of the search for a tangent length, and largest number of its steps. Every third
-# step is a bisection. Between a nanometre and a kilometre, this third of the steps is sufficient.
+# step is a bisection. Between a nanometre and a kilometre, these bisections alone are sufficient.
 SEARCH_ERROR = 1e-9
 SEARCH_STEPS = 120
 # Smallest tangent length [m]. Shorter blends approach the distance of repeated points.
@@ -102,7 +102,7 @@ class _Blend(CornerKind):
         return np.asarray(np.exp(state[0]))
 
     def _excess(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Logarithm of the largest ratio to a bound, with and without the bound of the radius."""
+        """Logarithms of the largest ratio to a bound: with the bound of the radius, without it."""
         any_radius, curvature = self.bound_ratios(bounds, t)
         need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
         wide = np.where(np.isfinite(bounds.radius), need, 0.0)

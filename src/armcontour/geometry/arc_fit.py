@@ -373,7 +373,7 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
     x = intervals
     first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)
     distances = biarc_distance(points, first, second)
-    # The nearest point to a sample beyond an end of the biarc is this end.
+    # For a sample beyond an end of the biarc, the nearest point of the biarc is this end.
     for end, tangent in ((x.p0, x.t0), (x.p1, -x.t1)):
         v = points - end[:, None]
         outside = dot(v, tangent[:, None]) < 0

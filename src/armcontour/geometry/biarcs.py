@@ -144,7 +144,7 @@ def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segme
 
 
 def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
-    """Replace transitions by arcs within `DRAWN`; also returns original arc lengths of the arcs."""
+    """Replace transitions by arcs within `DRAWN`; also returns arc lengths on the original path."""
     # Returns a table of lines and arcs, which is `segments` if there are no transitions, and for
     # each line and arc the arc length on the original path at which it starts [m], (n,). An arc is
     # never longer than the part that it replaces.

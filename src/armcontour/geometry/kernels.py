@@ -66,7 +66,7 @@ def distance2(foot: Foot, k: float, away: float) -> float:
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, limit: float
 ) -> tuple[float, float]:
-    """Squared distance [m²] to a part of segment `g`, and distance along `g` to that point [m]."""
+    """Squared distance [m²] to the nearest point of a part of `g`, and distance along `g` [m]."""
     # `low`, `high`: ends of the part along the segment [m]. A squared distance that is at least
     # `limit` [m²] is only a lower bound.
     foot, k = find_foot(p, g), g[9]
@@ -214,7 +214,7 @@ class TubePieces(NamedTuple):
 
 @compiled(inner=True)
 def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tuple[float, float]:
-    """Distance of a point from a part of piece j minus tolerance, and nearest point along j [m]."""
+    """Distance from a part of piece j minus tolerance; distance along j of the nearest point."""
     # The distance is infinite if the part is empty or the point belongs to a neighbouring piece.
     if low > high:
         return math.inf, 0.0
@@ -229,7 +229,7 @@ def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tu
 def find_excess(
     points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: TubePieces
 ) -> tuple[FloatArray, FloatArray]:
-    """Smallest distance minus tolerance of points in their ranges, and arc lengths there [m]."""
+    """Smallest distance minus tolerance in the range of each point, and arc length there [m]."""
     # `ranges`: arc lengths of start and end of each point's range [m], (n, 2); `windows`: indices
     # of the first and last piece of each range, (n, 2).
     excess, s = np.full(len(points), np.inf), np.zeros(len(points))
@@ -288,7 +288,7 @@ def bound_excess(
     pieces: TubePieces,
     slack: float,  # A bound up to this is not refined [m]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Bounds of distance minus tolerance over parts of a path, and largest values at points."""
+    """Bounds of distance minus tolerance on parts of a path, and largest values at points."""
     # `parts`: distance along the segment, arc length on the objective and reach at the start of
     # each part, then at its end [m], (k, 6).
     # Returns the bounds [m], the largest values at points [m], and the arc lengths of these points

@@ -239,7 +239,7 @@ def _count_quintics(half: FloatArray) -> IntArray:
 
 
 def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
-    """Tangent arcs along parabolas y = x² / 2 from tangent angle -h to h; parabola of each arc."""
+    """Tangent arcs along y = x² / 2 from tangent angle -h to h, and the parabola of each arc."""
     # The ends of the arc pairs are on the parabola and have its tangents; one end is the apex.
     # With w = asinh(tan(angle)) the curvature is cosh(w)**-3, so its relative change is 3 tanh(w)
     # dw.

@@ -243,7 +243,7 @@ def _insert_blends(
 def _fade_polynomials(
     cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of f and g, which fade out the rate before a vertex and fade in the next."""
+    """Coefficients of f, which fades out the rate before a vertex, and g, for the rate after it."""
     none, one = np.zeros_like(cut), np.ones_like(cut)
     if not smooth:
         return fit_cubics(blend, (-cut, one), (none, none)), fit_cubics(

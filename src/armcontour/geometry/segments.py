@@ -112,7 +112,7 @@ class Segments(Value):
         return tables[0].replace(**columns, checked=checked)
 
     def _with_quintics(self) -> Segments:
-        """The table with a column of quintic coefficients, NaN if the table has no transitions."""
+        """The table with quintic coefficients, which are NaN if the table had none."""
         if self.quintics.shape[1]:
             return self
         room = np.full((len(self), 6, self.dimension), np.nan)
@@ -383,7 +383,7 @@ class Segments(Value):
             )
 
     def check_gaps(self, apart: IntArray | None = None) -> None:
-        """Raise InvalidInput if a segment outside `apart` does not start at the previous end."""
+        """Raise InvalidInput if a segment not in `apart` does not start at the previous end."""
         if len(self) == 1:
             return
         gaps = np.linalg.norm(self.ends[:-1] - self.starts[1:], axis=1)

@@ -59,7 +59,7 @@ class ShapingOutcome(Checked):
 
     @property
     def gain(self) -> float:
-        """Fraction of the duration that the shape saves, compared with the fastest start shape."""
+        """Time that the shape saves, as a fraction of the duration of the fastest start shape."""
         return 1 - self.durations[SHAPED] / self.durations[self.start]
 
 
@@ -185,7 +185,7 @@ class ShapedPath(Path):
 
 
 def describe_unfinished(paths: Iterable[Path]) -> list[str]:
-    """List of one message on the paths whose search for a shape ended early; empty without any."""
+    """Message, as a list, on paths whose shape search ended early; empty without such paths."""
     shaped = [x for x in paths if isinstance(x, ShapedPath)]
     early = [x for x in shaped if x.outcome.unfinished]
     if not early:

@@ -1,4 +1,4 @@
-"""Directions of the tool axis that turn smoothly, within an angle of measured directions."""
+"""Directions of the tool axis that turn smoothly, within an angle of specified directions."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ LARGEST_KINK = 0.05
 # compared with the new arcs.
 SHARES = np.linspace(0.0, 1.0, 9)
 FIRST_ROWS = np.zeros(len(SHARES), dtype=np.intp)
-# Largest number of halvings of these lengths. If it does not suffice, the vertex stays unchanged.
+# Largest number of halvings of these lengths. If they do not suffice, the vertex stays unchanged.
 MAX_HALVINGS = 20
 
 

@@ -283,7 +283,7 @@ class _Wave:
         return np.asarray(edges[edges[:, 1] <= room])
 
     def full_crests(self) -> FloatArray:
-        """Arc lengths of the middles of the edges with the full amplitude of a sine [m]."""
+        """Arc lengths of the middles of those edges at which a sine has its full amplitude [m]."""
         middle = self.turning_points().mean(axis=1)
         half = (self.pitch + self.edge) / 2
         return np.asarray(middle[(middle >= half) & (middle <= self.seam.length - half)])

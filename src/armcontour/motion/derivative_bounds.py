@@ -21,7 +21,7 @@ Derivatives: TypeAlias = list[FloatArray]
 def largest_shares(
     law: PathLaw, limits: FloatArray, speeds: FloatArray, allowed: float
 ) -> FloatArray:
-    """Largest ratios of joint motion and path speed to their limits over a whole law, (6,)."""
+    """Largest ratios of joint motion and path speed to their limits during a whole law, (6,)."""
     # A result of at most `allowed` is proven for all times of the law, up to rounding errors,
     # because intervals whose bound exceeds `allowed` are halved. A larger result is the ratio at a
     # point, or a bound.
@@ -56,14 +56,14 @@ def _ratios(
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Ratios to limits in the middle of parts of intervals, then bounds over the parts, (n, 12)."""
+    """Ratios to limits in the middle of n parts of intervals, then bounds in each part, (n, 12)."""
     # `t`: start, middle and end of each part [s]. The bounds of a joint's velocity and acceleration
     # and of the path speed are those of quadratics about the middle, plus the terms of third order.
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
     v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
     path_bounds = _bound_derivatives(v, half)
-    # No break of the joint path lies within an interval of a law.
+    # The intervals of `law` must not contain breaks of the joint path, as in optimal plans.
     first = path.locate(law.s[i], side="right")
     piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
     width = np.diff(path.breaks)[piece]

@@ -57,7 +57,7 @@ ORDER_PREFERENCE = 1e-6
 
 
 def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
-    """Index in `names` of each requested joint, by equal or prefixed name; None if not found."""
+    """Index in `names` of each requested joint, by equal or prefixed name; None unless all fit."""
     if set(requested) <= set(names):
         return [names.index(x) for x in requested]
     indices = []
@@ -339,7 +339,7 @@ class _Comparison:
         self.power = self._yy[0, :, 0]
 
     def differences(self, factor: float = 1.0) -> FloatArray:
-        """Smallest mean square of each scaled measured minus each reference column, (dof, dof)."""
+        """Smallest mean squares of scaled measured minus reference columns, (dof, dof)."""
         deviations = factor**2 * self._yy - 2 * factor * self._yu + self._uu
         return np.asarray(np.maximum(deviations, 0.0).min(axis=0))
 
@@ -382,7 +382,7 @@ def _find_most_motion(u: FloatArray) -> slice:
 
 
 def _assign_columns(differences: FloatArray) -> list[int]:
-    """Index of the measured column for each joint with the smallest total difference, (dof,)."""
+    """Assign measured columns to joints with the smallest total difference; returns indices."""
     from scipy.optimize import linear_sum_assignment
 
     other = ORDER_PREFERENCE * differences.max() * (1 - np.eye(len(differences)))

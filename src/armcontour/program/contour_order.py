@@ -73,9 +73,9 @@ def direct_contours(program: Program, process: Process) -> Program:
 
 def order_contours(program: Program, process: Process) -> Program:
     """Sort the contours of a program by the order of the process."""
-    # For a shorter tour, a contour can start at another point or run backwards; this start is then
-    # final. A remark reports the length of the links between contours. A note reports a contour
-    # that is cut before a contour inside it.
+    # For a shorter tour, a contour can start at another point or run backwards; later steps do not
+    # change this start. A remark reports the length of the links between contours. A note reports a
+    # contour that is cut before a contour inside it.
     order = process.order
     if order == "auto":
         drawing = all(isinstance(x, Contour) for x in program.moves)

@@ -49,7 +49,7 @@ def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(_cross(arriving, leaving), (arriving * leaving).sum(axis=1)))
 
 
-@np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
+@np.errstate(divide="ignore", invalid="ignore")  # The radius of a line is 1 / 0.
 def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Lengths by which both pieces at inside corners are cut at their crossing [m], (n,) each."""
     # `before`, `after`: the pieces before and after the corners, (n, 6) each.
@@ -67,7 +67,7 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
     return np.where(there, back, np.nan), np.where(there, ahead, np.nan)
 
 
-@np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
+@np.errstate(divide="ignore", invalid="ignore")  # The radius of a line is 1 / 0.
 def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     """All points at which pieces cross or touch each other, including their ends."""
     # Returns the indices of both pieces at each point, (m, 2), and the distances of the point along

@@ -117,7 +117,7 @@ def _notes_on_open(names: Sequence[str]) -> list[str]:
 
 
 def _flatten(contour: Contour, number: int, process: Process) -> Segments:
-    """Segments of a contour projected along `up`; raise InvalidInput if they have no side."""
+    """Segments of a contour projected along `up`; raise InvalidInput if the kerf has no side."""
     called, up, rows = contour_called(contour, number), process.up, contour.path.segments
     if contour.work is not None:
         raise InvalidInput(
