@@ -20,8 +20,8 @@ from armcontour.geometry.line_corners import CornerBounds, CornerCurves, CornerK
 from armcontour.geometry.rounded_orientation import middle_fraction
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, combine_limits
 
-# Relative error of a search for a tangent length, and largest number of its steps. Every third step
-# is a bisection; from a nanometre to a kilometre, bisection needs less than a third of these steps.
+# Relative error of the search for a tangent length, and largest number of its steps. Every third
+# step is a bisection. Between a nanometre and a kilometre, these bisections alone are sufficient.
 SEARCH_ERROR = 1e-9
 SEARCH_STEPS = 120
 # Smallest tangent length [m]. Shorter blends approach the distance of repeated points.
@@ -31,7 +31,8 @@ SHORTEST = 2 * REPEATED_POINT
 WIDEST = np.pi / 2
 # Rounding error of a turn [rad].
 ROUNDING = 1e-9
-# A blend counts as not shrunk if it reaches a bound within this relative error of the search.
+# A blend counts as not shrunk if it reaches a bound within this relative tolerance, which includes
+# the error of the search.
 BOUND_REACHED = 1e-6
 # Fractions of each half of a connection at which its distance from the path is evaluated.
 SAMPLES = np.linspace(0.0, 1.0, 17)
@@ -48,11 +49,11 @@ class _Pairs:
 
 
 class _Blend(CornerKind):
-    """A curve next to an arc, whose tangent length `fit` determines by a search."""
+    """A curve at a corner next to an arc; `fit` determines its tangent length by a search."""
 
     @abstractmethod
     def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Largest ratio to a bound, and inward curvature [1/m], for tangent lengths t [m], (n,)."""
+        """Largest ratios to a bound, and inward curvatures [1/m], for tangent lengths t [m]."""
 
     def shortest(self, half: FloatArray) -> FloatArray:
         return np.full(len(half), REPEATED_POINT)
@@ -68,7 +69,8 @@ class _Blend(CornerKind):
                 return high
             low = np.minimum(SHORTEST, high)
             under, smallest_excess = self._excess(bounds, low)
-            # At a vertex with a tiny turn the shortest blend satisfies any speed.
+            # The bound of the radius does not apply to the shortest blend, because at a tiny turn
+            # this blend is permitted at any speed.
             tangents = np.where(smallest_excess <= 0, low, 0.0)
             tangents[over <= 0] = high[over <= 0]
             remaining = np.flatnonzero((under <= 0) & (over > 0))
@@ -81,8 +83,8 @@ class _Blend(CornerKind):
     def _search(self, bounds: CornerBounds, state: FloatArray) -> FloatArray:
         """Largest tangent lengths within bounds [m], (n,)."""
         # The search uses false position on logarithms, in which the excess is nearly linear; every
-        # third step is a bisection. The rows of `state` are the logarithms of a length that
-        # satisfies and of a length that violates the bounds, and the excess of both, (4, n).
+        # third step is a bisection. `state`, (4, n): logarithms of a length that satisfies the
+        # bounds and of a length that violates them, then the excesses at these two lengths.
         active = np.arange(len(bounds.half))
         for step in range(SEARCH_STEPS):
             low, high, under, over = state[:, active]
@@ -100,7 +102,7 @@ class _Blend(CornerKind):
         return np.asarray(np.exp(state[0]))
 
     def _excess(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Logarithm of the largest ratio to a bound, with and without the bound of the radius."""
+        """Logarithms of the largest ratio to a bound: with the bound of the radius, without it."""
         any_radius, curvature = self.bound_ratios(bounds, t)
         need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
         wide = np.where(np.isfinite(bounds.radius), need, 0.0)
@@ -145,7 +147,8 @@ class _Connection(_Blend):
         back, ahead = around_vertices(bounds.before, bounds.after)
         x, peaks = connections.nearest, []
         for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
-            # Deviation of one half from the part that it replaces, both parametrized evenly.
+            # Deviation of one half of the connection from the part of the path that it replaces.
+            # Points at the same fractions of both are compared.
             deviations = [
                 connections.begin
                 + connections.evaluate(EVERY, begin + share * (end - begin))
@@ -211,7 +214,7 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
 
 def _bound_peaks(values: FloatArray) -> FloatArray:
     """Upper bounds of n smooth functions with evenly spaced samples `values`, (samples, n)."""
-    # Between samples a peak exceeds the nearest sample by approximately an eighth of the second
+    # Between samples, a peak exceeds the nearest sample by at most about an eighth of the second
     # difference; a sixth is a safe bound.
     inner = values[1:-1]
     rise = np.abs(values[2:] - 2 * inner + values[:-2]) / 6
@@ -241,11 +244,11 @@ def _corner_distances(first: Segments, second: Segments) -> FloatArray:
 
 
 def _tangent_length(rows: Segments, t: FloatArray) -> FloatArray:
-    """Tangent lengths of arcs, or lines, of length t [m], (n,)."""
+    """Tangent lengths of arcs or lines with the arc lengths t [m], (n,)."""
     half = rows.curvatures * t / 2
     return np.asarray(t / 2 * np.sinc(half / np.pi) / np.cos(half))
 
 
 def _signed_curvatures(arcs: Segments, inward: FloatArray) -> FloatArray:
-    """Signed curvatures of arcs [1/m], negative for arcs that bend away from a direction."""
+    """Curvatures of arcs [1/m], negative for arcs that bend away from the vectors `inward`."""
     return np.asarray(np.where(dot(arcs.normals, inward) >= 0, 1, -1) * arcs.curvatures)

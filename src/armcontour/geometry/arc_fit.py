@@ -42,7 +42,8 @@ MAX_PARTS = 8
 MAX_INTERVALS = 500_000
 # Default tolerance of the arcs that replace transitions [m].
 DRAWN = 1e-7
-# An interval outside the tolerance that is shorter than this fraction of it becomes a corner.
+# An interval outside the tolerance becomes a corner if its extent is at most this fraction of the
+# tolerance.
 CORNER = 1e-3
 # A derivative below this fraction of the largest one counts as zero; the tangent is then computed
 # as a limit.
@@ -61,8 +62,8 @@ CUSP_CANDIDATE, GOLDEN_STEPS, GOLDEN_RATIO = 0.5, 45, (np.sqrt(5) - 1) / 2
 # A minimum is a cusp if its speed is at most this fraction of the largest speed. A minimum with a
 # larger fraction is a tight loop, whose relative size is the square of the fraction.
 CUSP_SPEED = 1e-6
-# Rounding errors of points rotate a tangent by this factor times the magnitude of the coordinates
-# divided by the interval length [rad].
+# Rounding errors of points rotate a tangent by this factor times the ratio of the largest
+# coordinate to the length of the interval [rad].
 TANGENT_ROUNDING = 64 * np.finfo(float).eps
 # Two tangents that are computed as limits count as equal if they differ by at most this angle
 # [rad].
@@ -71,8 +72,9 @@ SAME_LIMIT = 1e-4
 # larger distance a deviation between samples could be missed, so the interval is split. A
 # parametrization that starts from rest satisfies this limit.
 LARGEST_STEP = 0.35
-# An interval is a line if the curve stays within this fraction of its chord, or within the rounding
-# errors of its points if these determine the direction of the chord.
+# An interval is a line if the distance of the curve from the chord is at most the fraction ON_CHORD
+# of the chord's length, plus the rounding error of points, ROUNDING times the largest coordinate.
+# On short chords this rounding error is limited, so the chord is within the tangent tolerance.
 ON_CHORD = 1e-12
 ROUNDING = 16 * np.finfo(float).eps
 # Neighbours are merged if they agree within SAME_LINE (difference of tangents [rad]) or SAME_CIRCLE
@@ -150,7 +152,8 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
 
 
 def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
-    """Transfer an orientation to other segments, by arc lengths of the waypoints on both [m]."""
+    """Transfer an orientation to the segments `table`."""
+    # `matched_s`: arc lengths of the waypoints on the old and on the new path [m], (n, 2).
     if orientation.follows:
         return carry_frame(table, orientation.starts[0], axis_only=orientation.axis_only)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2
@@ -306,8 +309,8 @@ def _tangents(
     still = ZERO_SPEED * speed + ROUNDING * size / span
     tangents = []
     for t, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
-        # The derivative can jump at a break, so it is evaluated at the next number inside the
-        # interval.
+        # The derivative can jump at a break, so it is evaluated at the next floating-point number
+        # inside the interval.
         derivative = curves(row, np.nextafter(t, t + sign * span), 1)
         weak = (length(derivative) <= still) | vanishes
         direction = unit(derivative)
@@ -370,13 +373,13 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
     x = intervals
     first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)
     distances = biarc_distance(points, first, second)
-    # Beyond the ends of the biarc, the nearest point is the end.
+    # For a sample beyond an end of the biarc, the nearest point of the biarc is this end.
     for end, tangent in ((x.p0, x.t0), (x.p1, -x.t1)):
         v = points - end[:, None]
         outside = dot(v, tangent[:, None]) < 0
         distances = np.maximum(distances, np.where(outside, length(v), 0.0).max(axis=1))
-    # The distance from the full circle is the distance from an arc of at most a quarter circle,
-    # because points between the planes at the ends of the arc are not nearest to the other side.
+    # `biarc_distance` uses full circles. This is correct for arcs of at most a quarter circle,
+    # because points between the planes at the ends of such an arc are nearest to the arc itself.
     quarter = np.pi / 2 * (1 + 1e-9)
     bent = np.maximum(first.curvatures * first.lengths, second.curvatures * second.lengths)
     return np.where(bent <= quarter, distances, np.inf)

@@ -21,8 +21,8 @@ UNEVEN = 1e-6
 # Largest distance between a transition and the arcs that replace it [m]; no arm resolves a
 # nanometre.
 DRAWN = 1e-9
-# Distance of a biarc from a curve whose curvature changes evenly by d over a length w, divided by
-# d w²; and safety factor for this distance.
+# Along a curve of length w whose curvature changes evenly by d, the distance of the biarc from the
+# curve is BIARC_ERROR d w². BIARC_SAFETY: safety factor for this distance.
 BIARC_ERROR = 1 / 324
 BIARC_SAFETY = 1.25
 
@@ -57,8 +57,8 @@ def _arc(
     start: FloatArray, tangent: FloatArray, end_tangent: FloatArray, tangent_length: FloatArray
 ) -> Segments:
     """Arcs from start points and tangents to end tangents, with given tangent lengths."""
-    # Arcs are computed from tangents and not from end points, so the tangents are equal where even
-    # very short arcs meet.
+    # Arcs are computed from tangents and not from end points. Therefore the tangents are equal
+    # where two arcs meet, even if the arcs are very short.
     half = np.arctan2(length(end_tangent - tangent), length(end_tangent + tangent))
     bent = half > STRAIGHT
     across = end_tangent - dot(end_tangent, tangent)[:, None] * tangent
@@ -77,9 +77,10 @@ def _arc(
 
 
 def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> FloatArray:
-    """Largest distance from k points to the two circles of each biarc [m], (n,)."""
-    # The distance is infinite if the values of a biarc are not finite.
-    # `points`: the points for each biarc [m], (n, k, dimension).
+    """Largest distance of k points per biarc from the full circles of its arcs [m], (n,)."""
+    # Each point is compared with the circle of the arc that is on its side of the junction. The
+    # distance is infinite if the values of a biarc are not finite.
+    # `points`: the points of each biarc [m], (n, k, dimension).
     after = dot(points - second.starts[:, None], second.tangents[:, None]) > 0
     distances = np.where(after, _from_circle(points, second), _from_circle(points, first))
     worst = np.asarray(distances.max(axis=1))
@@ -143,7 +144,7 @@ def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segme
 
 
 def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
-    """Replace transitions by arcs within `DRAWN`; also returns their original arc lengths."""
+    """Replace transitions by arcs within `DRAWN`; also returns arc lengths on the original path."""
     # Returns a table of lines and arcs, which is `segments` if there are no transitions, and for
     # each line and arc the arc length on the original path at which it starts [m], (n,). An arc is
     # never longer than the part that it replaces.
@@ -200,7 +201,7 @@ def tangent_and_curvature(first: FloatArray, second: FloatArray) -> tuple[FloatA
 
 
 def bound_third_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Upper bounds of the third derivatives of quintics by arc length [1/m²], (n,)."""
+    """Upper bounds of the third derivatives of quintics with respect to arc length [1/m²], (n,)."""
     c3, c4, c5 = quintics[:, 3], quintics[:, 4], quintics[:, 5]
     control = np.stack([6 * c3, 6 * c3 + 12 * c4, 6 * c3 + 24 * c4 + 60 * c5], axis=1)
     return np.asarray(np.linalg.norm(control, axis=2).max(axis=1) / lengths**3)

@@ -36,7 +36,8 @@ NODE_PARAMETERS = (NODES + 1) / 2
 # Number of iterations that scale the end derivatives by the length of the connection. The scale
 # need not be exact.
 SCALE_ITERATIONS = 3
-# Number of Newton steps to a parameter of a connection, which converge up to rounding errors.
+# Number of Newton steps in the search for a parameter of a connection; sufficient for an error at
+# rounding level.
 NEWTON_STEPS = 8
 # Largest number of quintics in each half of a connection, and the fractions of each quintic at
 # which its speed is checked.
@@ -56,8 +57,8 @@ class Connections:
     """Polynomial connections across n vertices."""
 
     begin: FloatArray  # Start points relative to the vertices [m], (n, dimension)
-    # Coefficients of 1 to x⁷ of the position relative to the start, x from 0 to 1 [m], (n, 8,
-    # dimension)
+    # Coefficients [m] of the powers x⁰ to x⁷ of the position relative to the start, for x from 0 to
+    # 1, (n, 8, dimension)
     coefficients: FloatArray
 
     def __len__(self) -> int:
@@ -154,7 +155,7 @@ def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segmen
 def draw_connections(
     connections: Connections, vertices: FloatArray, middle: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Transitions along connections; their parameter is the arc length within `UNEVEN`."""
+    """Transitions along connections, whose parameters equal their arc lengths within `UNEVEN`."""
     # `vertices`: vertices of the connections [m], (n, dimension); `middle`: parameters x at which
     # both halves of each connection meet, from 0 to 1, (n,).
     # Returns the transitions in order, the index of the connection of each, and the mask of the
@@ -217,9 +218,9 @@ def bound_deviation(
     drawn: Segments, old: Segments, i: IntArray, ends: tuple[FloatArray, FloatArray], parts: int
 ) -> FloatArray:
     """Bounds of the distances between transitions and the parts of a path that they replace [m]."""
-    # Corresponding points move evenly along both. On each of the `parts`, the distance D of
-    # corresponding points is at most the larger value at the ends plus an eighth of the largest
-    # second derivative.
+    # Corresponding points move evenly along both. On each of the `parts`, of length h, the distance
+    # of corresponding points is at most the larger distance at the ends plus h² / 8 times the
+    # largest second derivative of their difference with respect to arc length.
     # `i`: index of the segment of which each transition replaces a part, (n,); `ends`: distances
     # along this segment at which the part starts and ends [m], (n,) each.
     # Returns bounds of the distance in both directions, (n,).
@@ -234,8 +235,8 @@ def bound_deviation(
         )
         for share in (0, 1)
     ]
-    # Second derivative of the old path by the arc length of the transition in the middle of the
-    # part, and bound of its change on either side of the middle.
+    # Second derivative of the old path in the middle of the part, with respect to the arc length of
+    # the transition, and a bound of its change from the middle to either end.
     second_derivative = ratio[:, None] ** 2 * old.evaluate(segment, low + step / 2, 2)
     change = old.curvatures[segment] ** 2
     if old.quintics.size:

@@ -75,7 +75,7 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
 
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Vertices with a jump of curvature but no stop, tolerances and connection lengths [m]."""
+    """Vertices where only the curvature jumps, tolerances, and connection lengths per side [m]."""
     rows, orientation = path.segments, path.orientation
     vectors = [rows.evaluate(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
     jump = length(vectors[0][:-1] - vectors[1][1:])

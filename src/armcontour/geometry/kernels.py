@@ -53,8 +53,8 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
 
 @compiled(inner=True, fastmath=FUSED)
 def distance2(foot: Foot, k: float, away: float) -> float:
-    """Squared distance [m²] from the point to a point at distance `away` along the segment."""
-    # `k`: the curvature [1/m]; `away`: distance along the segment from the foot of the point [m].
+    """Squared distance [m²] from a point to a segment point at distance `away` from the foot."""
+    # `k`: the curvature [1/m]; `away`: distance along the line or circle from the foot [m].
     if k == 0.0:
         return foot.off2 + away**2
     # Product of the radii of circle and point.
@@ -66,7 +66,7 @@ def distance2(foot: Foot, k: float, away: float) -> float:
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, limit: float
 ) -> tuple[float, float]:
-    """Squared distance [m²] to a part of segment `g`, and arc length of its nearest point [m]."""
+    """Squared distance [m²] to the nearest point of a part of `g`, and distance along `g` [m]."""
     # `low`, `high`: ends of the part along the segment [m]. A squared distance that is at least
     # `limit` [m²] is only a lower bound.
     foot, k = find_foot(p, g), g[9]
@@ -113,7 +113,7 @@ def search_tree(
     """Distance and arc length of the nearest point for each query, by a tree of boxes."""
     # `queries`: points in space [m], (n, 3); `rows`: segments from `pack_segments`; `pieces`: index
     # of the segment of each piece in tree order; `boxes`: lower and upper corners of the nodes'
-    # boxes in heap order [m], (2 m - 1, 6).
+    # boxes in heap order [m], (2 m - 1, 6) for m leaves.
     n, leaves = len(queries), (len(boxes) + 1) // 2
     distance, s = np.empty(n), np.empty(n)
     stack, bound = np.empty(STACK, np.intp), np.empty(STACK)
@@ -214,7 +214,7 @@ class TubePieces(NamedTuple):
 
 @compiled(inner=True)
 def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tuple[float, float]:
-    """Distance of a point from a part of piece j minus its tolerance, and arc length there [m]."""
+    """Distance from a part of piece j minus tolerance; distance along j of the nearest point."""
     # The distance is infinite if the part is empty or the point belongs to a neighbouring piece.
     if low > high:
         return math.inf, 0.0
@@ -229,9 +229,9 @@ def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tu
 def find_excess(
     points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: TubePieces
 ) -> tuple[FloatArray, FloatArray]:
-    """Smallest distance minus tolerance in a range per point, and its arc length [m], (n,) each."""
-    # `ranges`: arc lengths of start and end of each range [m], (n, 2); `windows`: indices of its
-    # first and last piece, (n, 2).
+    """Smallest distance minus tolerance in the range of each point, and arc length there [m]."""
+    # `ranges`: arc lengths of start and end of each point's range [m], (n, 2); `windows`: indices
+    # of the first and last piece of each range, (n, 2).
     excess, s = np.full(len(points), np.inf), np.zeros(len(points))
     for i in range(len(points)):
         p = points[i, 0], points[i, 1], points[i, 2]
@@ -288,7 +288,7 @@ def bound_excess(
     pieces: TubePieces,
     slack: float,  # A bound up to this is not refined [m]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Bounds of distance minus tolerance over parts of a path, and largest values at points."""
+    """Bounds of distance minus tolerance on parts of a path, and largest values at points."""
     # `parts`: distance along the segment, arc length on the objective and reach at the start of
     # each part, then at its end [m], (k, 6).
     # Returns the bounds [m], the largest values at points [m], and the arc lengths of these points

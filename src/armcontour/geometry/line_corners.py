@@ -1,4 +1,4 @@
-"""Curves that replace corners between two lines; arc_corners.py has those next to arcs.
+"""Curves that replace corners between two lines; arc_corners.py is for corners next to arcs.
 
 ARC, PARABOLA and SMOOTH are symmetric about the bisector and replace the same length of both lines,
 the tangent length. The size of each curve is its smallest radius, which is in the middle. h is half
@@ -55,7 +55,7 @@ class CornerBounds:
     after: Segments
     half: FloatArray  # Half of the turns [rad], (n,)
     error: FloatArray  # Largest corner errors [m], (n,)
-    radius: FloatArray  # Smallest radii for the corner speeds [m], infinite without one, (n,)
+    radius: FloatArray  # Radii that the corner speeds require [m], infinite without a speed, (n,)
     turn: FloatArray  # Largest `k` that the tool orientation allows [m], (n,); see `largest_blend`
     tangent: FloatArray  # Largest tangent lengths [m], (n,)
 
@@ -239,7 +239,7 @@ def _count_quintics(half: FloatArray) -> IntArray:
 
 
 def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
-    """Tangent arcs along parabolas y = x² / 2 from tangent angle -h to h, and parabola of each."""
+    """Tangent arcs along y = x² / 2 from tangent angle -h to h, and the parabola of each arc."""
     # The ends of the arc pairs are on the parabola and have its tangents; one end is the apex.
     # With w = asinh(tan(angle)) the curvature is cosh(w)**-3, so its relative change is 3 tanh(w)
     # dw.
@@ -264,7 +264,7 @@ def _length_of_parabolas(half: FloatArray) -> FloatArray:
 
 
 ARC = LineCorner(
-    # Equation (11), without cancellation at small turns.
+    # `corner_error` has no cancellation at small turns.
     gap=lambda h: corner_error(np.ones(1), h),
     stretch=np.tan,
     length=lambda h: 2 * h,
@@ -313,12 +313,13 @@ def replace_vertices(
     rows: Segments, cut: FloatArray, drawn: Segments, after: IntArray
 ) -> tuple[Segments, IntArray, IntArray]:
     """Replace parts of segments on both sides of vertices by other segments."""
-    # `cut`: length that is replaced on either side of each vertex [m], (n + 1,); `drawn`: the
-    # replacing segments, in order at each vertex; `after`: for each replacing segment, index of the
-    # segment in `rows` that is before its vertex.
-    # Returns the new table. For each of its segments it also returns the index of the segment in
-    # `rows` that contains it or is before its vertex, and its index in `drawn`, which is negative
-    # if the segment is from `rows`.
+    # `cut`: length that is replaced on either side of each vertex of the n segments [m], (n + 1,);
+    # `drawn`: the replacing segments, in order at each vertex; `after`: for each replacing segment,
+    # index of the segment in `rows` that is before its vertex.
+    # Returns the new table and two indices for each of its segments. The first is an index in
+    # `rows`: of the segment that contains the new segment, or, for a segment from `drawn`, of the
+    # segment before the vertex. The second is the index in `drawn`; it is negative for a segment
+    # from `rows`.
     n = len(rows)
     starts, lengths = (
         rows.starts + cut[:-1, None] * rows.tangents,

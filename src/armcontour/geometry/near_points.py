@@ -8,8 +8,8 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 
-# Largest number of distances in a table, which takes 10 ms. The import of SciPy's tree takes 300
-# ms.
+# Largest number of distances in a table. A table of this size takes 10 ms, and the import of
+# SciPy's tree takes 300 ms.
 MAX_TABLE = 250_000
 
 

@@ -297,7 +297,7 @@ class Orientation(Checked):
         )
 
     def place(self, rotation: FloatArray, scale: float) -> Orientation:
-        """The orientation along the path after it is scaled and rotated.
+        """The orientation along the scaled and rotated path.
 
         Args:
             rotation: Rotation matrix, (3, 3).

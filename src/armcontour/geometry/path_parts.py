@@ -97,7 +97,7 @@ def has_length_without_z(path: Path) -> bool:
 
 
 def arc_length_without_z(path: Path, s: float) -> float:
-    """Arc length on the projected path of the point at arc length `s` on a path in space [m]."""
+    """Arc length on the projected path for arc length `s` on a path in space [m]."""
     run = np.linalg.norm(path.tangents[:, :2], axis=1)
     run = np.where(path.curvatures > 0, 1.0, run)
     run = np.where(run * path.lengths > REPEATED_POINT, run, 0.0)

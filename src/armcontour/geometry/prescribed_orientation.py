@@ -28,8 +28,8 @@ HALF_TURN = np.pi - 1e-6
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
 # The first and last tangents of an S-shaped transition can be parallel, so their cross product
-# gives no axis. If its norm is below this fraction of the turn by the curvature, the axis of the
-# curvature is used instead.
+# gives no axis. If its norm is below this fraction of the curvature times the length, the axis of
+# the curvature is used instead.
 NO_AXIS = 1e-6
 # Default rotation of the tool in the path's frame: its x axis points along the path, and its z axis
 # (the tool axis) is opposite to `up`.
@@ -148,8 +148,9 @@ def follow_tangents(
     axis_only: bool,  # True if rotation about the tool axis is free
 ) -> Orientation:
     """An orientation that turns with the tangents of segments."""
-    # `corners`: rotations at the vertices between segments, (n - 1, 3, 3), or None; `frames`: known
-    # rotation matrices at the starts of some segments by segment index, (3, 3) each.
+    # `corners`: rotations at the vertices between the n segments, (n - 1, 3, 3), or None if there
+    # are none; `frames`: rotation matrices at the starts of some segments, {index: (3, 3)}, which
+    # replace the computed ones.
     columns = tangent_turns(segments)
     tilt, turn = (evaluate_polynomials(columns[x], segments.lengths)[:, None] for x in "fg")
     turns = exp(turn * columns["second"]) @ exp(tilt * columns["first"])

@@ -106,7 +106,8 @@ def _build_tree(segments: Segments) -> Tree:
     segment, low, high = _divide(arcs)
     order = _sort_spatially((low + high) / 2, digits=4)
     leaves = 1 << max(0, int(np.ceil(np.log2(len(order) / LEAF_SIZE))))
-    # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves] of n pieces, so none is empty.
+    # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves] of the n pieces in order.
+    # Therefore no leaf is empty.
     first = (np.arange(leaves) * len(order)) // leaves
     # Lower corners and negated upper corners of the boxes, from the leaves to the root.
     levels = [np.minimum.reduceat(np.hstack([low, -high])[order], first, axis=0)]

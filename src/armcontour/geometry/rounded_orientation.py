@@ -27,8 +27,8 @@ from armcontour.geometry.orientation import (
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
 
-# In the middle of a blend of length l that replaces the length t of either piece, f is
-# `l MIDDLE - t / 2` for cubics and `l SMOOTH_MIDDLE - t / 2` for quintics.
+# In the middle of a blend of length l that replaces the length t of either piece, the polynomial f
+# of `Orientation` is `l MIDDLE - t / 2` for cubics and `l SMOOTH_MIDDLE - t / 2` for quintics.
 MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
 # A remainder of constant rate between two blends that is shorter than this is discarded [m].
 SLIVER = 1e-12
@@ -59,10 +59,11 @@ def middle_fraction(smooth: bool) -> float:
 
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
     """Largest k that satisfies the angular tolerance in the middle of each corner [m], (n,)."""
-    # With tangent length t and length l of the curve, the middle is `exp(k b) exp(-k a) R` with
-    # `k = t / 2 - l / 8`, or, for a continuous derivative of the rate, `k = t / 2 - 5 l / 32`. The
-    # largest k is infinite if the rate does not jump or the orientation follows the tangent, and 0
-    # where the orientation jumps, because the tool stops there.
+    # The orientation in the middle of a curve is `exp(k b) exp(-k a) R`: R is the orientation at
+    # the vertex, a and b are the angular rates before and after it. With tangent length t and
+    # length l of the curve, `k = t / 2 - l / 8`, or, for a continuous derivative of the rate,
+    # `k = t / 2 - 5 l / 32`. The largest k is infinite if the rate does not jump or the orientation
+    # follows the tangent, and 0 where the orientation jumps, because the tool stops there.
     # `vertex`: indices of the vertices, (n,); `allowed`: largest angle between the orientation and
     # its value at the vertex [rad].
     orientation = path.orientation
@@ -107,7 +108,7 @@ def follow_rounded(
     rounded: Segments,  # The segments of the rounded path, n of them
     objective: Path,
     segment: IntArray,
-    cut: FloatArray,  # Length at the start of each objective segment that a corner replaces [m]
+    cut: FloatArray,  # Length that a corner replaces at the start of each objective segment [m]
     allowed: float,
     *,
     smooth: bool = False,  # True if the derivative of the angular rate must not jump
@@ -242,7 +243,7 @@ def _insert_blends(
 def _fade_polynomials(
     cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of f and g, which reduce the rate before a vertex and raise the next one."""
+    """Coefficients of f, which fades out the rate before a vertex, and g, for the rate after it."""
     none, one = np.zeros_like(cut), np.ones_like(cut)
     if not smooth:
         return fit_cubics(blend, (-cut, one), (none, none)), fit_cubics(

@@ -339,9 +339,9 @@ def _round(
 ) -> RoundedPath:
     """Replace corners by curves within `requirements`, and blend the orientation at vertices."""
     # `corner`: index of the segment before each corner, (n,); `turn`: turns [rad], (n,);
-    # `requirements`: largest corner errors [m], smallest radii [m], largest tangent lengths [m] and
-    # accelerations [m/s²], (n,) each; `kinked`: vertices without a corner at which the angular rate
-    # jumps; `angle`: angular tolerance [rad].
+    # `requirements`: largest corner errors [m], radii that the corner speeds require [m], largest
+    # tangent lengths [m] and accelerations [m/s²], (n,) each; `kinked`: vertices without a corner
+    # at which the angular rate jumps; `angle`: angular tolerance [rad].
     n, rows = len(corner), path.segments
     *limits, acceleration = requirements
     bounds = CornerBounds(
@@ -353,8 +353,8 @@ def _round(
     )
     follows = path.orientation is not None and path.orientation.follows
     turns_back = np.pi - 2 * bounds.half <= TANGENT_TOLERANCE
-    # If the segments of a corner lie in different planes, a frame that follows the tangent along
-    # the curve would be rotated about the tangent at its end.
+    # If the segments at a corner lie in different planes, a frame that follows the tangent along
+    # the curve has an additional rotation about the tangent at the end of the curve.
     flat = _in_plane(bounds) if follows else np.ones(n, dtype=bool)
     free = (bounds.error > 0) & (bounds.radius > 0) & flat & ~turns_back
     bent = (bounds.before.curvatures > 0) | (bounds.after.curvatures > 0)

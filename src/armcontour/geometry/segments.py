@@ -112,7 +112,7 @@ class Segments(Value):
         return tables[0].replace(**columns, checked=checked)
 
     def _with_quintics(self) -> Segments:
-        """The table with coefficients of transitions, which are NaN if it has no transitions."""
+        """The table with quintic coefficients, which are NaN if the table had none."""
         if self.quintics.shape[1]:
             return self
         room = np.full((len(self), 6, self.dimension), np.nan)
@@ -187,7 +187,7 @@ class Segments(Value):
         bent = np.flatnonzero((self.curvatures > 0) & ~self.is_transition)
         sweeps = self.curvatures[bent] * self.lengths[bent]
         for axis in range(self.dimension):
-            # A coordinate of an arc is extreme where the tangent has no component along its axis.
+            # A coordinate is extreme where the arc's tangent has no component along this axis.
             along, across = self.tangents[bent, axis], self.normals[bent, axis]
             for turn in (0.0, np.pi):
                 angle = (np.arctan2(-along, across) + turn) % (2 * np.pi)
@@ -266,7 +266,7 @@ class Segments(Value):
         return rows._restrict_transitions(begin / lengths, (end - begin) / lengths)
 
     def _move_starts(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
-        """Segments `i` with the same lengths; those in the mask `moved` start at distance `u`."""
+        """Segments `i`, of which those in the mask `moved` start at distance `u`; same lengths."""
         # With sign -1, the moved segments run backwards from their new start.
         rows, location = self[i], (i[moved], u[moved])
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
@@ -383,7 +383,7 @@ class Segments(Value):
             )
 
     def check_gaps(self, apart: IntArray | None = None) -> None:
-        """Raise InvalidInput if a segment outside `apart` does not start at the previous end."""
+        """Raise InvalidInput if a segment not in `apart` does not start at the previous end."""
         if len(self) == 1:
             return
         gaps = np.linalg.norm(self.ends[:-1] - self.starts[1:], axis=1)
@@ -403,7 +403,7 @@ class Segments(Value):
 
 
 def bound_second_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Upper bounds of the second derivatives of quintics by arc length [1/m], (n,)."""
+    """Upper bounds of the second derivatives of quintics with respect to arc length [1/m], (n,)."""
     # `quintics`: coefficients [m], (n, 6, dimension); `lengths`: lengths [m], (n,). The bound is 0
     # for a quintic of length 0.
     # The second derivative lies in the convex hull of its control points.
@@ -421,7 +421,7 @@ def _unit_or_zero(v: FloatArray) -> FloatArray:
 
 
 def combine_limits(before: Segments, after: Segments) -> dict[str, Any]:
-    """Columns of segments that replace parts of two: the smaller speed and tolerance of both."""
+    """Limits of segments that replace parts of two segments: the smaller speed and tolerance."""
     # Tags are those of `before`, the segments before the vertices.
     return {
         "speeds": np.fmin(before.speeds, after.speeds),

@@ -47,8 +47,9 @@ if TYPE_CHECKING:
 NO_TWIST = 1e-12
 # Largest turn of an arc along which a twist is corrected by one constant rate [rad].
 MAX_TURN = 0.1
-# Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Both errors
-# do not add up, because the smooth arc lengths are exact at the vertices, in the middle of blends.
+# Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Their
+# errors do not add up, because the smooth arc lengths are exact at the vertices, where blends have
+# their largest error.
 PLACES, BLENDS = 0.5, 0.95
 # Smallest and largest permitted angular error of the smooth arc lengths, and permitted error if no
 # tolerance is specified [rad].
@@ -108,12 +109,12 @@ def orient_shaped(
 class _Runs:
     """The k runs of an objective, which are its parts between changes of the angular rate."""
 
-    objective_s: FloatArray  # Arc lengths on the objective between runs [m], (k + 1,)
-    s: FloatArray  # Arc lengths on the path between runs [m], (k + 1,)
+    objective_s: FloatArray  # Arc lengths on the objective at the ends of the runs [m], (k + 1,)
+    s: FloatArray  # Arc lengths on the path at the ends of the runs [m], (k + 1,)
     segment: IntArray  # Index of the first objective segment of each run, (k,)
     starts: FloatArray  # Rotation matrices at the starts of the runs, (k, 3, 3)
-    rates: FloatArray  # Angular rates over the arc length of the objective [rad/m], (k, 3)
-    # Angular speeds of the tool, or of its axis if only that is prescribed [rad/m], (k,)
+    rates: FloatArray  # Angular rates with respect to arc length of the objective [rad/m], (k, 3)
+    # Norms of the rates of the tool, or of its axis if only the axis is prescribed [rad/m], (k,)
     speeds: FloatArray
 
     @classmethod
@@ -146,7 +147,7 @@ class _Runs:
 def _orient_smoothly(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
-    """Orientation at smooth arc lengths with blends, and its largest angular error [rad]."""
+    """Objective's orientation at smooth arc lengths, with blends, and its largest error [rad]."""
     source = objective.orientation
     assert source is not None
     runs = _Runs.from_path(path, objective, pairs)
@@ -259,8 +260,8 @@ def _refine(s: FloatArray) -> FloatArray:
 
 
 def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Index of the nearest of increasing marks for each arc length, and its distance [m]."""
-    # Both arrays are empty if there are no marks.
+    """Index of the mark that is nearest to each arc length, and the distance [m]."""
+    # `marks` increase. Both results are empty if there are no marks.
     if not len(marks):
         return np.zeros(0, dtype=np.intp), np.zeros(0)
     i = np.searchsorted((marks[1:] + marks[:-1]) / 2, s)
@@ -278,7 +279,8 @@ def _follow_tangent(
         path.segments, (exp(begin) @ source.starts[:1])[0], axis_only=source.axis_only
     )
     # Twist at the middle of each objective segment: rotation about the tangent from the carried
-    # frame to the objective's frame, which the shortest rotation tilts to the path's tangent.
+    # frame to the objective's frame, after the shortest rotation of that frame to the path's
+    # tangent.
     middle = (objective.breaks[:-1] + objective.breaks[1:]) / 2
     s = np.interp(middle, pairs[:, 0], pairs[:, 1])
     tangents = path.segments.evaluate(*_locate(path, s), 1)

@@ -59,7 +59,7 @@ class ShapingOutcome(Checked):
 
     @property
     def gain(self) -> float:
-        """Fraction of the duration of the fastest start that the shape saves."""
+        """Time that the shape saves, as a fraction of the duration of the fastest start shape."""
         return 1 - self.durations[SHAPED] / self.durations[self.start]
 
 
@@ -185,7 +185,7 @@ class ShapedPath(Path):
 
 
 def describe_unfinished(paths: Iterable[Path]) -> list[str]:
-    """Message on paths whose search for a shape ended early, a list; empty without such paths."""
+    """Message, as a list, on paths whose shape search ended early; empty without such paths."""
     shaped = [x for x in paths if isinstance(x, ShapedPath)]
     early = [x for x in shaped if x.outcome.unfinished]
     if not early:

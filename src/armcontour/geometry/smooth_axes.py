@@ -1,4 +1,4 @@
-"""Directions of the tool axis that turn smoothly, within an angle of measured directions."""
+"""Directions of the tool axis that turn smoothly, within an angle of specified directions."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between
 from armcontour.core.quintics import solve_banded
 
-# Range of the weight of smoothness for unit distance of waypoints, and number of bisections on a
-# logarithmic scale. With the largest weight the tool turns evenly.
+# Smallest and largest weight of smoothness, for a mean distance of 1 between points, and number of
+# bisections on a logarithmic scale. With the largest weight the tool turns evenly.
 WEAKEST, STRONGEST, BISECTIONS = 1e-6, 1e14, 40
 # End points closer than this [m], and axes that differ by less than this [1], count as equal.
 SAME = 1e-9

@@ -13,7 +13,7 @@ from armcontour.geometry.biarcs import UNEVEN, join_by_quintics, length, tangent
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 
 # Fractions of a piece at which its transition is compared with the spline; nodes and weights of the
-# integration of arc length between two of them.
+# integration of arc length between two neighbouring fractions.
 SAMPLES = np.linspace(0, 1, 17)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 # Fraction of the tolerance and of `UNEVEN` that is allowed at these samples, because both errors
@@ -33,8 +33,8 @@ def fit_spline(
 ) -> tuple[Segments, IntArray]:
     """Transitions along the cubic spline through points."""
     # The spline is C² over chord length, periodic or with an end condition. Each transition has the
-    # points, tangents and curvatures of the spline at its ends; the spline is cut until all are
-    # within the tolerance.
+    # points, tangents and curvatures of the spline at its ends; the spline is cut until all
+    # transitions are within the tolerance.
     # `ends`: end condition of an open spline, as in SciPy's `CubicSpline`.
     # Returns the transitions, and the index of the vertex at each point, (n,).
     from scipy.interpolate import CubicSpline

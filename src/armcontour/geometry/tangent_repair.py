@@ -17,11 +17,11 @@ from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANC
 
 # Largest turn of a repaired vertex [rad]; larger turns are corners.
 LARGEST_KINK = 0.05
-# Fractions of the blends at the closing vertex of a closed path at which they are compared with the
-# path.
+# Fractions of the replaced lengths at the closing vertex of a closed path at which the path is
+# compared with the new arcs.
 SHARES = np.linspace(0.0, 1.0, 9)
 FIRST_ROWS = np.zeros(len(SHARES), dtype=np.intp)
-# Largest number of halvings of these blends before the closing vertex stays unchanged.
+# Largest number of halvings of these lengths. If they do not suffice, the vertex stays unchanged.
 MAX_HALVINGS = 20
 
 
@@ -34,7 +34,7 @@ class RepairedPath:
     after: FloatArray  # Corresponding arc lengths on the repaired path [m], (n,)
     count: int  # Number of repaired vertices
     kink: float  # Largest turn of a repaired vertex before the repair [rad]
-    deviation: float  # Largest distance between both paths [m]
+    deviation: float  # Largest distance between the original and the repaired path [m]
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths on the repaired path that correspond to arc lengths before the repair [m]."""
@@ -50,8 +50,8 @@ def repair_tangents(
     # an arc, divided by its length or radius. At most half of each segment changes per vertex.
     # Vertices next to a segment with tolerance 0 do not change. The closing point of a closed path
     # does not move.
-    # `tolerance`: largest movement of points, and largest distance between both paths [m];
-    # `deviation_limit`: largest distance between both paths [m], if it is less.
+    # `tolerance`: largest movement of points [m]. The original and the repaired path are at most
+    # the smaller of `tolerance` and `deviation_limit` [m] apart.
     rows, turns = path.segments, path.turns
     size = np.minimum(rows.lengths, 1 / np.maximum(rows.curvatures, 1 / rows.lengths))
     possible_turns = 2 * tolerance / size

@@ -213,7 +213,7 @@ class Tube(Checked):
         return np.asarray(-excess)
 
     def prove(self, path: Path, places: npt.ArrayLike, reach: npt.ArrayLike) -> Proof:
-        """Bound the distances of all points of a path, and of the objective's corners from it.
+        """Bound the distances from path points to the objective, and from its corners to the path.
 
         The bounds are rigorous up to rounding errors, see `Proof.slack`.
 
@@ -275,7 +275,7 @@ class Tube(Checked):
     def _parts(
         self, path: Path, pairs: FloatArray, reach: FloatArray
     ) -> tuple[IntArray, FloatArray]:
-        """Parts of a path with linear objective arc length and reach, for `bound_excess`."""
+        """Parts of a path with linear arc length on the objective and linear reach."""
         objective_s, along = pairs[:, 0], pairs[:, 1]
         crossed = np.interp(self.breaks, objective_s, along)
         cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))

@@ -245,7 +245,7 @@ class _Wave:
     places: FloatArray  # Corresponding arc lengths of the seam and of the part [m], (n, 2)
     width: float  # Distance between crests [m]
     pitch: float  # Length of the seam per wave [m]
-    edge: float  # Length of the seam at each edge without change of the offset [m]
+    edge: float  # Length of an edge: a part of the seam at a crest with constant offset [m]
     # Unit vector that weaving is perpendicular to, (3,); None for the tool axis
     up: FloatArray | None
 
@@ -283,7 +283,7 @@ class _Wave:
         return np.asarray(edges[edges[:, 1] <= room])
 
     def full_crests(self) -> FloatArray:
-        """Arc lengths of the middles of the edges with the full amplitude of a sine [m]."""
+        """Arc lengths of the middles of those edges at which a sine has its full amplitude [m]."""
         middle = self.turning_points().mean(axis=1)
         half = (self.pitch + self.edge) / 2
         return np.asarray(middle[(middle >= half) & (middle <= self.seam.length - half)])

@@ -52,7 +52,7 @@ class InterpolatedLaw(Law):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CommandCurve(Checked):
-    """The curve through or near points from which a controller takes its commands.
+    """The curve, through or near points, from which a controller takes its commands.
 
     Args:
         controller: Name of the controller in `CONTROLLERS`.
@@ -157,7 +157,7 @@ def _jtc_spline(points: _Points) -> Mapping[str, Any]:
 
 
 def _jtc_none(points: _Points) -> Mapping[str, Any]:
-    """Constant next point in every interval; before the first point, the arm rests there."""
+    """Constant next point in every interval, after one interval at rest at the first point."""
     t = np.append(0.0, points.t + points.interval)
     return {**_fields("next point", t, _powers(points.q)), "origin": points.interval}
 

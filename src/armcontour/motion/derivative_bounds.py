@@ -21,7 +21,7 @@ Derivatives: TypeAlias = list[FloatArray]
 def largest_shares(
     law: PathLaw, limits: FloatArray, speeds: FloatArray, allowed: float
 ) -> FloatArray:
-    """Largest ratios of joint motion and path speed to their limits over a whole law, (6,)."""
+    """Largest ratios of joint motion and path speed to their limits during a whole law, (6,)."""
     # A result of at most `allowed` is proven for all times of the law, up to rounding errors,
     # because intervals whose bound exceeds `allowed` are halved. A larger result is the ratio at a
     # point, or a bound.
@@ -56,14 +56,14 @@ def _ratios(
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Ratios to limits in the middle of parts of intervals, then bounds over the parts, (n, 12)."""
+    """Ratios to limits in the middle of n parts of intervals, then bounds in each part, (n, 12)."""
     # `t`: start, middle and end of each part [s]. The bounds of a joint's velocity and acceleration
     # and of the path speed are those of quadratics about the middle, plus the terms of third order.
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
     v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
     path_bounds = _bound_derivatives(v, half)
-    # No break of the joint path lies within an interval of a law.
+    # The intervals of `law` must not contain breaks of the joint path, as in optimal plans.
     first = path.locate(law.s[i], side="right")
     piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
     width = np.diff(path.breaks)[piece]
@@ -98,12 +98,13 @@ def _ratios(
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
-    """Third and fourth derivatives of a law's arc length over time, and a bound of the fifth."""
+    """Third and fourth time derivatives of a law's arc length, and a bound of the fifth."""
     # `i`: indices of intervals, (n,); `t`: times in the intervals [s], (n,); `half`: the bound is
     # valid within this time before and after each of `t` [s], (n,).
     ds, dds, ddds = law.path_motion(i, t)[1:]
     slope = law.rates.slope[i]
-    # ds is a sum of cosh and sinh, whose bounds are also valid for a sum of cos and sin.
+    # ds is a sum of cosh and sinh if `slope` is positive, and of cos and sin if it is negative. The
+    # bound for cosh and sinh is valid for both.
     root = np.sqrt(np.abs(slope))
     with np.errstate(invalid="ignore"):
         growth = np.where(root > 0, np.sinh(root * half) / root, half)
@@ -130,7 +131,7 @@ def _bound_quadratics(f: Derivatives, half: FloatArray) -> FloatArray:
 
 
 def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
-    """Fifth derivative of q(s(t)), from the derivatives of q over s and of s over time."""
+    """Fifth time derivative of q(s(t)), from the derivatives `q` of q(s) and `v` of s(t)."""
     return np.asarray(
         q[5] * v[1] ** 5
         + 10 * q[4] * v[1] ** 3 * v[2]
@@ -141,7 +142,7 @@ def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
 
 
 def _fourth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
-    """Fourth derivative of q(s(t)), from the derivatives of q over s and of s over time."""
+    """Fourth time derivative of q(s(t)), from the derivatives `q` of q(s) and `v` of s(t)."""
     return np.asarray(
         q[4] * v[1] ** 4
         + 6 * q[3] * v[1] ** 2 * v[2]

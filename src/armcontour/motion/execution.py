@@ -168,7 +168,7 @@ class Execution(Checked):
         return motion if deviation.max(initial=0.0) < SAME_POSITION else None
 
     def _are_steps(self, indices: IntArray) -> bool:
-        """True if each sample and the next one are one step apart, and a cycle has whole steps."""
+        """True if next samples are one step later, and the cycle is a whole number of steps."""
         step = float(self.t[1] - self.t[0])
         if not 0 < step < self.set_points.cycle * (1 + WHOLE_STEPS):
             return False
@@ -226,7 +226,7 @@ class FineMotion:
     ddq: FloatArray | None = None
 
     def __call__(self, t: FloatArray) -> FloatArray:
-        """Joint positions at times between the nodes of an interval [rad], (len(t), dof)."""
+        """Joint positions at times `t` between the first and last node [rad], (len(t), dof)."""
         nodes = self.t
         i: Any = slice(0, 1)
         if len(nodes) > 2:

@@ -305,7 +305,7 @@ class PathLaw(LawAlongPath):
 
     @property
     def passages(self) -> FloatArray:
-        """Times at which the law passes breaks of the joint path between its own breaks [s]."""
+        """Times at which the law passes those breaks of the joint path that are not its own [s]."""
         passed = np.setdiff1d(self.joint_path.breaks, self.s)
         return self.reach(passed[(passed > self.s[0]) & (passed < self.s[-1])])[1]
 
@@ -339,7 +339,8 @@ class PathLaw(LawAlongPath):
         end = np.sqrt(np.maximum(ds * ds + width * (2 * dds + slope * width), 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             times = self.breaks[i] + interval_times(width, ds, end, slope)
-            # With uniform jerk, s changes with the third power of the time from or to the rest.
+            # With uniform jerk, an interval starts or ends at rest, and s changes with the third
+            # power of the time since or until this rest.
             since = dds / jerk
             rests = self.breaks[i] + np.cbrt(since**3 + 6 * width / jerk) - since
         return np.asarray(np.where(jerk != 0, rests, times))

@@ -193,7 +193,7 @@ def cut_log(
     unwrap: bool = False,
     **fields: Any,
 ) -> Log:
-    """Make a log of a part of arrays, which need not be a valid log as a whole."""
+    """Make a log from a part of arrays; the complete arrays need not be a valid log."""
     # `unwrap`: true to remove jumps of whole turns; `fields`: other fields of `Log`.
     used = _time_mask(t, *window, source)
     command, measured = np.asarray(command)[used], np.asarray(measured)[used]

@@ -57,7 +57,7 @@ ORDER_PREFERENCE = 1e-6
 
 
 def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
-    """Index in `names` of each requested joint, by equal or prefixed name; None if not found."""
+    """Index in `names` of each requested joint, by equal or prefixed name; None unless all fit."""
     if set(requested) <= set(names):
         return [names.index(x) for x in requested]
     indices = []
@@ -239,8 +239,8 @@ def check_columns(log: Log) -> None:
 
 def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> None:
     """Raise InvalidInput if another order, unit or sign of columns explains joint j."""
-    # `longest`: largest dead time [s]; `single`: true to consider also other units and signs of
-    # this joint only.
+    # `longest`: largest dead time [s]; `single`: true to also test joint j alone for another unit
+    # or sign.
     for some in (slice(None), slice(j, j + 1))[: 1 + single]:
         q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
         if reading := find_misreading(log.t, q, u, names=names, longest_delay=longest):
@@ -272,9 +272,10 @@ def find_misreading(
     names: Sequence[str] = (),  # Names of the joints; their numbers by default
     longest_delay: float | None = None,
 ) -> str:
-    """Clause on the error in the columns that explains measured positions, with its correction."""
-    # The clause is empty if no error explains the positions. Candidates are other units, signs and
-    # orders of the columns. A candidate is reported only if its differences are much smaller.
+    """Clause for a message: the column error that explains the positions, and its correction."""
+    # The clause is empty if no error explains the positions. Candidates are other units, orders and
+    # signs of the columns and, with `longest_delay`, exchanged commands and measured positions. A
+    # candidate is reported only if it makes the differences much smaller.
     # `reference`: reference positions [rad], or, with `longest_delay`, commands [rad], (n, dof);
     # `longest_delay`: largest dead time with which joints follow commands, with any lag and offset
     # [s]; without it positions are compared directly.
@@ -338,7 +339,7 @@ class _Comparison:
         self.power = self._yy[0, :, 0]
 
     def differences(self, factor: float = 1.0) -> FloatArray:
-        """Mean squared difference of each scaled measured and each reference column, (dof, dof)."""
+        """Smallest mean squares of scaled measured minus reference columns, (dof, dof)."""
         deviations = factor**2 * self._yy - 2 * factor * self._yu + self._uu
         return np.asarray(np.maximum(deviations, 0.0).min(axis=0))
 
@@ -381,7 +382,7 @@ def _find_most_motion(u: FloatArray) -> slice:
 
 
 def _assign_columns(differences: FloatArray) -> list[int]:
-    """Index of the measured column for each joint with the smallest total difference, (dof,)."""
+    """Assign measured columns to joints with the smallest total difference; returns indices."""
     from scipy.optimize import linear_sum_assignment
 
     other = ORDER_PREFERENCE * differences.max() * (1 - np.eye(len(differences)))

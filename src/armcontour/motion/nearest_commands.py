@@ -71,13 +71,13 @@ def find_excess(
 def nearest_commands(
     q: FloatArray, cycle: float, bounds: FloatArray, otherwise: FloatArray | None = None
 ) -> tuple[FloatArray, int | None]:
-    """Set-points within bounds that are nearest to `q` in the mean square."""
+    """Set-points within bounds, with the smallest mean squared difference from `q`."""
     # The set-points of joints within their bounds are not changed. Other set-points are rounded to
     # DECIMALS, and satisfy the bounds after this rounding.
     # `q`: set-points [rad], (n, dof), at rest before and after; `cycle`: cycle [s]; `bounds`: as
-    # from `command_bounds`; `otherwise`: set-points of joints whose bounds cannot be satisfied.
-    # Returns set-points [rad], (n, dof), and the first joint whose bounds cannot be satisfied, or
-    # None.
+    # from `command_bounds`; `otherwise`: set-points for joints whose bounds cannot be satisfied.
+    # Returns set-points [rad], (n, dof), and None; without `otherwise`, the search stops at the
+    # first joint whose bounds cannot be satisfied and returns the index of this joint.
     commands = q.copy()
     for j in range(q.shape[1]):
         joint_bounds, one = bounds[:, :, j], q[:, j : j + 1]

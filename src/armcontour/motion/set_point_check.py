@@ -16,7 +16,8 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
     """Raise CompensationError for set-points outside a joint range or faster than a limit."""
     # A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
     # that the plan satisfies. A controller that checks its set-points would then stop.
-    # `limits`: limits instead of those of the plan; by default the limits of commands.
+    # `limits`: limits that replace those of the plan; by default the command limits of the
+    # set-points.
     specified = set_points.command_limits if limits is None else limits
     dof, limits = set_points.q.shape[1], set_points.trajectory.limits_for(specified)
     lower, upper = limits.joint_range(dof)
@@ -44,7 +45,7 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
 
 
 def describe_excess(set_points: SetPoints) -> str:
-    """The message of `check_set_points` for the limits of the plan; empty without an excess."""
+    """The message of `check_set_points` with its default limits; empty without an excess."""
     try:
         check_set_points(set_points)
     except CompensationError as error:

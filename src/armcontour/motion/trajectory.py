@@ -28,7 +28,7 @@ from armcontour.robot import Arm, Limits
 DEFAULT_CYCLE = 4e-3
 # Largest number of times that are computed together, which limits the memory.
 AT_ONCE = 50_000
-# Smallest number of laws along joint paths that are joined into one table to compute their times.
+# Smallest number of laws along joint paths that are joined into one table and evaluated together.
 MIN_JOINED = 4
 # Largest number of laws in the cached table (a few MB), and number of laws before and after the
 # requested laws that the table also includes.
@@ -399,7 +399,7 @@ class Trajectory(Checked):
     def _values(
         self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Groups of times, of one law or of many: indices in `t`, and values for each order."""
+        """Values at groups of times of one or more laws: indices in `t`, values for each order."""
         law_index = self._law_at(t, side)
         touched = np.unique(law_index) if len(self.laws) >= MIN_JOINED else law_index[:0]
         many = [k for k in touched.tolist() if type(self.laws[k]) is PathLaw]
@@ -559,8 +559,8 @@ class Trajectory(Checked):
         """
         for k, indices in _group_by_law(self._law_at(t, side)):
             start, breaks = self.starts[k], self.laws[k].breaks
-            # The difference of a time and the start can be rounded to either side of a break of the
-            # law. Therefore times are compared with the same sums as in `breaks`.
+            # `t - start` can be rounded to either side of a break of the law. Therefore t is
+            # compared with `start + breaks`, the sums that the property `breaks` also returns.
             i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
             i = np.clip(i, 0, len(breaks) - 2)
             yield k, indices, i, np.clip(t[indices] - start, breaks[i], breaks[i + 1])
@@ -648,7 +648,7 @@ class Trajectory(Checked):
 class _LawRange:
     """Range of arc lengths of one law in its trajectory."""
 
-    law: LawAlongPath | None  # The law; None if s is constant
+    law: LawAlongPath | None  # The law; None if its s is constant or unknown
     s: tuple[float, float]  # Arc lengths at the start and end of the law [m]; NaN if it has none
     offset: float  # Difference between the trajectory's and the law's arc lengths [m]
 
@@ -710,8 +710,8 @@ class JoinedLaws:
     s: FloatArray  # Arc lengths at the breaks [m], (n,)
     # The columns of `Rates` for the interval after each break, (n,) each
     rates: tuple[FloatArray, ...]
-    # Row of the first break of each law's joint path in `path_breaks`, and their number m,
-    # (laws + 1,)
+    # Row in `path_breaks` of the first break of each law's joint path, followed by the number m of
+    # all these breaks, (laws + 1,)
     path_rows: IntArray
     path_breaks: FloatArray  # Breaks of the joint paths [m], (m,)
     coefficients: FloatArray  # Coefficients of the joint paths after each break, (m, 6, dof)

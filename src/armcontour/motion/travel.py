@@ -25,7 +25,7 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
     # moves at most by the increase of the bound between any two times.
     # `motion`: a planned or an executed motion, or a joint path, for which arc length replaces
     # time. Between its samples, the accelerations of an executed motion are assumed to be at most
-    # the largest demand.
+    # the largest demand or sampled acceleration.
     # Returns times from the start to the end, (n,), and the bounds, (n, dof).
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):

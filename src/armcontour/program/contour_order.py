@@ -73,9 +73,9 @@ def direct_contours(program: Program, process: Process) -> Program:
 
 def order_contours(program: Program, process: Process) -> Program:
     """Sort the contours of a program by the order of the process."""
-    # For a shorter tour, a contour can start at another point or run backwards; this start is then
-    # final. A remark reports the length of the links between contours. A note reports a contour
-    # that is cut before a contour inside it.
+    # For a shorter tour, a contour can start at another point or run backwards; later steps do not
+    # change this start. A remark reports the length of the links between contours. A note reports a
+    # contour that is cut before a contour inside it.
     order = process.order
     if order == "auto":
         drawing = all(isinstance(x, Contour) for x in program.moves)
@@ -150,12 +150,12 @@ def _order_inside_first(parents: IntArray) -> list[int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Choices:
-    """Options of each contour: possible start points, or directions of an open contour."""
+    """The m options of n contours: start points of closed contours, directions of open ones."""
 
     contours: tuple[Contour, ...]  # The contours as they are drawn
     made: list[Callable[[], Contour]]  # Functions that make the contour of each option
     ends: FloatArray  # First and last points of the options [m], (m, 2, 3)
-    first: IntArray  # Index of the first option of every contour, and m, (n + 1,)
+    first: IntArray  # Index of the first option of every contour, followed by m, (n + 1,)
 
     @classmethod
     def from_contours(
@@ -176,7 +176,7 @@ class _Choices:
         return cls(contours=contours, made=made, ends=table, first=np.array(first))
 
     def nearest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
-        """Order and options of the tour that starts as drawn and goes to the nearest contour."""
+        """Order and options of a tour: first permitted contour, then always the nearest one."""
         from scipy.spatial.distance import cdist
 
         n, (exits, entries, first) = len(self.contours), self._options
@@ -201,7 +201,7 @@ class _Choices:
         return tour, option
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
-        """Order and options of a short tour, from 2-opt and Or-opt moves with many restarts."""
+        """Order and options of a short tour, from 2-opt and Or-opt moves and random exchanges."""
         from armcontour.program.kernels import TourOptions, shorten_tour
 
         tour, _ = self.nearest(parents)
@@ -249,7 +249,7 @@ class _Choices:
         centers = np.array([points[owners == i].mean(axis=0) for i in range(n)])
         most_places = int(np.diff(self.first).max()) * 2
         near = owners[nearest_points(centers, points, min(len(points), most_places * (k + 1)))]
-        # If too few contours are near, the first contours are added.
+        # If this finds fewer than k contours, the first contours of the program are added.
         candidates = (dict.fromkeys([*row, *range(k + 1)]) for row in near.tolist())
         return np.array([[x for x in row if x != i][:k] for i, row in enumerate(candidates)])
 
@@ -302,7 +302,7 @@ def _fix_start(contour: Contour, start: float) -> Contour:
 
 
 def _reverse_contour(contour: Contour) -> Contour:
-    """Reverse the path of a contour; events at the start and the end stay there."""
+    """Reverse the path of a contour without inner events; the events keep their arc lengths."""
     work = contour.work
     if work is not None:
         work = contour.path.length - work[1], contour.path.length - work[0]
@@ -311,7 +311,7 @@ def _reverse_contour(contour: Contour) -> Contour:
 
 def find_start_candidates(path: Path, count: int) -> FloatArray:
     """Arc lengths at which a closed path may start [m], away from its corners."""
-    # Between two corners they lie in the middle half, so both corners can be rounded.
+    # Between two corners, all candidates lie in the middle half, so both corners can be rounded.
     length = path.length
     closing = np.linalg.norm(path(0.0, 1) - path(length, 1, side="left")) > TANGENT_TOLERANCE
     corners = path.breaks[1:-1][path.turns > TANGENT_TOLERANCE]
@@ -341,8 +341,8 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
         _check_end_orientations(contour)
     contour = move_start(contour, start)
     longer = _add_overlap(contour.path, extra_length)
-    # Events at the drawn end move to the end of the overlap; other events are repeated in every
-    # lap.
+    # Events at the drawn end move to the end of the overlap. Events between both ends are repeated
+    # in every lap.
     slack, last = REPEATED_POINT, longer.length
     moved = [replace(x, s=last) if x.s >= lap - slack else x for x in contour.events]
     along = [x for x in contour.events if slack < x.s < lap - slack]
@@ -426,7 +426,7 @@ def _add_overlap(path: Path, overlap: float) -> Path:
 
 
 def _check_switching(contour: Contour, start: float) -> None:
-    """Raise InvalidInput if an output has another value at the start point than at the end."""
+    """Raise InvalidInput if an output differs between the new start point and the drawn ends."""
     inner = {x.name for x in contour.events if 0 < x.s < contour.path.length - REPEATED_POINT}
     for name in sorted(inner):
         events = [x for x in contour.events if x.name == name]
@@ -444,7 +444,7 @@ def _check_switching(contour: Contour, start: float) -> None:
 
 
 def _move_event(event: Event, start: float, length: float) -> Event:
-    """Move an event to a new start point of its contour; events at the ends stay at the ends."""
+    """Adapt an event to a new start point of its contour; events at the ends stay at the ends."""
     if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
         return replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
     return replace(event, s=(event.s - start) % length)

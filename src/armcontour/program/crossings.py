@@ -17,8 +17,8 @@ PARALLEL = 1e-12
 # Approximate number of pairs of pieces that are intersected together, which limits the memory.
 PAIRS = 200_000
 
-# Columns of a table of pieces: start x, y, unit tangent x, y, curvature, positive to the left,
-# and length.
+# Columns of a table of pieces: start x, y, unit tangent x, y, curvature (positive to the left) and
+# length.
 X, Y, TX, TY, CURVATURE, LENGTH = range(6)
 
 
@@ -35,7 +35,7 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
 
 
 def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
-    """Pieces offset by d to the left [m], (n, 6); arcs of negative radius get lengths <= 0."""
+    """Pieces offset by d to the left [m], (n, 6); length <= 0 if a radius would be negative."""
     # The offset of an arc has the same centre.
     moved, grown = pieces.copy(), 1 - pieces[:, CURVATURE] * d
     moved[:, :2] += d * rotate_left(pieces[:, TX : TY + 1])
@@ -49,7 +49,7 @@ def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(_cross(arriving, leaving), (arriving * leaving).sum(axis=1)))
 
 
-@np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
+@np.errstate(divide="ignore", invalid="ignore")  # The radius of a line is 1 / 0.
 def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Lengths by which both pieces at inside corners are cut at their crossing [m], (n,) each."""
     # `before`, `after`: the pieces before and after the corners, (n, 6) each.
@@ -67,7 +67,7 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
     return np.where(there, back, np.nan), np.where(there, ahead, np.nan)
 
 
-@np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
+@np.errstate(divide="ignore", invalid="ignore")  # The radius of a line is 1 / 0.
 def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     """All points at which pieces cross or touch each other, including their ends."""
     # Returns the indices of both pieces at each point, (m, 2), and the distances of the point along
@@ -125,7 +125,7 @@ def _distances_along(pieces: FloatArray, points: FloatArray) -> FloatArray:
     """Distances of points (n, m, 2) along n pieces that are extended beyond their ends, (n, m)."""
     offset, tangents = points - pieces[:, None, :2], pieces[:, None, TX : TY + 1]
     along, k = (offset * tangents).sum(axis=2), pieces[:, CURVATURE, None]
-    # Direction from the centre, which is 0 at the start and increases along the arc.
+    # Angle around the centre, 0 at the start and increasing along the arc.
     angle = np.arctan2(along * np.abs(k), 1 - _cross(tangents, offset) * k)
     radius = 1 / np.where(k == 0, np.inf, np.abs(k))
     u = np.where(angle < 0, angle + 2 * np.pi, angle) * radius

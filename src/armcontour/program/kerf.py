@@ -117,7 +117,7 @@ def _notes_on_open(names: Sequence[str]) -> list[str]:
 
 
 def _flatten(contour: Contour, number: int, process: Process) -> Segments:
-    """Segments of a contour projected along `up`; raise InvalidInput if they have no side."""
+    """Segments of a contour projected along `up`; raise InvalidInput if the kerf has no side."""
     called, up, rows = contour_called(contour, number), process.up, contour.path.segments
     if contour.work is not None:
         raise InvalidInput(
@@ -153,7 +153,8 @@ def _offset(
 
     def parts_of(width: float) -> list[OffsetPart]:
         parts = offset_segments(rows, sign * width / 2, closed=contour.closed)
-        # Closed parts of the offset of an open contour lie inside its curls and are discarded.
+        # A closed part of the offset of an open contour lies where the contour curls around an
+        # area, and is discarded.
         return parts if contour.closed else [x for x in parts if not x.closed]
 
     offset_parts = parts_of(kerf)
@@ -401,7 +402,7 @@ class LeadPlacement:
         )
 
     def _beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:
-        """Unit tangent of a closed contour on the other side of the vertex that a lead touches."""
+        """Unit tangent of a contour beyond the vertex at a lead; None without a vertex there."""
         outline = contour.path
         # A contour with an overlap does not end at its start point.
         if np.linalg.norm(outline.end - outline.starts[0]) > REPEATED_POINT:
@@ -426,8 +427,8 @@ class LeadPlacement:
         pieces, boxes = self._around
         lead_pieces = _pieces(lead, up)
         tip = lead_pieces[0, :2]
-        # Only pieces within reach of the lead are tested. No point of a piece or of the lead is
-        # farther from its start than its length.
+        # Only pieces within reach of the lead are tested: the starts of a piece and of the lead are
+        # at most the sum of both lengths apart if the piece and the lead meet.
         apart = np.linalg.norm(pieces[:, :2] - tip, axis=1)
         near = pieces[apart <= pieces[:, LENGTH] + lead.length + REPEATED_POINT]
         pairs, distances = find_crossings(np.concatenate([lead_pieces, near]))

@@ -15,9 +15,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 
-# Longest part of a tour that an Or-opt move relocates.
+# Largest number of contours that an Or-opt move relocates.
 LONGEST_PART = 3
-# Longest parts that are exchanged to leave a local optimum.
+# Largest number of contours in each of two parts that are exchanged to leave a local optimum.
 LONGEST_EXCHANGE = 30
 # Up to this number of contours, an exchange also changes an option.
 FEW_CONTOURS = 30
@@ -30,7 +30,7 @@ class TourOptions(NamedTuple):
 
     exits: FloatArray  # Exit point of every option [m], (m, 3)
     entries: FloatArray  # Entry point of every option [m], (m, 3)
-    first: IntArray  # Index of the first option of every contour, and m, (n + 1,)
+    first: IntArray  # Index of the first option of every contour, followed by m, (n + 1,)
 
 
 class _Tour(NamedTuple):

@@ -18,8 +18,8 @@ QUARTER = np.pi / 2
 # Smallest sine of the angle between tangent and `up`. Below it, left and right are undefined.
 VERTICAL = 1e-6
 # Largest sine of the angle by which a contour may turn at a vertex towards the side of an arc lead.
-# With a larger angle, the contour would cross the arc outside the part at its end on which contact
-# is ignored.
+# With a larger angle, the contour would cross the arc where contact is not ignored (see
+# `IGNORED_CONTACT` in kerf.py).
 MAX_INWARD_TURN = 0.005
 
 
@@ -54,7 +54,7 @@ def lead_path(
         normal = _side_vector(tangent, side, up)
         start, start_tangent = point, tangent
         if not after:
-            # A lead-in is the quarter of the same circle that ends at the point.
+            # A lead-in is on the same circle: the quarter circle that ends at the point.
             start = point - (tangent - normal) / curvature
             start_tangent, normal = -normal, tangent
     lead = Path(

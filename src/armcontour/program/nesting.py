@@ -107,7 +107,7 @@ def _split_arcs(rows: Segments, up: FloatArray) -> Segments:
 
 
 def _close_chords(chords: FloatArray) -> FloatArray:
-    """Add a chord that closes the gap between end and start, as of leads or an overlap."""
+    """Add a chord across the gap between end and start, which leads or an overlap can cause."""
     line = np.concatenate([chords[-1, 2:4], chords[0, :2], np.zeros(4)])
     ring = np.vstack([chords, line])
     # A ray through even a tiny gap would miss the contour.

@@ -33,7 +33,7 @@ from armcontour.program.crossings import (
 # Rounding error of the distance between a part and the contour [m]. Points of a path have errors up
 # to REPEATED_POINT.
 SLACK = 3e-9
-# Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because a path may have gaps up to
+# Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because gaps of a path must not exceed
 # REPEATED_POINT.
 WIDE_GAP, NARROW_GAP = 0.9e-9, 0.5e-9
 # A closed part with a smaller ratio of area to length [m] consists of coinciding lines.
@@ -45,7 +45,8 @@ class OffsetPart:
     """A continuous part of an offset."""
 
     segments: Segments
-    # Index of the source segment of each segment, or of the segment before its vertex, (n,)
+    # Index of the source segment of each segment; for an arc around a vertex, index of the source
+    # segment before the vertex, (n,)
     rows: IntArray
     closed: bool  # True if the part is closed
 
@@ -240,7 +241,7 @@ def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
 
 
 def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
-    """Cut pieces where they meet each other or `knives`; equal ends have one node number."""
+    """Cut pieces where they meet each other or `knives`; ends at one point have the same node."""
     n = len(pieces)
     pairs, pair_distances = find_crossings(np.concatenate([pieces, knives]))
     owners = np.concatenate([np.arange(n), np.arange(n), pairs.reshape(-1)])

@@ -133,7 +133,7 @@ def prepare(
 
 
 def check_process(program: Program, process: Process) -> None:
-    """Raise InvalidInput if a layer does not exist, or the plane needs a vertical motion."""
+    """Raise InvalidInput for a layer that does not exist, or a vertical motion in the plane."""
     _check_layers(program, (*process.layers, *process.by_layer))
     pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
     if program.dimension == 2 and (process.approach or process.retract or pierces):
@@ -173,7 +173,7 @@ def _repeat_open_contour(contour: Contour, passes: int) -> list[Contour]:
 
 
 def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
-    """True if an event that is repeated at a resumed start has the same time advance again."""
+    """True if an event keeps its time advance when it is switched again at a resumed start."""
     layer_process = process.of_layer(contour.layer)
     switched = layer_process.switch is not None and layer_process.switch.name == event.name
     return layer_process.lead_in is not None or (switched and bool(event.value))
@@ -243,7 +243,7 @@ def _check_layers(program: Program, layers: Sequence[str]) -> None:
 
 
 def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
-    """Set speed and tolerance of the segments of a path that have none."""
+    """Set speed and tolerance of those segments of a path that have no speed or tolerance."""
     speeds, tolerances = (
         values if limit is None else np.where(np.isnan(values), limit, values)
         for values, limit in (
@@ -329,7 +329,7 @@ def _add_leads(
 
 
 def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end: float) -> Event:
-    """Move an event to a contour with leads; switch events at the ends move along active leads."""
+    """Move an event to a contour with leads; switch events move to the far ends of active leads."""
     moved = replace(event, s=event.s + work[0])
     if process.switch is None or event.name != process.switch.name:
         return moved
@@ -360,7 +360,7 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
 def _axial_line(
     path: Path, s: float, height: float, up: FloatArray, segment_limits: SegmentLimits
 ) -> Path:
-    """The line of length `height` along the tool axis, or else `up`, down to arc length s."""
+    """Line of length `height` down to the point at s, along the tool axis, or `up` without one."""
     end, orientation = path(s), path.orientation
     if orientation is None:
         return Path.polyline([end + height * up, end], segment_limits=segment_limits)
@@ -372,7 +372,7 @@ def _axial_line(
 def resume_program(
     program: Program, resume_at: float, *, keeps_lead: Callable[[Contour, Event], bool]
 ) -> tuple[Program, Contour | None]:
-    """The rest of a program from an arc length on, and the part of its first contour before it."""
+    """The program from an arc length on, and the part of its first contour before this point."""
     # Outputs that are switched before the arc length are switched again: at the arc length if they
     # are switched on the same contour, or else before the first move.
     # `resume_at`: arc length at which to resume, over all contours [m]; `keeps_lead`: true if an
@@ -419,7 +419,7 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
     last: dict[str, Event] = {}
     for event in contour.events:
         if event.s <= s + REPEATED_POINT:
-            # Events are sorted by the last event of each output.
+            # The outputs in `last` are in the order of their last events.
             last.pop(event.name, None)
             lead = event.lead_time if keeps_lead(contour, event) else 0.0
             last[event.name] = replace(event, s=0.0, lead_time=lead, lead_distance=0.0)

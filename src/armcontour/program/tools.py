@@ -25,7 +25,7 @@ def tools_of_contours(program: Program) -> list[str]:
 
 
 def part_of_tool(program: Program, name: str) -> Program:
-    """The part of a program between each change to a tool and the next tool change."""
+    """All parts of a program from a change to a tool until the next tool change."""
     # At the start of each part, the last events of the skipped moves are repeated, so outputs have
     # the same values as in the whole program.
     # `name`: name of the tool, such as T2.
