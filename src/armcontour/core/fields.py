@@ -280,7 +280,7 @@ def _read_whole(mark: AtLeast, who: str) -> Reader:
 
 
 def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
-    """Reader of None, texts and one other kind; with several other kinds, any value is valid."""
+    """Reader of None, texts and one other kind, or of several kinds by their classes if known."""
     texts = [x for x in parts if x is str or _is_text(x)]
     others = [x for x in parts if x not in (*texts, bool, type(None))]
     if len(texts) > 1 or len(others) > 1:
