@@ -160,7 +160,7 @@ class _Tracer:
     faster_rejected: bool = False
 
     def follow(self, i: int, move: Move) -> None:
-        """Append the steps of a move; a rapid without a path is the line before the next move."""
+        """Append the steps of a move; a rapid without a path has none, see `_append`."""
         if isinstance(move, Contour):
             # A single path has no number in messages.
             alone = self.program.single_path is not None and not move.name
@@ -437,10 +437,10 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
 def _compare_on_parts(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s]."""
+    """Sums of bounds and durations of parts of a long path [s], (solutions,) each."""
     # A configuration without a plan has its bound as its duration. A configuration that does not
-    # complete the parts has an infinite duration. `solutions` are joint positions at the arc
-    # lengths `s` [m], (n, dof) each.
+    # complete the parts has an infinite duration. `solutions`: joint positions at the arc lengths
+    # `s` [m] in each configuration, (n, dof).
     rough = limits.without_jerk
     parts = min(max(len(path) // PART_EVERY, 1), MAX_PARTS)
     length = path.length * min(PART_SEGMENTS / len(path), 1.0)

@@ -103,7 +103,7 @@ class JerkMesh:
         return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections, at_rest)
 
     def split(self, parts: FloatArray) -> JerkMesh:
-        """Split each cell into the largest number that `parts`, (m,), has for its parts."""
+        """Split each cell into equal cells, as many as the largest `parts` on it, (m,)."""
         # Cells of uniform jerk are not split.
         largest = np.ones(len(self.nodes) - 1)
         np.maximum.at(largest, self.cell, parts)
@@ -244,7 +244,7 @@ KINK, TOO_SHORT = 1e-6, 1e-8
 # Time that replaces the share TOO_SHORT in a long plan [s]: half of the time that `check` tolerates
 # as rounding
 ROUNDING_TIME = 5e-6
-# Largest change of direction over the length `even` [rad].
+# Largest change of direction over the length `End.even` [rad].
 EVEN_BEND = 5e-4
 # dq_ds vanishes at an end if it is below the share VANISHED of dq_ds nearby. The first cell is then
 # at most the share FIRST_AT_VANISHED of the section.

@@ -32,12 +32,12 @@ from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 # Smallest turn of a sharp corner [rad]. Vertices with a smaller turn may be points of a curve at
 # any distance from each other.
 SHARP = np.radians(30)
-# No further start is searched once this share of the duration is saved.
+# Once this share of the duration is saved, the search is not repeated from another start.
 ENOUGH_SAVED = 0.01
 # From this number of contours on, other processes shape them; processes start in a few seconds.
 MANY_CONTOURS = 24
-# Largest number of control point values in all iterations, for each corner or rest. Tolerances of
-# about 1 µm (six joints) and 0.1 µm (two joints) need more.
+# Largest number of joint values of the control points, summed over all iterations, for each corner
+# or rest. Tolerances of about 1 µm (six joints) and 0.1 µm (two joints) need more.
 WORK = 30_000
 # Note of a contour for which arcs are faster than all shapes that were found
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
@@ -150,8 +150,8 @@ class Shaping:
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
         """Shaped program with the faster start, or the program with arcs if it is faster."""
-        # Shapes were compared from the start `first` [rad], (dof,). From this start a redundant arm
-        # can be slightly slower than from a free start, which it has along arcs.
+        # Shapes were compared from the start `first` [rad], (dof,). A redundant arm can be slightly
+        # slower from this start than from a free start, and the plan along arcs has a free start.
         seed = tuple(first.tolist())
         plans: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
         with suppress(ArmContourError):

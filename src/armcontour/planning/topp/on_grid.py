@@ -158,8 +158,9 @@ class OnGrid:
     @cached_property
     def places(self) -> tuple[IntArray, FloatArray]:
         """Pieces and arc lengths [m] of the samples, (samples,) each."""
-        # The samples are the starts of all intervals, their middles, and the ends at which no
-        # interval of the same piece starts; the ends of all intervals if quantities may jump.
+        # The samples are the starts of all intervals, the middles of all intervals, and the ends of
+        # intervals that are not the start of an interval of the same piece. If quantities may jump,
+        # they are the starts, the middles and the ends of all intervals.
         s, piece, alone = self.grid.s, self.grid.piece, self.after >= len(self)
         return (
             np.concatenate([piece, piece, piece[alone]]),

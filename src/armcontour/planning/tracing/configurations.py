@@ -39,7 +39,7 @@ R = TypeVar("R")
 # From THREADED_POSES poses on, threads share the work, because starting them takes as long as 100
 # poses. PARTS is the number of groups of branches; some branches end early.
 THREADED_POSES, PARTS = 2000, 16
-# Number of parts of smoothed joint paths; NumPy processes a part at once.
+# Number of groups into which joint paths are divided for smoothing; NumPy smooths a group at once.
 SMOOTHED_PARTS = 4
 # Largest correction of joint positions in the last iteration at a followed pose [rad]. EXACTLY
 # distinguishes branches whose costs differ in the last digit. NEARLY is for the single branch of a

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
-# Distance between the points of a sketch, over the span of the arm.
+# Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
 
 
@@ -203,7 +203,7 @@ def _trace_serial(
 
 
 def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:
-    """Joint paths of the configurations that complete a path; the first error if none does."""
+    """Joint paths of configurations that complete a path; raises the first error if none does."""
     joint_paths: list[JointPath] = []
     refusals: list[Unreachable] = []
     for attempt in tries:

@@ -16,7 +16,7 @@ from armcontour.robot.servo.march import march
 
 # Number of cycles per block, so that the results of a block fit in the processor's cache.
 CHUNK = 64
-# The RMS error ends when the tool is slower than this [m/s], as in `contour_errors`.
+# The RMS error is evaluated until the tool is slower than this [m/s], as in `contour_errors`.
 REST_SPEED = 1e-3
 # The execution ends when the tool is slower than this [m/s].
 STILL_SPEED = 1e-9
@@ -37,7 +37,7 @@ class SearchedPath(NamedTuple):
     """The path, and the range of arc lengths in which the nearest point is searched."""
 
     rows: FloatArray  # The segments in the form of `pack_arcs`, (segments, 15)
-    corners: FloatArray  # Angle of the tangent at the start of each segment [rad], (segments,)
+    corners: FloatArray  # Turn of the tangent at the start of each segment [rad], (segments,)
     around: float  # Length of a closed path [m]; 0 for an open path
     low: FloatArray  # Smallest possible arc length of the tool in each cycle [m]
     high: FloatArray  # Largest possible arc length of the tool in each cycle [m]
