@@ -33,8 +33,8 @@ COARSE_PLAN = Optimal(intervals=400)
 MAX_PLANNED = 8_000
 # A path of more segments than LONG_PATH is compared on parts of about PART_SEGMENTS segments, one
 # part per PART_EVERY segments, at most MAX_PARTS. Durations of parts are accurate to a few
-# thousandths only, so configurations that are slower by at most MAX_SLOWER are traced along the
-# whole path.
+# thousandths only. Therefore all configurations that are slower than the fastest one on the parts
+# by at most MAX_SLOWER are traced along the whole path.
 LONG_PATH = 20_000
 PART_SEGMENTS, PART_EVERY, MAX_PARTS = 200, 2500, 40
 MAX_SLOWER = 0.01

@@ -96,7 +96,7 @@ class JointTorque(Constraint):
         self.curved = bool(self.viscous.any())
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Rows of the torques, less dry friction; and the form of viscous friction, if any."""
+        """Rows of the torques, with limits less dry friction, and any form of viscous friction."""
         terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
         rows = path.rows(terms, *bounds)
         weight = path.at_ends(terms[2])

@@ -33,8 +33,9 @@ from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.options import MAX_ITERATIONS, Task
 from armcontour.planning.topp.kernels import MotionBounds
 
-# Default number of cells: PER_BUILD_UP in the time in which an acceleration builds up, but at least
-# FEWEST_CELLS plus FEWEST_PER_PIECE for each polynomial of the joint path.
+# Default number of cells: PER_BUILD_UP for each build-up time (in which an acceleration builds up)
+# of non-uniform motion, but at least FEWEST_CELLS plus FEWEST_PER_PIECE for each polynomial of the
+# joint path.
 PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
 # If this number exceeds MAX_CELLS, the jerk is so large that fewer cells resolve its effect:
 # MANY_CELLS plus MANY_PER_PIECE for each polynomial. A section counts as PIECES_OF_SECTION more
@@ -294,7 +295,7 @@ def _find_start(
 
 
 def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
-    """Make the time law from the control points of ds² of all sections, each with both ends."""
+    """Make the time law from the control points of ds² of all sections, including their ends."""
     mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
     grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
     square = np.zeros((3, len(width)))  # control points of ds² on each cell

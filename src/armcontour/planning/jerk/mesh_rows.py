@@ -27,7 +27,7 @@ from armcontour.planning.topp.kernels import MotionBounds, rows_with_friction
 from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, margins_of
 from armcontour.robot import Arm
 
-# Smallest end value of the tangent that bounds ds², as a share of its middle value
+# Smallest value at an end of the tangent that bounds ds², as a share of its value in the middle
 LEAST_SHARE = 0.25
 
 
@@ -111,7 +111,7 @@ class MeshRows:
         )
 
     def _record_margins(self, margins: FloatArray, room: FloatArray) -> None:
-        """Record in `lost` the share of the limits at rest that margins take, (m, rows) each."""
+        """Record in `lost` the largest share of a limit at rest that `margins`, (m, rows), take."""
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(np.isfinite(room), margins / room, 0.0)
         lost = np.where(room > 0, share, 1.0).max(axis=1, initial=0.0)

@@ -154,10 +154,10 @@ MARGIN = 2.0
 class ToolDerivatives:
     """Derivatives of the tool's position over s on parts of cells."""
 
-    # Coefficients of the first to third derivative in powers of x, 0 to 1 on each part, (3, 3, n,
-    # 3)
+    # Coefficients of parabolas through the first to third derivative, in powers of x from 0 to 1 on
+    # each part, (3, 3, n, 3)
     powers: FloatArray
-    deviation: FloatArray  # Bounds of the distance of the derivatives from these parabolas, (3, n)
+    deviation: FloatArray  # Bounds of the distances of the derivatives from the parabolas, (3, n)
     largest: FloatArray  # Bounds of the norms of the derivatives, (3, n)
 
     @classmethod

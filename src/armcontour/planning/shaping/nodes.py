@@ -75,8 +75,8 @@ class Nodes:
     # Index, among the corners of the tube, of the corner that each node must stay close to; -1 for
     # none
     vertex: IntArray
-    group: IntArray  # Number of the nearest corner or rest of each node, ascending, (n,)
-    # Times of the start at the knots, halfway between nodes [s], (n + 1,)
+    group: IntArray  # Index of the corner or rest nearest to each node, ascending, (n,)
+    # Times at which the motion of the start passes the knots, halfway between nodes [s], (n + 1,)
     times: FloatArray
     near: NearPath
     q: FloatArray  # Joint positions at the nodes [rad], (n, dof)

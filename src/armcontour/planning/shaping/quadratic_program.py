@@ -147,7 +147,7 @@ def _normal_matrix(
     weight: FloatArray,
     matrix: FloatArray,
 ) -> None:
-    """Write the lower bands of the normal matrix; entry (a, b) is in column `last + b - a`."""
+    """Write the lower bands of the normal matrix; entry (a, b) is in `matrix[a, last + b - a]`."""
     last = matrix.shape[1] - 1
     matrix[:] = 0.0
     for a in range(len(weight)):

@@ -36,8 +36,8 @@ def is_long(group: IntArray) -> bool:
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
-    """Index of the first of the two fixed nodes between chunks, (m,); empty for a single chunk."""
-    # `group`: number of the nearest corner or rest of each node, ascending, (n,); `whole`: true for
+    """Index of the first of both fixed nodes between chunks, (m,); empty for a single chunk."""
+    # `group`: index of the corner or rest nearest to each node, ascending, (n,); `whole`: true for
     # a single chunk on long paths, too.
     if whole or not is_long(group):
         return np.zeros(0, dtype=np.intp)

@@ -235,7 +235,7 @@ class Shaping:
         return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
-        """Timer in the configuration of a joint path; an equal `seed` replaces its start."""
+        """Timer in the configuration of a joint path; `seed` replaces its start if equal to it."""
         # The knots of a redundant arm depend on the rounding of the start, so `seed` itself is
         # used.
         start, intervals = ends_of(joint_path)[0], self.options.intervals
@@ -248,7 +248,7 @@ class Shaping:
 
 
 def _cap_tolerances(path: Path, tolerance: float) -> Path:
-    """Limit the tolerances of a path to half of its stretches between two sharp corners."""
+    """Limit the tolerances of a path to half the length of each stretch between sharp corners."""
     # For example, the end of a line that is drawn twice, a micrometre apart, is such a stretch.
     sharp = np.flatnonzero(path.turns > SHARP) + 1
     ends = np.concatenate([[0], sharp, [len(path)]])

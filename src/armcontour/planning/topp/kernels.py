@@ -97,7 +97,7 @@ class Rules(NamedTuple):
 
 
 class MotionBounds(NamedTuple):
-    """Bounds |u| <= `u` and `x_min` <= x <= `x` of motion with valid margins; slopes k, (n,) each."""
+    """Bounds |u| <= `u` and `x_min` <= x <= `x` for valid margins, and slopes `k`, (n,) each."""
 
     x: FloatArray
     x_min: FloatArray
@@ -628,7 +628,7 @@ def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
 def _mean_range_slopes(
     lines: LimitLines, i: int, x: float
 ) -> tuple[float, float, float, float, int]:
-    """Range of the mean u at x, negative slopes of its ends in x, and line of its lower end."""
+    """Range of the mean u at x, negative slopes of its ends in x, and index of its lower line."""
     table, count, slot = lines.table, lines.width, i & (len(lines.slot_interval) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
     for k in range(3 * count * slot, 3 * count * slot + count):

@@ -162,7 +162,8 @@ def smooth(
 ) -> tuple[FloatArray, FloatArray]:
     """Shorten joint paths by null-space motion, with unchanged tool poses."""
     # Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest
-    # joint velocities, and of their excess over the inner part of their ranges.
+    # joint velocities, and of the distances of joint positions outside the inner part of their
+    # ranges.
     # Returns the joint positions, (paths, n, dof), and their costs, (paths,).
     cost, n, free = _Cost(arm, s, q), len(s), arm.dof - task
     smoothed, values, active = q.copy(), cost.values(q), np.arange(len(q))

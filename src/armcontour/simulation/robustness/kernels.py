@@ -122,8 +122,9 @@ def _measure(
         t = clock.start + (begin * clock.steps + row + 1) * h
         dx, dy, dz = p[0] - e.tool[0], p[1] - e.tool[1], p[2] - e.tool[2]
         far2, last, peak = dx * dx + dy * dy + dz * dz, e.square, max(e.peak, d2)
-        # The distance to the path grows at most as fast as the tool moves, so between the results
-        # it is at most half of this sum.
+        # The distance to the path grows at most as fast as the tool moves. So between the results
+        # it is at most half the sum of the distances at both results and the displacement of the
+        # tool.
         higher = math.sqrt(last) + math.sqrt(d2) + math.sqrt(far2) > 2 * math.sqrt(peak)
         turned = now != segment and (
             abs(now - segment) > 1 or corners[max(now, segment)] > LEAST_CORNER

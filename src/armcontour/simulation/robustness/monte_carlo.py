@@ -316,7 +316,7 @@ class _RobotSet:
         return unit
 
     def execute(self, unit: FloatArray, seed: int | None, threads: int) -> MonteCarloResult:
-        """Execute set-points on robots in units of the box, (n, 3 dof + 1), and the nominal one."""
+        """Execute on the nominal robot, and on robots with errors in box units, (n, 3 dof + 1)."""
         rows = np.concatenate([unit, np.zeros((1, unit.shape[1]))])
         if self.box.dead_time_shared:
             rows[:, 2 * self.dof : 3 * self.dof] = rows[:, 2 * self.dof, None]
