@@ -110,7 +110,7 @@ class Shortfall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitShare:
-    """Length and time for which one limit is active, or the time between contours."""
+    """Length and time with one active limit or between two limits, or time between contours."""
 
     kind: str  # The limit, `BETWEEN`, `RAPIDS` or `DWELLS`
     name: str  # The limit with its joint; otherwise the kind
@@ -205,7 +205,7 @@ class Explanation(Result):
 
     @property
     def kinds(self) -> dict[str, float]:
-        """Share of the duration for each limit, summed over the joints, and each kind of move."""
+        """Share of the duration by limit (of all joints) or kind of move, the largest first."""
         shares: defaultdict[str, float] = defaultdict(float)
         for share in self.shares:
             shares[share.kind] += share.of_time

@@ -160,7 +160,7 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
 def _replace_pieces(
     joint_path: JointPath, changed: dict[int, _Piece]
 ) -> tuple[JointPath, FloatArray]:
-    """Replace some pieces of a path; returns the path, with its stops, and the old breaks in it."""
+    """Replace some pieces of a path; returns the path, with its stops, and its old breaks."""
     straight = [x for x in changed.values() if x.is_straight]
     # By default, |dq_dp| is such that the straight pieces have the same total length in p as in s.
     total = sum(x.width for x in straight)

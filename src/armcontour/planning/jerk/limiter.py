@@ -174,8 +174,8 @@ def _make_bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> M
     u = np.maximum(u, LEAST_RATE * u.max())
     change = np.maximum(np.abs(slope), u / width)
     smallest = np.minimum(speed[:-1], speed[1:]) ** 2
-    # The bounds of a cell include the cells of the other plan that overlap it, and their
-    # neighbours.
+    # The bounds of a cell are taken from the cells of the plan `near` that overlap it, and from the
+    # neighbours of these cells.
     s = mesh.grid.s
     first = np.searchsorted(near.s, s[:-1], side="right") - 2
     count = np.searchsorted(near.s, s[1:], side="left") + 1

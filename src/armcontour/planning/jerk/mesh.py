@@ -14,8 +14,8 @@ from armcontour.planning.options import Task
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import combine_forms, largest_u
 
-# Shares of the cells that are distributed over time, over arc length, and like the grid of the plan
-# without limits of jerk, which is finer where the joints turn
+# Shares of the cells that are distributed evenly in time, evenly in arc length, and like the grid
+# of the plan without limits of jerk, which is finer where the joints turn
 OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
 # Length of the cell at a rest, as a share of the build-up distance, in which acceleration builds up
 FIRST_CELL = 0.3

@@ -219,8 +219,9 @@ class MeshRows:
 
     def _path_jerk(self) -> list[FloatArray]:
         """Rows of the path jerk, divided by ds."""
-        # The path jerk over ds is `m slope + 3 m' dds + m'' ds²`, where m is the derivative of the
-        # arc length of the tool in s. m' and m'' are bounds, so both signs of each are included.
+        # The path jerk divided by ds is `m slope + 3 m' dds + m'' ds²`, where m is the derivative
+        # of the arc length of the tool in s. m' and m'' are bounds, so both signs of each are
+        # included.
         basis, last = self.basis, self.degree - 1
         slope = np.repeat(basis.slope[:, None], self.degree, axis=1)
         if self.length is None:

@@ -30,7 +30,7 @@ FIRST_SLACK = 0.1
 def solve_program(
     cost: FloatArray, rows: FloatArray, bounds: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, int]:
-    """Solve the program; without convergence the result is the last iterate."""
+    """Solve the quadratic program; without convergence the result is the last iterate."""
     # `cost`: cost of the unknowns, (n, k); `rows`: coefficients of the rows of each node, for the
     # unknowns of the previous node, of the node itself and of the next node, (n, m, 3 k); rows of
     # zeros are ignored; `bounds`: upper bounds of the rows, (n, m); `weight`: positive weights of

@@ -20,7 +20,8 @@ from armcontour.robot import Arm, Limits
 
 # Angle between matched points along arcs [rad].
 TURN = 0.05
-# Allowed distance of a point from its matching point along the objective, over the tolerance
+# Half length of the part of the objective, around the matching point, to which `prove` measures the
+# distance of a point, divided by the tolerance
 MATCH_TOLERANCE = 0.05
 
 
@@ -54,7 +55,7 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
 
 
 def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
-    """Prove that every point of a path is within the tolerance of its matching point."""
+    """Bound the distance of every point of a path from the objective near its matching point."""
     last = len(tube) - 1
     piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
     return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])

@@ -109,7 +109,7 @@ class GridPlan(NamedTuple):
     """A plan, or the reason why none exists."""
 
     x: FloatArray  # ds² at the ends of the intervals, (n + 1,)
-    k: FloatArray  # Slopes of dds over s, (n,)
+    k: FloatArray  # Derivatives of dds in s, (n,)
     lost: FloatArray  # Share of limits that margins take, (n,)
     outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
     interval: int
@@ -908,7 +908,7 @@ def _prove_or_widen(
     has_friction: bool,
     changed: BoolArray,
 ) -> bool:
-    """Test whether a plan is within its bounds, which proves it; otherwise widen the bounds."""
+    """Test whether the plan is within its bounds, so that margins suffice; otherwise widen them."""
     holds = True
     for i in range(len(width)):
         largest, smallest, rate = _motion_extent(width, x, bounds.k, i)

@@ -60,7 +60,7 @@ class Knots:
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
 
     def cut(self, count: IntArray) -> tuple[Knots, IntArray]:
-        """Divide each interval into `count` equal parts, (n,)."""
+        """Divide each interval into `count`, (n,), equal parts."""
         # Returns the parts, and the indices of the given knots among the starts of the parts and
         # the end of the last part, (n + 1,).
         ends = np.append(0, np.cumsum(count))
