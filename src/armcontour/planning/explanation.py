@@ -358,7 +358,7 @@ def _explain_law(
 
 
 def _find_active(shares: FloatArray, threshold: float) -> IntArray:
-    """Column of the active limit on each interval, or -1, (n,), from used shares, (n, limits)."""
+    """Column of the active limit on each interval, (n,), -1 for none; `shares`: (n, limits)."""
     # A limit is active from the share `threshold` on, regardless of neighbouring intervals.
     share, most_used = shares.max(axis=1), shares.argmax(axis=1)
     certain = share >= threshold

@@ -199,7 +199,7 @@ class _Tracer:
         self.last = joint_path
 
     def _trace(self, path: Path, i: int) -> JointPath:
-        """Trace the path of a move in the current configuration, or else in the fastest one."""
+        """Trace the path of a move in the current configuration, if possible, or the fastest."""
         if self.last is None:
             return self._fastest(path, i, configuration=self.configuration, seed=self.seed)
         try:
@@ -217,7 +217,8 @@ class _Tracer:
             back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
             return trace(path, limited, **configuration_of(arm, back(back.length)))
         except ArmContourError:
-            # Try the other configurations; errors of the contour are raised when it is traced.
+            # Try the other configurations. Errors of the contour are raised when the contour is
+            # traced.
             return self._trace(path, i)
 
     def _fastest(

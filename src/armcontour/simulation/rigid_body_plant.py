@@ -186,7 +186,7 @@ class RigidBodyPlant(LimitedPlant):
         self._springs = _make_springs(self.chain, joint_stiffness, joint_damping)
 
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Values of attributes at which drives saturate, by name, for the limits of a plan."""
+        """Attributes with the values at which drives saturate, by name, for limits of a plan."""
         resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
         torques = _torque_limits(resolved, self.arm.limits, self.controller_chain)
         # A torque limit restricts the sum of the torques for motion and gravity. A limit that

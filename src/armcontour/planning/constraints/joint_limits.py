@@ -66,7 +66,7 @@ class JointMotion(Constraint):
         )
 
     def rows(self, path: OnGrid) -> LinearRows:
-        """Rows of the accelerations g = q' u + q'' x, with g'' = 5 q''' u + q'''' x + 4 q'' k."""
+        """Rows of g = q' u + q'' x, with g'' = 5 q''' u + q'''' x + 4 q'' k, where k = u'."""
         (first, second), (third, fourth) = path.derivatives
         w, n = path.grid.width[:, None], len(path)
         ends, rise = np.empty((n, 2, len(self.low), 4)), np.zeros((n, len(self.low), 4))

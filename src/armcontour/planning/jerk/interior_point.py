@@ -54,7 +54,8 @@ class JerkSection(NamedTuple):
     plain: FloatArray  # Rows `low <= row <= high` of each part, (m, k, 3)
     low: FloatArray  # low, high: Bounds of the plain rows, (m, k)
     high: FloatArray
-    # Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2), (m, l, 3)
+    # Rows `|row| <= jerk f`, where f is a control point of a tangent of a^(-1/2), which is a lower
+    # bound of a^(-1/2), (m, l, 3)
     curved: FloatArray
     jerk: FloatArray  # Limits of the curved rows, (l,)
     curved_points: IntArray  # Index of the control point f of each curved row, (l,)

@@ -73,7 +73,7 @@ MAX_AT_RAMPS = 0.5
 # A start or end speed equal to its limit is reduced by half of this share, because the
 # interior-point method requires strictly feasible points, at which no row is active.
 CLOSE_TO_LIMIT = 1e-7
-# Weights of a start or end speed against the duration, tried in order.
+# Weights of a start or end speed relative to the duration, tried in order.
 WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 
 

@@ -143,7 +143,7 @@ def place_mesh(
     section_ends: FloatArray,  # Arc lengths of the ends of the sections [m], (sections + 1,)
     ends: list[tuple[End, End]],  # Start and stop of the motion in each section
 ) -> JerkMesh:
-    """Place the cells for a plan that is close to the plan `law`."""
+    """Place the cells for a plan that will be close to the plan `law`."""
     node_rows, first, share = [], [0], _CellDistribution(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
     for begin, end, both in zip(section_ends[:-1], section_ends[1:], ends, strict=True):
@@ -237,9 +237,9 @@ def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     return np.asarray(near + beyond)
 
 
-# A jump of d2q_ds2, or of its effect on the tool, requires a stop under two conditions: it exceeds
-# the share KINK of the values on both sides, and at the speed of the plan, the jerk limit needs
-# more than the share TOO_SHORT of the duration for it.
+# A jump of d2q_ds2, or of its effect on the tool, requires a stop under two conditions. It exceeds
+# the share KINK of the sum of the values on both sides. At the speed of the plan and with the jerk
+# limit, the change of acceleration takes more than the share TOO_SHORT of the duration.
 KINK, TOO_SHORT = 1e-6, 1e-8
 # Time that replaces the share TOO_SHORT in a long plan [s]: half of the time that `check` tolerates
 # as rounding

@@ -61,7 +61,8 @@ class MeshRows:
         self.length: FloatArray | None = None
         if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
             self.length = arc_length_bounds(grid, arm)
-        self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
+        # Largest share of a limit that margins take on each part, (m,)
+        self.lost = np.zeros(len(grid))
         self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
         self.speeds = np.full((len(grid), grid.joint_path.dof), np.inf)
         sampled = []

@@ -63,7 +63,8 @@ def solve_program(
         _normal_matrix(first, ends, values, slack, dual, w, matrix)
         if not _factor(matrix):
             return x.reshape(n, k), -iteration - 1
-        # The predictor has zero complementarity as its target, the corrector a share of it.
+        # The target of the predictor is zero complementarity. The target of the corrector is a
+        # share of the average complementarity.
         for corrected in range(2):
             for a in range(n * k):
                 step[a] = -c[a] - w[a] * x[a]

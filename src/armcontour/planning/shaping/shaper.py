@@ -29,8 +29,8 @@ from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tu
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 
-# Smallest turn of a sharp corner [rad]. Vertices with a smaller turn may be points of a curve at
-# any distance from each other.
+# Smallest turn of a sharp corner [rad]. Vertices with a smaller turn may be points on a curve,
+# which can be arbitrarily close to each other.
 SHARP = np.radians(30)
 # Once this share of the duration is saved, the search is not repeated from another start.
 ENOUGH_SAVED = 0.01

@@ -17,7 +17,7 @@ from armcontour.core.frames import perpendicular
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 
-# Number of planes that bound a disc in space.
+# Number of directions in a plane in which the acceleration is bounded.
 DIRECTIONS = 8
 # (speed - limit) / limit below which a speed is ignored, because one step cannot reach the limit
 FAR = -0.6

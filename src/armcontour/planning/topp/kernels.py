@@ -223,7 +223,7 @@ def bracket(smallest: float, largest: float) -> Bracket:
 def friction_row(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
 ) -> tuple[float, float, float]:
-    """Linear upper bound of friction in the row of one limit of joint j on interval i."""
+    """Upper bound, linear in x, of friction in the row of one limit of joint j on interval i."""
     # If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is
     # the friction at each end of the interval, multiplied by a line in x that bounds the root of x.
     # The lower line is the chord of the root. The upper line is the tangent with equal excess at
@@ -479,8 +479,8 @@ def _write_joint_half_planes(
     margins: bool,
 ) -> None:
     """Write a group of joint bounds on interval i; `location` is the group and its first joint."""
-    # With the derivatives q1 to q4, g = q1 u + q2 x has g'' = 5 q3 u + q4 x + 4 q2 k, and h = q1² x
-    # has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
+    # With the derivatives q1 to q4 and the slope k of u, g = q1 u + q2 x has g'' = 5 q3 u + q4 x +
+    # 4 q2 k, and h = q1² x has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
     (group, joint), table = location, limits.joints
     offset = ROWS * group
     (a0, b0), (a1, b1) = path_slopes(grid, i, joint, 0), path_slopes(grid, i, joint, 1)

@@ -54,7 +54,7 @@ class Guide:
         # The splines are cubic, or quintics where a cubic spline overshoots because the tool turns
         # much faster on a short part of the path than next to it.
         # `s`: arc lengths [m], (n,); `q`: joint positions [rad], (n, dof); `w`: bases of the null
-        # space, (n, free, dof); `stops`: arc lengths, out of s, at which the tool stops [m].
+        # space, (n, free, dof); `stops`: those arc lengths in `s` at which the tool stops [m].
         n, free, dof = w.shape
         turned = [np.eye(free)]
         for turn in _basis_rotations(w):

@@ -43,9 +43,9 @@ from armcontour.simulation.robustness.kernels import (
 )
 from armcontour.simulation.robustness.uncertainty import Uncertainty
 
-# Longest time between two samples of the contour error: in seconds, and in shortest time constants
-# of the servos. The RMS error of the paper's job then differs by less than 1e-4 from samples every
-# 0.1 ms.
+# Longest time between two samples of the contour error: RESOLUTION [s], but at most TIME_CONSTANTS
+# times the shortest time constant of the servos. The RMS error of the paper's job then differs by
+# less than 1e-4 from samples every 0.1 ms.
 RESOLUTION = 2e-3
 TIME_CONSTANTS = 0.5
 # Largest number of results per cycle; a servo that requires more is not realistic.
@@ -55,7 +55,8 @@ MAX_CORNERS = 1024
 # Largest times by which the tool can be behind and ahead of the plan [lags, see `_longest_lag`].
 LAGS_BEHIND = 2.0
 LAGS_AHEAD = 1.0
-# Number of times at which the planned arc length is computed: per cycle, and smallest number.
+# Number of times at which the planned arc length is computed: PLACES_PER_CYCLE for each cycle, but
+# at least FEWEST_PLACES.
 PLACES_PER_CYCLE = 2
 FEWEST_PLACES = 4000
 # Longest time until rest after the last set-point, as in `ServoPlant` [s].
