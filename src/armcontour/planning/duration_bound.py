@@ -11,8 +11,8 @@ from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
 from armcontour.robot import Limits
 
-# Approximate number of equal samples of a joint path, and largest change of its direction between
-# samples [rad]
+# A joint path is divided into approximately EVEN_PARTS equal parts. A piece along
+# which the direction changes has one more part for each TURN [rad].
 EVEN_PARTS = 100
 TURN = 0.1
 
@@ -109,7 +109,7 @@ def least_duration(
     ceilings: FloatArray,  # Largest ds² on each piece [m²/s²], (n,)
     bounds: FloatArray,
 ) -> float:
-    """Lower bound of the duration of any motion along a joint path [s]; 0 if it is not limited."""
+    """Lower bound of the duration of any motion along a joint path [s]; 0 if no limit applies."""
     # The result is a lower bound, because limits are evaluated at points only, and between two
     # points ds² may change at the larger of the rates at both points.
     # `bounds`: lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the

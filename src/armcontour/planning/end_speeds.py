@@ -16,7 +16,7 @@ import numpy as np
 from armcontour.core.errors import NotRealizable
 
 START, END = "start speed", "end speed"
-# Significant digits of the reported speed; the speed is planned after rounding.
+# Significant digits of the reported speed. The planner tests the rounded speed.
 DIGITS = 6
 # Largest number of estimates. After a failed estimate, the speed is reduced by at least the share
 # MIN_REDUCTION.

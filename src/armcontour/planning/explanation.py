@@ -110,7 +110,7 @@ class Shortfall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitShare:
-    """Length and time for which one limit is active, or the time between contours."""
+    """Length and time with one active limit or between two limits, or time between contours."""
 
     kind: str  # The limit, `BETWEEN`, `RAPIDS` or `DWELLS`
     name: str  # The limit with its joint; otherwise the kind
@@ -205,7 +205,7 @@ class Explanation(Result):
 
     @property
     def kinds(self) -> dict[str, float]:
-        """Share of the duration by kind of `shares`, summed over the joints, largest first."""
+        """Share of the duration by limit (of all joints) or kind of move, the largest first."""
         shares: defaultdict[str, float] = defaultdict(float)
         for share in self.shares:
             shares[share.kind] += share.of_time
@@ -213,7 +213,7 @@ class Explanation(Result):
 
     @property
     def longest(self) -> tuple[str, float] | None:
-        """Limit or kind of move with the longest time, and its share; None if unknown."""
+        """Limit or kind of move with the longest time, and its share; None if there is neither."""
         return next(((x.name, x.of_time) for x in self.shares if x.name != BETWEEN), None)
 
     @property
@@ -358,7 +358,7 @@ def _explain_law(
 
 
 def _find_active(shares: FloatArray, threshold: float) -> IntArray:
-    """Column of the active limit on each interval, or -1, (n,), from used shares, (n, limits)."""
+    """Column of the active limit on each interval, (n,), -1 for none; `shares`: (n, limits)."""
     # A limit is active from the share `threshold` on, regardless of neighbouring intervals.
     share, most_used = shares.max(axis=1), shares.argmax(axis=1)
     certain = share >= threshold
@@ -449,7 +449,8 @@ def _shortfalls(
 def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tuple[int, int, str]]:
     """First and last index of every extreme of the speed, and its kind: "fastest" or "slowest"."""
     # An extreme is confirmed once the speed differs from it by the share `FLAT`. All points within
-    # `FLAT` belong to it. `points` are indices of changes of the slope's sign, and the last point.
+    # `FLAT` belong to it. `points`: indices at which the sign of the slope changes, and the index
+    # of the last point.
     extremes: list[tuple[int, int, str]] = []
     rising: bool | None = None
     extreme = first

@@ -288,7 +288,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
 
 
 def _refuse_standing(s: float) -> NoReturn:
-    """Raise the error for constraints in s on a path that has a point without joint motion."""
+    """Raise the error for constraints that are functions of s, if no joint moves at some point."""
     raise NotRealizable(
         f"At {s:.6g} m along the path no joint moves with s, so ds is not limited there, and "
         "constraints that are functions of s cannot be satisfied. Remove the constraints, or "

@@ -53,7 +53,7 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
 
 
 def cut_pieces(joint_path: JointPath, count: IntArray) -> Grid:
-    """Make a grid with `count` equal intervals on each piece of a joint path, (pieces,)."""
+    """Make a grid with `count`, (pieces,), equal intervals on each piece of a joint path."""
     return _make_grid(joint_path, *divide_intervals(joint_path.breaks, count))
 
 

@@ -33,8 +33,8 @@ COARSE_PLAN = Optimal(intervals=400)
 MAX_PLANNED = 8_000
 # A path of more segments than LONG_PATH is compared on parts of about PART_SEGMENTS segments, one
 # part per PART_EVERY segments, at most MAX_PARTS. Durations of parts are accurate to a few
-# thousandths only, so configurations that are slower by at most MAX_SLOWER are traced along the
-# whole path.
+# thousandths only. Therefore all configurations that are slower than the fastest one on the parts
+# by at most MAX_SLOWER are traced along the whole path.
 LONG_PATH = 20_000
 PART_SEGMENTS, PART_EVERY, MAX_PARTS = 200, 2500, 40
 MAX_SLOWER = 0.01
@@ -160,7 +160,7 @@ class _Tracer:
     faster_rejected: bool = False
 
     def follow(self, i: int, move: Move) -> None:
-        """Append the steps of a move; a rapid without a path is the line before the next move."""
+        """Append the steps of a move; a rapid without a path has none, see `_append`."""
         if isinstance(move, Contour):
             # A single path has no number in messages.
             alone = self.program.single_path is not None and not move.name
@@ -199,7 +199,7 @@ class _Tracer:
         self.last = joint_path
 
     def _trace(self, path: Path, i: int) -> JointPath:
-        """Trace the path of a move in the current configuration, or else in the fastest one."""
+        """Trace the path of a move in the current configuration, if possible, or the fastest."""
         if self.last is None:
             return self._fastest(path, i, configuration=self.configuration, seed=self.seed)
         try:
@@ -217,7 +217,8 @@ class _Tracer:
             back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
             return trace(path, limited, **configuration_of(arm, back(back.length)))
         except ArmContourError:
-            # Try the other configurations; errors of the contour are raised when it is traced.
+            # Try the other configurations. Errors of the contour are raised when the contour is
+            # traced.
             return self._trace(path, i)
 
     def _fastest(
@@ -437,10 +438,10 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
 def _compare_on_parts(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s]."""
+    """Sums of bounds and durations of parts of a long path [s], (solutions,) each."""
     # A configuration without a plan has its bound as its duration. A configuration that does not
-    # complete the parts has an infinite duration. `solutions` are joint positions at the arc
-    # lengths `s` [m], (n, dof) each.
+    # complete the parts has an infinite duration. `solutions`: joint positions at the arc lengths
+    # `s` [m] in each configuration, (n, dof).
     rough = limits.without_jerk
     parts = min(max(len(path) // PART_EVERY, 1), MAX_PARTS)
     length = path.length * min(PART_SEGMENTS / len(path), 1.0)

@@ -40,12 +40,12 @@ PRECISION = 0.02
 DELAYS = (0.0, 0.25, 0.5)
 # A plan is at rest if no joint is faster than this [rad/s].
 REST_SPEED = 1e-6
-# Share of the limits that a stop uses of the plan's reserve at first, because the grid of the stop
-# has other margins than the grid of the plan.
+# At first, a stop has a reserve that is smaller than that of the plan by this share of the limits,
+# because the grid of the stop has other margins than the grid of the plan.
 MARGIN = 0.01
 # Number of grid intervals of a stop without limits of jerk
 INTERVALS = 200
-# Stop with limits of jerk: numbers of states that are checked, first few, then all, and first
+# Stop with limits of jerk: numbers of states in the first and the second check of a stop, and first
 # duration that is tried [s]
 CHECKED_STATES = (40, 500)
 FIRST_DURATION = 0.02
@@ -192,7 +192,7 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[floa
 def _smooth_stop(
     jumps: FloatArray, joint_path: JointPath, arm: Arm, limits: Limits
 ) -> tuple[float, Law] | None:
-    """Stop with a cubic speed that ends first, and its delay [s]; None if no stop is feasible.
+    """Earliest stop with a cubic speed, and its delay [s]; None if no stop is feasible.
 
     Derivatives of the path may be discontinuous at its parameters `jumps`.
     """
@@ -345,7 +345,7 @@ def _slow_down(
 
 
 def _is_within(path: JointPath, arm: Arm, limits: Limits) -> bool:
-    """True if a motion along a path over time is within the limits at both ends of its pieces."""
+    """True if a motion along a path over time is within the limits at both ends of every piece."""
     for t, side in ((path.breaks[:-1], "right"), (path.breaks[1:], "left")):
         states = States(arm, [path(t, k, side=side) for k in range(4)])
         if any((use.ratio > 1).any() for use in states.uses(limits)):

@@ -112,9 +112,9 @@ NEARLY_VANISHED = 1e-2
 # share ROUNDING of its position.
 STRAIGHT = 1e-12
 ROUNDING = 4e-15
-# At an end with x³ or x⁴, the share LAST of a curved piece is replaced by quintics in p. The first
-# quintic ends at x = FIRST; the p of successive breaks have the ratio RATIO. The error of the
-# quintics is at most 1e-12 of the size of the piece.
+# At an end at which q begins with x³ or x⁴, the share LAST of a curved piece is replaced by
+# quintics in p. The first quintic ends at x = FIRST; the p of successive breaks have the ratio
+# RATIO. The error of the quintics is at most 1e-12 of the size of the piece.
 LAST, FIRST, RATIO = 0.05, 1e-3, 0.8
 
 # Converts coefficients in x to coefficients in 1 - x.
@@ -160,9 +160,9 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
 def _replace_pieces(
     joint_path: JointPath, changed: dict[int, _Piece]
 ) -> tuple[JointPath, FloatArray]:
-    """Replace some pieces of a path; returns the path, with its stops, and the old breaks in it."""
+    """Replace some pieces of a path; returns the path, with its stops, and its old breaks."""
     straight = [x for x in changed.values() if x.is_straight]
-    # By default |dq_dp| keeps the total length of the straight pieces.
+    # By default, |dq_dp| is such that the straight pieces have the same total length in p as in s.
     total = sum(x.width for x in straight)
     slope = (
         sum(float(np.abs(np.diff(_find_reversals(x.along, x.inner)[1])).sum()) for x in straight)
@@ -318,7 +318,8 @@ def _cut(c: FloatArray, first: float, last: float) -> FloatArray:
     """Coefficients on the part from x = first to last, as a function from 0 to 1, (1, 6, dof)."""
     coefficients = np.zeros_like(c)
     for row in c[::-1]:
-        # Horner's rule for polynomials: times `first + (last - first) x`, plus the next one.
+        # Horner's rule with polynomials: multiply by `first + (last - first) x`, then add the next
+        # row.
         coefficients[1:] = coefficients[1:] * first + coefficients[:-1] * (last - first)
         coefficients[0] = coefficients[0] * first + row
     return coefficients[None]

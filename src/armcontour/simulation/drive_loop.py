@@ -45,7 +45,7 @@ class Loops(NamedTuple):
     ki: FloatArray  # Integral gains of the velocity loops [1/s], (dof,)
     integral: FloatArray  # Integrals of the velocity errors [rad], (dof,); updated by the loop
     step: float  # Time between two computations of the loops [s]
-    inertia: FloatArray  # J [kg m²], (dof,)
+    inertia: FloatArray  # Inertias J of the servo [kg m²], (dof,)
     limit: FloatArray  # Torque limits [N m], (dof,)
     gravity_feedforward: bool  # True if the controller adds the gravity torque
     gravity_added: bool  # True if the gravity torque is added to the limited torque
@@ -112,11 +112,11 @@ def advance(
     runaway_speed: float,
     rows: Rows,
 ) -> int:
-    """Simulate steps `first` to before `end`; returns `end`, or the step with a runaway joint."""
+    """Simulate steps `first` to `end - 1`; returns `end`, or the step with a runaway joint."""
     # controller: the controller's model of the arm, at rest. parts: integration steps per step of
     # the drives. commands [rad], (steps, dof). integrated: commands of the integrators, without
     # acceleration feed-forward [rad], (steps, dof). noise: noise of measured positions [rad],
-    # (steps, dof), or (0, dof) without noise. wildest: velocity above which joints run away
+    # (steps, dof), or (0, dof) without noise. runaway_speed: velocity above which joints run away
     # [rad/s].
     dof, n = len(loops.kp), len(bodies.q)
     for k in range(first, end):

@@ -19,7 +19,8 @@ from armcontour.robot.limits import or_unlimited
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation, respond_within
 
-# Longest time until rest after the last set-point: in seconds, and in durations of the motion.
+# Longest time until rest after the last set-point [s]. For rigid bodies it is at least
+# SETTLING_DURATIONS times the duration of the motion.
 LONGEST_SETTLING = 60.0
 SETTLING_DURATIONS = 10.0
 # A joint runs away (it falls, or its servo is unstable) if its velocity exceeds this [rad/s].
@@ -30,8 +31,9 @@ REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
 # Duration of the parts in which the simulation continues until rest after the last set-point [s].
 REST_CHUNK = 0.25
-# Longest time between two results for which quintics between them are exact enough (1e-11 of the
-# servo's acceleration per s²) [time constants].
+# Longest time between two results for which quintics between them are exact enough [time
+# constants]. For time constants of 1 ms, their error is about 2e-11 s² times the acceleration of
+# the servo.
 MAX_TIME_CONSTANTS = 1.0
 # A set-point that reaches a joint within this share of a step from a result counts as reaching the
 # joint at the result.
@@ -80,7 +82,7 @@ class LimitedPlant(Immutable, Plant):
 
     @abstractmethod
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Values of attributes at which drives saturate, by name, for the limits of a plan."""
+        """Attributes with the values at which drives saturate, by name, for limits of a plan."""
 
     @checked
     def for_plan(self, set_points: SetPoints) -> Self:
@@ -196,7 +198,7 @@ def join_parts(parts: list[Part]) -> Part:
 
 
 class TorqueBounds:
-    """Acceleration bounds of the joints of an arm with masses that follow from torque limits."""
+    """Bounds of joint accelerations that follow from torque limits, for an arm with masses."""
 
     def __init__(self, arm: Arm, limit: FloatArray, set_points: SetPoints) -> None:
         self.arm, self.limit, self.set_points = arm, limit, set_points
@@ -330,7 +332,7 @@ class ServoPlant(LimitedPlant):
         vars(self).update(self._saturation_values(None))
 
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Values of attributes at which drives saturate, by name, for the limits of a plan."""
+        """Attributes with the values at which drives saturate, by name, for limits of a plan."""
         arm, servo = self.arm, self.servo
         resolved = resolve_limits("A ServoPlant", arm, self.limits, planned)
         saturation = _resolve_saturation(self._requested_saturation, servo, resolved, arm)

@@ -33,8 +33,9 @@ from armcontour.simulation.plant import (
     longest_settling,
 )
 
-# Default cycle time of a drive [s]. 4 kHz is usual, every usual cycle of set-points is a multiple
-# of it, and it delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
+# Default cycle time of a drive [s]. A rate of 4 kHz is usual, and every usual cycle of set-points
+# is a multiple of this cycle. It delays the loop by 2 % of the time constant 1 / K_v of the paper's
+# servo.
 DEFAULT_STEP = 2.5e-4
 # Shortest and longest cycle time of a drive [s]. Each cycle is a step of the simulation, which
 # takes some microseconds. Drives of arms do not have longer cycles.
@@ -185,7 +186,7 @@ class RigidBodyPlant(LimitedPlant):
         self._springs = _make_springs(self.chain, joint_stiffness, joint_damping)
 
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Values of attributes at which drives saturate, by name, for the limits of a plan."""
+        """Attributes with the values at which drives saturate, by name, for limits of a plan."""
         resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
         torques = _torque_limits(resolved, self.arm.limits, self.controller_chain)
         # A torque limit restricts the sum of the torques for motion and gravity. A limit that
@@ -295,7 +296,7 @@ class RigidBodyPlant(LimitedPlant):
         )
 
     def _check_strength(self, log: _Log, last: FloatArray, now: float) -> None:
-        """Raise an error if a drive is at its torque limit all the time at rest."""
+        """Raise an error if a drive is saturated during the whole time at rest."""
         weak = (log.torque_demand != log.torque).all(axis=0)
         if not weak.any():
             return
@@ -389,7 +390,7 @@ class _Log:
         return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
 
     def thinned(self, every: int) -> _Log:
-        """Copy with every n-th step, so that the memory of the other steps can be freed."""
+        """Copy with one of `every` steps, so that the memory of the other steps can be freed."""
         return _Log(
             demand_range=self.demand_range,
             saturated=self.saturated,
@@ -550,7 +551,7 @@ def require_mujoco() -> None:
 
 def rest_window(servo: ServoModel) -> float:
     """Time for which the joints must stay within `REST_RANGE` to be at rest [s]."""
-    # The slowest time constant of a loop with an integrator is at most the sum of both.
+    # With an integrator, the slowest time constant of a position loop is at most `1 / kp + 1 / ki`.
     slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
     return min(max(REST_TIME, float(slowest.max())), LONGEST_SETTLING)
 

@@ -129,7 +129,7 @@ class Constraint:
         return [(self.name, k) for k in range(np.size(self.limit))]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used share of the limit on each interval, the larger share of its two ends."""
+        """Used share of the limit on each interval: the larger of the shares at its two ends."""
         # The shape is (n, joints) if `joints` is true, otherwise (n, 1).
         used = np.zeros((len(ends.grid), 1))
         for form in self.discretize(ends.path):

@@ -66,7 +66,7 @@ class JointMotion(Constraint):
         )
 
     def rows(self, path: OnGrid) -> LinearRows:
-        """Rows of the accelerations g = q' u + q'' x, with g'' = 5 q''' u + q'''' x + 4 q'' k."""
+        """Rows of g = q' u + q'' x, with g'' = 5 q''' u + q'''' x + 4 q'' k, where k = u'."""
         (first, second), (third, fourth) = path.derivatives
         w, n = path.grid.width[:, None], len(path)
         ends, rise = np.empty((n, 2, len(self.low), 4)), np.zeros((n, len(self.low), 4))
@@ -96,7 +96,7 @@ class JointTorque(Constraint):
         self.curved = bool(self.viscous.any())
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Rows of the torques, less dry friction; and the form of viscous friction, if any."""
+        """Rows of the torques, with limits less dry friction, and any form of viscous friction."""
         terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
         rows = path.rows(terms, *bounds)
         weight = path.at_ends(terms[2])

@@ -27,8 +27,8 @@ PIECE_SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
 INTERVAL_SAMPLES = np.linspace(0.0, 1.0, 5)[:, None]
 # The curvature of a piece is constant if it varies by at most this share.
 EVEN_CURVATURE = 1e-3
-# The bound of x on an interval is a tangent of `limit / curvature`. It touches at a curvature of at
-# least this share of the larger curvature of both ends.
+# The bound of x on an interval is a tangent of `limit / curvature`. The curvature at its point of
+# contact is at least this share of the larger of the curvatures at both ends.
 TOUCH = 0.8
 # A piece with at most this curvature is a straight line [1/m].
 STRAIGHT = 1e-3
@@ -58,20 +58,20 @@ class ToolMetric:
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
-        """Curvatures c at interval ends [1/m], (2, n); `c ds² <= limit` there bounds intervals."""
-        # If `c x <= a` holds at both ends of an interval, then the curvature times x is at most a
-        # on the whole interval, because x is linear in s. If the curvature k is linear too, a / k
-        # is convex, so a tangent of a / k is a lower bound. The values of the tangent at the ends
-        # are a / c. The tangent touches in the middle, or closer to the end with the larger
-        # curvature, so that both values are positive.
+        """Curvatures c at interval ends [1/m], (2, n), such that `c ds² <= limit` is sufficient."""
+        # x is linear in s. If the curvature k is linear too, a / k is convex for a limit a, so a
+        # tangent of a / k is a lower bound of a / k. This tangent has the values a / c at the ends,
+        # so `c x <= a` at both ends implies `k x <= a` on the whole interval. The tangent touches
+        # in the middle, or closer to the end with the larger curvature, so that both values are
+        # positive.
         chords = self._chords_on(grid)
         touch = np.maximum(chords.mean(axis=0), TOUCH * chords.max(axis=0))
         return np.asarray(touch * touch / np.maximum(2 * touch - chords, 1e-300))
 
     def _chords_on(self, grid: Grid) -> FloatArray:
-        """Curvatures at both interval ends [1/m], (2, n), whose chord is an upper bound."""
+        """Curvatures at interval ends [1/m], (2, n); the chord between them is an upper bound."""
         # If the curvature varies, the values at both ends are multiplied by 1 plus twice the
-        # largest relative excess of the samples over their chord.
+        # largest relative excess of the samples inside over the chord of these values.
         chords = np.empty((2, len(grid)))
         chords[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
@@ -187,7 +187,7 @@ class AngularSpeed(Constraint):
         self.limit, self._tool = limit, require_orientation(arm)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Square of the angular speed at ds = 1, relative to the square of the limit."""
+        """Square of the angular speed at ds = 1, divided by the square of the limit."""
         q, first, _ = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]
         return (path.square(np.einsum("ij,ij->i", w, w) / self.limit**2),)

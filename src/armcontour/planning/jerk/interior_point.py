@@ -22,7 +22,8 @@ NEAREST_ROUND = 0.9
 # A step that violates a row by rounding is shortened by this factor, at most this many times.
 SHORTENING, MAX_SHORTENINGS = 0.5, 30
 # The barrier is reduced by the factor REDUCTION once Newton's decrement is below the share CENTERED
-# of the gap and the step exceeds the share LONG_STEP. Faster reduction leads to tiny steps.
+# of the gap, and the steps of slacks and multipliers exceed the share LONG_STEP of Newton's step.
+# Faster reduction leads to tiny steps.
 REDUCTION, CENTERED, LONG_STEP = 0.15, 0.1, 0.3
 # A tangent is moved if its rows retain at least this share of their slack.
 MIN_SLACK = 0.1
@@ -40,7 +41,7 @@ class JerkSection(NamedTuple):
     """Optimization problem of one section with n cells, which are divided into m parts."""
 
     # A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
-    # are the values of a at the start and the end.
+    # are the values of `a = ds²` at the start and the end.
 
     width: FloatArray  # Lengths of the cells [m], (n,)
     # begin, end: Rows of the first and last control point of a on each cell, (n, 3) each
@@ -53,15 +54,16 @@ class JerkSection(NamedTuple):
     plain: FloatArray  # Rows `low <= row <= high` of each part, (m, k, 3)
     low: FloatArray  # low, high: Bounds of the plain rows, (m, k)
     high: FloatArray
-    # Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2), (m, l, 3)
+    # Rows `|row| <= jerk f`, where f is a control point of a tangent of a^(-1/2), which is a lower
+    # bound of a^(-1/2), (m, l, 3)
     curved: FloatArray
     jerk: FloatArray  # Limits of the curved rows, (l,)
     curved_points: IntArray  # Index of the control point f of each curved row, (l,)
     # Rows of the control points of a on each part, as a polynomial of the degree of the curved
     # rows, (m, j, 3)
     raised: FloatArray
-    # Point of contact of the tangent of each part with a^(-1/2) [m²/s²], (m,); changed by the
-    # search
+    # Point of contact of the tangent of each part with a^(-1/2) [m²/s²], (m,); changed during
+    # the search
     about: FloatArray
     # Vector rows `|vector| <= radius - margin`, or `|vector| <= radius f - margin`, (m, o, 3, 3)
     round: FloatArray
@@ -144,7 +146,7 @@ def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
 
 @compiled(inner=True, inline="always")
 def _radius(p: JerkSection, c: int, r: int, tangents: FloatArray) -> Any:
-    """Radius of a vector row and its derivatives, (value, x, y, z)."""
+    """Radius of a vector row less its margin, with derivatives, (value, x, y, z)."""
     k, radius = p.round_points[r], p.radius[c, r]
     if k < 0:
         return radius - p.margin[c, r], 0.0, 0.0, 0.0
@@ -163,7 +165,7 @@ def _vector(p: JerkSection, c: int, r: int, i: int, d: FloatArray) -> Any:
 
 @compiled(inner=True, inline="always")
 def _round_slack(bound: float, vector: Any) -> float:
-    """Slack of a vector with the largest norm `bound`; -1 if the bound is not positive."""
+    """Slack of the limit `|vector| <= bound`; -1 if the bound is not positive."""
     x, y, z = vector
     return bound - (x * x + y * y + z * z) / bound if bound > 0.0 else -1.0
 

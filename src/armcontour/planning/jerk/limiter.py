@@ -33,8 +33,9 @@ from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.options import MAX_ITERATIONS, Task
 from armcontour.planning.topp.kernels import MotionBounds
 
-# Default number of cells: PER_BUILD_UP in the time in which an acceleration builds up, but at least
-# FEWEST_CELLS plus FEWEST_PER_PIECE for each polynomial of the joint path.
+# Default number of cells: PER_BUILD_UP for each build-up time (in which an acceleration builds up)
+# of non-uniform motion, but at least FEWEST_CELLS plus FEWEST_PER_PIECE for each polynomial of the
+# joint path.
 PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
 # If this number exceeds MAX_CELLS, the jerk is so large that fewer cells resolve its effect:
 # MANY_CELLS plus MANY_PER_PIECE for each polynomial. A section counts as PIECES_OF_SECTION more
@@ -55,8 +56,8 @@ MIN_FACTOR, MAX_FACTOR, MAX_REDUCTIONS = 0.5, 0.95, 400
 RISE_SHARE = 0.1
 # Smallest relative slack of a start.
 CLEAR = 1e-4
-# Margins are valid up to these multiples of ds², dds and slope of the previous plan, and for ds²
-# down to its share LEAST if rows need a lower bound.
+# Margins are valid for ds², dds and slope up to these multiples of their values in the previous
+# plan. If rows need a lower bound of ds², it is the share LEAST of ds² in the previous plan.
 HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
 LEAST = 0.3
 # Smallest bound of dds, as a share of the largest dds.
@@ -69,10 +70,10 @@ TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
 LARGEST_MARGIN, MAX_PARTS, MAX_SPLITS = 1e-2, 10, 6
 # Largest share of a limit that margins may take on cells of uniform jerk.
 MAX_AT_RAMPS = 0.5
-# A start or end speed equal to its limit is reduced by half of this share, because no row of an
-# interior point is active.
+# A start or end speed equal to its limit is reduced by half of this share, because the
+# interior-point method requires strictly feasible points, at which no row is active.
 CLOSE_TO_LIMIT = 1e-7
-# Weights of a start or end speed against the duration, tried in order.
+# Weights of a start or end speed relative to the duration, tried in order.
 WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 
 
@@ -147,7 +148,7 @@ def _make_rows(
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
-    """Default number of cells, in proportion to non-uniform motion over build-up time."""
+    """Default number of cells, in proportion to non-uniform time divided by build-up time."""
     acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
     times, (_, dds, slope, _) = np.diff(law.breaks), law.rates
     largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))
@@ -173,8 +174,8 @@ def _make_bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> M
     u = np.maximum(u, LEAST_RATE * u.max())
     change = np.maximum(np.abs(slope), u / width)
     smallest = np.minimum(speed[:-1], speed[1:]) ** 2
-    # The bounds of a cell include the cells of the other plan that overlap it, and their
-    # neighbours.
+    # The bounds of a cell are taken from the cells of the plan `near` that overlap it, and from the
+    # neighbours of these cells.
     s = mesh.grid.s
     first = np.searchsorted(near.s, s[:-1], side="right") - 2
     count = np.searchsorted(near.s, s[1:], side="left") + 1
@@ -251,10 +252,10 @@ def _find_start(
     allowed_slopes: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
     """Control points of ds² of one section, including its ends, that satisfy every row [m²/s²]."""
-    # The start is the plan `near`, multiplied by its factor and reduced near violated rows. ds^1.5
-    # of a motion of uniform jerk from a rest is linear in s, so its allowed slope limits the rise
-    # of a start. `allowed_slopes`: allowed slopes of ds^1.5 and of ds² on every cell, (n,) each;
-    # `targets`: ds² at both ends.
+    # The start is ds² of the plan in `near` times the factor in `near`, reduced near violated rows.
+    # With uniform jerk from a rest, ds^1.5 is linear in s, so the allowed slope of ds^1.5 limits
+    # the rise of a start. `allowed_slopes`: allowed slopes of ds^1.5 and of ds² on every cell, (n,)
+    # each; `targets`: ds² at both ends.
     law, share = near
     inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
     middle = (inner[:-1] + inner[1:]) / 2
@@ -294,7 +295,7 @@ def _find_start(
 
 
 def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
-    """Make the time law from the control points of ds² of all sections, each with both ends."""
+    """Make the time law from the control points of ds² of all sections, including their ends."""
     mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
     grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
     square = np.zeros((3, len(width)))  # control points of ds² on each cell

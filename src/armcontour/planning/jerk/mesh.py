@@ -14,8 +14,8 @@ from armcontour.planning.options import Task
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import combine_forms, largest_u
 
-# Shares of the cells that are distributed over time, over arc length, and like the grid of the plan
-# without limits of jerk, which is finer where the joints turn
+# Shares of the cells that are distributed evenly in time, evenly in arc length, and like the grid
+# of the plan without limits of jerk, which is finer where the joints turn
 OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
 # Length of the cell at a rest, as a share of the build-up distance, in which acceleration builds up
 FIRST_CELL = 0.3
@@ -103,7 +103,7 @@ class JerkMesh:
         return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections, at_rest)
 
     def split(self, parts: FloatArray) -> JerkMesh:
-        """Split each cell into the largest number that `parts`, (m,), has for its parts."""
+        """Split each cell into equal cells, as many as the largest `parts` on it, (m,)."""
         # Cells of uniform jerk are not split.
         largest = np.ones(len(self.nodes) - 1)
         np.maximum.at(largest, self.cell, parts)
@@ -143,7 +143,7 @@ def place_mesh(
     section_ends: FloatArray,  # Arc lengths of the ends of the sections [m], (sections + 1,)
     ends: list[tuple[End, End]],  # Start and stop of the motion in each section
 ) -> JerkMesh:
-    """Place the cells for a plan that is close to the plan `law`."""
+    """Place the cells for a plan that will be close to the plan `law`."""
     node_rows, first, share = [], [0], _CellDistribution(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
     for begin, end, both in zip(section_ends[:-1], section_ends[1:], ends, strict=True):
@@ -237,14 +237,14 @@ def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     return np.asarray(near + beyond)
 
 
-# A jump of d2q_ds2, or of its effect on the tool, requires a stop under two conditions: it exceeds
-# the share KINK of the values on both sides, and at the speed of the plan, the jerk limit needs
-# more than the share TOO_SHORT of the duration for it.
+# A jump of d2q_ds2, or of its effect on the tool, requires a stop under two conditions. It exceeds
+# the share KINK of the sum of the values on both sides. At the speed of the plan and with the jerk
+# limit, the change of acceleration takes more than the share TOO_SHORT of the duration.
 KINK, TOO_SHORT = 1e-6, 1e-8
 # Time that replaces the share TOO_SHORT in a long plan [s]: half of the time that `check` tolerates
 # as rounding
 ROUNDING_TIME = 5e-6
-# Largest change of direction over the length `even` [rad].
+# Largest change of direction over the length `End.even` [rad].
 EVEN_BEND = 5e-4
 # dq_ds vanishes at an end if it is below the share VANISHED of dq_ds nearby. The first cell is then
 # at most the share FIRST_AT_VANISHED of the section.

@@ -27,7 +27,7 @@ from armcontour.planning.topp.kernels import MotionBounds, rows_with_friction
 from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, margins_of
 from armcontour.robot import Arm
 
-# Smallest end value of the tangent that bounds ds², as a share of its middle value
+# Smallest value at an end of the tangent that bounds ds², as a share of its value in the middle
 LEAST_SHARE = 0.25
 
 
@@ -61,7 +61,8 @@ class MeshRows:
         self.length: FloatArray | None = None
         if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
             self.length = arc_length_bounds(grid, arm)
-        self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
+        # Largest share of a limit that margins take on each part, (m,)
+        self.lost = np.zeros(len(grid))
         self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
         self.speeds = np.full((len(grid), grid.joint_path.dof), np.inf)
         sampled = []
@@ -111,7 +112,7 @@ class MeshRows:
         )
 
     def _record_margins(self, margins: FloatArray, room: FloatArray) -> None:
-        """Record in `lost` the share of the limits at rest that margins take, (m, rows) each."""
+        """Record in `lost` the largest share of a limit at rest that `margins`, (m, rows), take."""
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(np.isfinite(room), margins / room, 0.0)
         lost = np.where(room > 0, share, 1.0).max(axis=1, initial=0.0)
@@ -219,8 +220,9 @@ class MeshRows:
 
     def _path_jerk(self) -> list[FloatArray]:
         """Rows of the path jerk, divided by ds."""
-        # The path jerk over ds is `m slope + 3 m' dds + m'' ds²`, where m is the derivative of the
-        # arc length of the tool in s. m' and m'' are bounds, so both signs of each are included.
+        # The path jerk divided by ds is `m slope + 3 m' dds + m'' ds²`, where m is the derivative
+        # of the arc length of the tool in s. m' and m'' are bounds, so both signs of each are
+        # included.
         basis, last = self.basis, self.degree - 1
         slope = np.repeat(basis.slope[:, None], self.degree, axis=1)
         if self.length is None:
@@ -273,7 +275,7 @@ class MeshRows:
         return np.concatenate(rows, axis=1), bottom, top
 
     def _vector_rows(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-        """Vector rows, (m, l, 3, 3), radii and margins, (m, l) each, and tangent points, (l,)."""
+        """Vector rows, (m, l, 3, 3), radii and margins, (m, l) each, and `round_points`, (l,)."""
         n, rounds = len(self.mesh.grid), self.limits.rounds
         products = rounds.products
         vectors, radius = [np.zeros((n, 0, 3, 3))], []
@@ -318,7 +320,8 @@ class MeshRows:
         width, limit = self.mesh.grid.width[:, None], self.speeds[:, limited]
         (slopes, _), (third, _) = self.path.derivatives
         bulge = width**2 / 8 * third[:, limited]
-        # |q'| over its limit is below a line, and the tangent of 1 / line² is below 1 / line².
+        # |q'| divided by its limit is below a line. The tangent of `1 / line²` is a lower bound of
+        # `1 / line²`.
         first, last = (np.abs(slopes[:, e, limited]) + bulge for e in range(2))
         first, last = np.maximum(first / limit, 1e-150), np.maximum(last / limit, 1e-150)
         middle = (first + last) / 2
@@ -350,10 +353,11 @@ class MeshRows:
         top[last, 2] = np.minimum(top[last, 2], largest[ramps < 0])
 
     def _largest_at_ramps(self) -> FloatArray:
-        """Largest ds² at the moving end of a cell of uniform jerk that each part allows, (m,)."""
-        # From rest, `ds² = A (s / h)^(4/3)`. At the end dds is `2 A / 3 h`; the jerk is `2 A^1.5 /
-        # 9 h²`. Each part is bounded as if it had the speed and acceleration of the moving end. The
-        # values of parts of other cells have no meaning.
+        """Largest ds² that each part allows at the moving end of its cell of uniform jerk, (m,)."""
+        # On a cell of length h from a rest, `ds² = A (s / h)^(4/3)`, where A is ds² at the moving
+        # end. At this end dds is `2 A / (3 h)`, and the jerk is `2 A^1.5 / (9 h²)`. Each part is
+        # bounded as if it had the speed and acceleration of the moving end. The values of parts of
+        # other cells have no meaning.
         width, h = self.mesh.grid.width, self.mesh.width[self.mesh.cell]
         ramp_column, width_column = h[:, None], width[:, None]
         (slopes, bends), (third, fourth) = self.path.derivatives
@@ -394,8 +398,9 @@ def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
     """Coefficients of the first and last control point of ds² on each cell, (n, 3) each."""
     # The coefficients multiply the middle control points of the previous cell, of the cell itself
     # and of the next cell. Inside a section both control points are means of their neighbours, so
-    # that ds² has a continuous slope. Next to a cell of uniform jerk, ds² has the slope of that
-    # cell, `4 A / 3 h`. At other ends, the control point is given.
+    # that ds² has a continuous slope. Next to a cell of uniform jerk with length h and `ds² = A` at
+    # its moving end, ds² has the slope of that cell, `4 A / (3 h)`. At other ends, the control
+    # point is given.
     width = mesh.width
     begin, end = np.zeros((2, len(width), 3))
     total = width[:-1] + width[1:]

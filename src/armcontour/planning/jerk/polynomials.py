@@ -25,7 +25,7 @@ class Basis(NamedTuple):
     # Coefficients of ds² in powers of x, from 0 to 1 on each part, (m, 3 control points, 3)
     square: FloatArray
     rate: FloatArray  # Coefficients of dds in powers of x, (m, 3 control points, 2)
-    slope: FloatArray  # Slope of dds over s, (m, 3 control points)
+    slope: FloatArray  # Derivative of dds in s, (m, 3 control points)
 
     @property
     def points(self) -> FloatArray:
@@ -80,12 +80,12 @@ def motion_rows(
     joints: tuple[IntArray, IntArray],
     rows: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Write acceleration, and jerk over ds, as rows of the control points of ds²."""
-    # The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
-    # `grid`: the n parts of cells; `of_powers`: `to_bernstein` of the degrees of acceleration,
-    # `degree`, and of jerk, one less; `joints`: joints with rows of acceleration, and joints with
-    # rows of jerk; `rows`: output in the order of the joints, (n, joints (degree + 1), 3) and
-    # (n, joints degree, 3).
+    """Write acceleration, and jerk divided by ds, as rows of the control points of ds²."""
+    # The acceleration is `q'' a + q' dds`, and the jerk divided by ds is `q''' a + 3 q'' dds + q'
+    # slope`, with `a = ds²`. `grid`: the n parts of cells; `of_powers`: `to_bernstein` of the
+    # degrees of acceleration, `degree`, and of jerk, one less; `joints`: joints with rows of
+    # acceleration, and joints with rows of jerk; `rows`: output in the order of the joints, (n,
+    # joints (degree + 1), 3) and (n, joints degree, 3).
     taylor = np.empty((3, HIGHEST + 1))
     powers = np.empty(2 * HIGHEST)
     t = np.empty(HIGHEST + 1)
@@ -138,7 +138,7 @@ def motion_rows(
                         rows[kind][i, position * count + c, b] = total
 
 
-# Degree of the tool jerk over ds; derivatives of the tool position are parabolas on a part.
+# Degree of the tool jerk divided by ds; derivatives of the tool position are parabolas on a part.
 DEGREE = 4
 # Positions of the samples on a part. Parabolas pass through every second sample, and are compared
 # with the other samples.
@@ -152,12 +152,12 @@ MARGIN = 2.0
 
 @dataclass(frozen=True, slots=True)
 class ToolDerivatives:
-    """Derivatives of the tool's position over s on parts of cells."""
+    """Derivatives of the tool position with respect to s on parts of cells."""
 
-    # Coefficients of the first to third derivative in powers of x, 0 to 1 on each part, (3, 3, n,
-    # 3)
+    # Coefficients of parabolas through the first to third derivative, in powers of x from 0 to 1 on
+    # each part, (3, 3, n, 3)
     powers: FloatArray
-    deviation: FloatArray  # Bounds of the distance of the derivatives from these parabolas, (3, n)
+    deviation: FloatArray  # Bounds of the distances of the derivatives from the parabolas, (3, n)
     largest: FloatArray  # Bounds of the norms of the derivatives, (3, n)
 
     @classmethod
@@ -166,8 +166,8 @@ class ToolDerivatives:
         return cls(*_parabolas(_derivatives(grid, arm)))
 
     def rows(self, basis: Basis) -> FloatArray:
-        """Control points of jerk over ds as rows of the control points of ds², (n, 5, 3, 3)."""
-        # The jerk over ds is the vector `p''' ds² + 3 p'' dds + p' slope`.
+        """Control points of jerk divided by ds, as rows of control points of ds², (n, 5, 3, 3)."""
+        # The jerk divided by ds is the vector `p''' ds² + 3 p'' dds + p' slope`.
         first, second, third = self.powers
         powers = np.zeros((DEGREE + 1, 3, *first.shape[1:]))  # power, control point, part, axis
         for b in range(3):
@@ -190,8 +190,8 @@ class ToolDerivatives:
 
 def largest_at_ramps(derivatives: FloatArray, limit: float, h: FloatArray) -> FloatArray:
     """Largest ds² at the moving end of cells of uniform jerk of lengths h [m], (n,)."""
-    # `derivatives` are bounds of the first to third derivative over s, (3, n); `limit` is the limit
-    # of jerk [m/s³].
+    # `derivatives`: bounds of the first to third derivative in s, (3, n); `limit`: the limit of
+    # jerk [m/s³].
     first, second, third = derivatives
     with np.errstate(divide="ignore"):
         jerk = third + 2 * second / h + 2 / 9 * first / h**2
@@ -199,7 +199,7 @@ def largest_at_ramps(derivatives: FloatArray, limit: float, h: FloatArray) -> Fl
 
 
 def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
-    """Bounds of the derivatives of the tool's own arc length over s on parts of cells, (3, n)."""
+    """Bounds of the derivatives of the tool's own arc length in s on parts of cells, (3, n)."""
     # If joints follow a tool path, s is nearly the tool's arc length (the first derivative was 1
     # within 1e-6 on a UR5e), but the third derivative of the small difference matters. If the tool
     # rotates in place, s is not an arc length, and the limit applies to s.

@@ -19,8 +19,8 @@ from armcontour.robot import Arm
 # Largest relative change of the joint velocity along a part of a span
 CHANGE = 0.1
 MAX_PARTS = 8
-# Largest distance of arcs from the curve, as a share of the tolerance, and at least this distance
-# [m]; spans with larger distances are divided into more parts.
+# Largest distance of arcs from the curve: the share NEAR of the tolerance, but at least NEAREST
+# [m]. Spans with larger distances are divided into more parts.
 NEAR, NEAREST = 1e-4, 1e-10
 MAX_ROUNDS = 4
 # Largest turn of a part [rad].
@@ -91,7 +91,7 @@ def _divide_spans(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArra
 
 
 def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
-    """Fit two arcs and a quintic to each part, whose ends are given as by `_evaluate_spline`."""
+    """Fit two arcs and a quintic to each part, from results of `_evaluate_spline` at its ends."""
     # Returns the arcs; the arc lengths of the ends of the parts [m]; coefficients of the quintics.
     with np.errstate(divide="ignore", invalid="ignore"):
         # Straight parts have no normal.
@@ -145,7 +145,8 @@ def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: Float
     a = (np.diff(e, axis=0) / h[:, None])[span]
     t = (share * h[span])[:, None]
     q, dq = knots[span] + e[span] * t + a * t**2 / 2, e[span] + a * t
-    # A span next to a rest is straight, so its direction is that at the other end, at any speed.
+    # A span next to a rest is straight, so its direction is that of the velocity at its other end,
+    # even at the rest.
     for side, other in ((spline.rest[:-1], e[1:]), (spline.rest[1:], e[:-1])):
         beside = side[span]
         dq[beside], a[beside] = other[span][beside], 0.0

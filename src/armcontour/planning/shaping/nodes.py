@@ -1,4 +1,4 @@
-"""Nodes along a start, and the largest offsets of control points from the nodes."""
+"""Nodes along the path of a start, and the largest offsets of control points from the nodes."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from armcontour.planning.shaping.kinematics import NearPath
 from armcontour.planning.shaping.starts import Candidate
 from armcontour.robot import Arm
 
-# Distance between nodes at a 90° corner, over the tolerance, and its growth per node away from the
-# corner.
+# Distance between nodes at a 90° corner, divided by the tolerance, and its relative growth per node
+# away from the corner.
 AT_CORNER = 0.045
 GROWTH = 0.12
-# Corners that turn by less than SHALLOW [rad], closer to others than DENSE tolerances, are chords
-# of a curve without nodes of their own.
+# A corner has no node of its own if it turns by less than SHALLOW [rad] and is closer to another
+# corner than DENSE tolerances, because it is taken as a vertex between chords of a curve.
 SHALLOW, DENSE = 0.15, 4.0
 # Factor of the distance between nodes next to a rest.
 AT_REST = 0.12
-# Largest distance of the polygon of control points from its curve, over the tolerance.
+# Largest distance of the polygon of control points from its curve, divided by the tolerance.
 SAG = 0.03
-# Largest distance between nodes, over the radius of the tool path at constant joint velocities
+# Largest distance between nodes, divided by the radius of the tool path at constant joint
+# velocities
 LONGEST = 0.027
 # Approximate smallest number of nodes between two rests.
 FEWEST = 64
@@ -46,8 +47,8 @@ HALVINGS = 24
 INSIDE = 1e-3
 # Arc lengths closer than this are equal [m].
 SAME = 1e-9
-# Distance along the objective within which a node matches, in tolerances, in addition to the
-# distance to its neighbours
+# A node matches points of the objective within this number of tolerances plus twice the larger
+# distance to its neighbours.
 REACH = 3.0
 # Number of directions of the bounds of offsets in space.
 SIDES = 12
@@ -55,10 +56,10 @@ SIDES = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nodes:
-    """The n nodes along a start, one for each control point of the joint spline."""
+    """The n nodes along the path of a start, one for each control point of the joint spline."""
 
     s_objective: FloatArray  # Arc lengths on the objective [m], (n,)
-    points: FloatArray  # Points on the start [m], (n, dimension)
+    points: FloatArray  # Points on the path of the start [m], (n, dimension)
     frames: FloatArray  # Directions of the offsets as columns, (n, dimension, k)
     sides: FloatArray  # Directions of the bounds in the coordinates of the offsets, (m, k)
     # Largest distance of the curve from the polygon of the control points [m], (n,)
@@ -68,13 +69,14 @@ class Nodes:
     # the curve together [m], (n,)
     smallest: FloatArray
     reach: FloatArray  # Distance along the objective within which each node matches [m], (n,)
-    fixed: BoolArray  # True if the control point stays on the start, (n,)
+    fixed: BoolArray  # True if the control point stays on the path of the start, (n,)
     # True if the joints rest at a knot before, between or after the spans, (n + 1,)
     rest: BoolArray
-    # Index of the corner, in the tube, that each node must stay close to; -1 for none
+    # Index, among the corners of the tube, of the corner that each node must stay close to; -1 for
+    # none
     vertex: IntArray
-    group: IntArray  # Number of the nearest corner or rest of each node, ascending, (n,)
-    # Times of the start at the knots, halfway between nodes [s], (n + 1,)
+    group: IntArray  # Index of the corner or rest nearest to each node, ascending, (n,)
+    # Times at which the motion of the start passes the knots, halfway between nodes [s], (n + 1,)
     times: FloatArray
     near: NearPath
     q: FloatArray  # Joint positions at the nodes [rad], (n, dof)
@@ -84,7 +86,7 @@ class Nodes:
         return len(self.s_objective)
 
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
-        """Largest offsets along every side [m], (n, m)."""
+        """Largest offsets in each direction of `sides` [m], (n, m)."""
         # `inside`: share of the tolerance that offsets must not use, (n,).
         windows = self._windows(tube)
         spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)
@@ -143,7 +145,7 @@ def _farthest(
 
 
 def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | None) -> Nodes | None:
-    """Nodes along a start, dense at corners and rests; None if they are too many."""
+    """Nodes along the path of a start, dense at corners and rests; None if there are too many."""
     path, matches, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.from_path(path, matches, tube)
     spread = _distribute_nodes(start, arm, tube, marks)
@@ -185,9 +187,9 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
 
 @dataclass(frozen=True, slots=True)
 class _Marks:
-    """The m rests and corners of a start."""
+    """The m rests and corners of the path of a start."""
 
-    s: FloatArray  # Arc lengths on the start, ascending [m], (m,)
+    s: FloatArray  # Arc lengths on the path of the start, ascending [m], (m,)
     rest: BoolArray  # True at rests, (m,)
     corner: IntArray  # Index of the corner in the tube; -1 for rests, (m,)
     first: FloatArray  # Distance to the adjacent nodes [m], (m,); not used at rests

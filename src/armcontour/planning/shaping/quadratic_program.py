@@ -30,7 +30,7 @@ FIRST_SLACK = 0.1
 def solve_program(
     cost: FloatArray, rows: FloatArray, bounds: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, int]:
-    """Solve the program; without convergence the result is the last iterate."""
+    """Solve the quadratic program; without convergence the result is the last iterate."""
     # `cost`: cost of the unknowns, (n, k); `rows`: coefficients of the rows of each node, for the
     # unknowns of the previous node, of the node itself and of the next node, (n, m, 3 k); rows of
     # zeros are ignored; `bounds`: upper bounds of the rows, (n, m); `weight`: positive weights of
@@ -63,7 +63,8 @@ def solve_program(
         _normal_matrix(first, ends, values, slack, dual, w, matrix)
         if not _factor(matrix):
             return x.reshape(n, k), -iteration - 1
-        # The predictor has zero complementarity as its target, the corrector a share of it.
+        # The target of the predictor is zero complementarity. The target of the corrector is a
+        # share of the average complementarity.
         for corrected in range(2):
             for a in range(n * k):
                 step[a] = -c[a] - w[a] * x[a]
@@ -147,7 +148,7 @@ def _normal_matrix(
     weight: FloatArray,
     matrix: FloatArray,
 ) -> None:
-    """Write the lower bands of the normal matrix; entry (a, b) is in column `last + b - a`."""
+    """Write the lower bands of the normal matrix; entry (a, b) is in `matrix[a, last + b - a]`."""
     last = matrix.shape[1] - 1
     matrix[:] = 0.0
     for a in range(len(weight)):

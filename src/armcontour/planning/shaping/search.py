@@ -36,8 +36,8 @@ def is_long(group: IntArray) -> bool:
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
-    """Index of the first of the two fixed nodes between chunks, (m,); empty for a single chunk."""
-    # `group`: number of the nearest corner or rest of each node, ascending, (n,); `whole`: true for
+    """Index of the first of both fixed nodes between chunks, (m,); empty for a single chunk."""
+    # `group`: index of the corner or rest nearest to each node, ascending, (n,); `whole`: true for
     # a single chunk on long paths, too.
     if whole or not is_long(group):
         return np.zeros(0, dtype=np.intp)
@@ -77,8 +77,8 @@ def solve_in_chunks(
         return np.concatenate(list(pool.map(solve, begins.tolist(), ends.tolist())))
 
 
-# Trust region, the largest change of offsets over the tolerance: initial, largest and smallest
-# value, and factors after rejected, slower and faster iterations
+# Trust region, the largest change of offsets divided by the tolerance: initial, largest and
+# smallest value, and factors after rejected, slower and faster iterations
 FIRST_TRUST, MAX_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
@@ -105,9 +105,9 @@ class _State:
     best: Candidate
     offsets: FloatArray  # Offsets of the best shape [m], (n, k)
     h: FloatArray  # Span times of the best shape [s], (n,)
-    trust: FloatArray  # Largest change of the offsets of each node, over the tolerance, (n,)
+    trust: FloatArray  # Largest change of the offsets of each node, divided by the tolerance, (n,)
     inside: FloatArray  # Share of the tolerance that offsets must not use, (n,)
-    limits: FloatArray  # Largest offsets along every side [m], (n, m)
+    limits: FloatArray  # Largest offsets in each direction of `Nodes.sides` [m], (n, m)
     rejections: int = 0  # Number of consecutive rejections
     proposals: int = 0  # Number of proposals
 

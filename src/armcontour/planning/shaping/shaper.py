@@ -29,15 +29,15 @@ from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tu
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 
-# Smallest turn of a sharp corner [rad]. Vertices with a smaller turn may be points of a curve at
-# any distance from each other.
+# Smallest turn of a sharp corner [rad]. Vertices with a smaller turn may be points on a curve,
+# which can be arbitrarily close to each other.
 SHARP = np.radians(30)
-# No further start is searched once this share of the duration is saved.
+# Once this share of the duration is saved, the search is not repeated from another start.
 ENOUGH_SAVED = 0.01
 # From this number of contours on, other processes shape them; processes start in a few seconds.
 MANY_CONTOURS = 24
-# Largest number of control point values in all iterations, for each corner or rest. Tolerances of
-# about 1 µm (six joints) and 0.1 µm (two joints) need more.
+# Largest number of joint values of the control points, summed over all iterations, for each corner
+# or rest. Tolerances of about 1 µm (six joints) and 0.1 µm (two joints) need more.
 WORK = 30_000
 # Note of a contour for which arcs are faster than all shapes that were found
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
@@ -150,8 +150,8 @@ class Shaping:
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
         """Shaped program with the faster start, or the program with arcs if it is faster."""
-        # Shapes were compared from the start `first` [rad], (dof,). From this start a redundant arm
-        # can be slightly slower than from a free start, which it has along arcs.
+        # Shapes were compared from the start `first` [rad], (dof,). A redundant arm can be slightly
+        # slower from this start than from a free start, and the plan along arcs has a free start.
         seed = tuple(first.tolist())
         plans: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
         with suppress(ArmContourError):
@@ -235,7 +235,7 @@ class Shaping:
         return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
-        """Timer in the configuration of a joint path; an equal `seed` replaces its start."""
+        """Timer in the configuration of a joint path; `seed` replaces its start if equal to it."""
         # The knots of a redundant arm depend on the rounding of the start, so `seed` itself is
         # used.
         start, intervals = ends_of(joint_path)[0], self.options.intervals
@@ -248,7 +248,7 @@ class Shaping:
 
 
 def _cap_tolerances(path: Path, tolerance: float) -> Path:
-    """Limit the tolerances of a path to half of its stretches between two sharp corners."""
+    """Limit the tolerances of a path to half the length of each stretch between sharp corners."""
     # For example, the end of a line that is drawn twice, a micrometre apart, is such a stretch.
     sharp = np.flatnonzero(path.turns > SHARP) + 1
     ends = np.concatenate([[0], sharp, [len(path)]])

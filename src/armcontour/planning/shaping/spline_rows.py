@@ -17,7 +17,7 @@ from armcontour.core.frames import perpendicular
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 
-# Number of planes that bound a disc in space.
+# Number of directions in a plane in which the acceleration is bounded.
 DIRECTIONS = 8
 # (speed - limit) / limit below which a speed is ignored, because one step cannot reach the limit
 FAR = -0.6
@@ -231,7 +231,7 @@ def _torque(
 def _by_both_ends(
     by_change: FloatArray, by_end: FloatArray, last: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives for both velocities, from derivatives for their change and for one velocity."""
+    """Derivatives by the velocities at both ends, from those by their change and by one of them."""
     return (-by_change, by_change + by_end) if last else (by_end - by_change, by_change)
 
 

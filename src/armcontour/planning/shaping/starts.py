@@ -20,12 +20,13 @@ from armcontour.robot import Arm, Limits
 
 # Angle between matched points along arcs [rad].
 TURN = 0.05
-# Allowed distance of a point from its matching point along the objective, over the tolerance
+# Half length of the part of the objective, around the matching point, to which `prove` measures the
+# distance of a point, divided by the tolerance
 MATCH_TOLERANCE = 0.05
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
-    """Arc lengths of nearest points on the objective and of points of the path [m], (m, 2)."""
+    """Matching arc lengths, of nearest points on the objective and of the path [m], (m, 2)."""
     # The path passes a corner at its point nearest to the corner. Points before this point match
     # the stretch before the corner, points after it match the stretch after the corner.
     # `matches`: approximate matching arc lengths on the objective and on the path [m], increasing,
@@ -54,19 +55,20 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
 
 
 def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
-    """Prove that every point of a path is within the tolerance of its matching point."""
+    """Bound the distance of every point of a path from the objective near its matching point."""
     last = len(tube) - 1
     piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
     return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])
 
 
-# Number of bisections of the tolerance of corners that leave the tube; factor of this tolerance
-# while neighbours still make the corners leave
+# Number of bisections of the rounding tolerance of corners that leave the tube. If such a corner
+# also leaves the tube with the tolerance that is found, the tolerance is multiplied by LESS.
 HALVINGS, LESS = 14, 0.9
 # The tool stops at corners with smaller tolerances or radii [m], because no arm resolves such arcs,
 # and rounding errors would exceed limits.
 FINEST, SHARPEST = 1e-8, 1e-10
-# Largest distance of a point of a start from its matching point along the objective, in tolerances
+# Largest distance along the objective between the exact and the approximate match of a point of a
+# start, divided by the tolerance
 REACH = 6.0
 
 
@@ -181,7 +183,7 @@ def _round_within(
 
 
 def _corners_outside(tube: Tube, path: RoundedPath, matches: FloatArray) -> IntArray:
-    """Vertices between segments at which a rounded path leaves the tube or turns on the spot."""
+    """Vertices between segments at which a rounded path leaves the tube, or has a tiny radius."""
     proof = prove(tube, path, matches)
     middle = (path.breaks[:-1] + path.breaks[1:]) / 2
     s_objective = np.interp(middle[proof.segments > proof.slack], matches[:, 1], matches[:, 0])

@@ -77,7 +77,8 @@ class Rules(NamedTuple):
     start: float = 0.0  # ds² at the start [m²/s²]; infinite for the largest feasible value
     end: float = 0.0  # ds² at the end [m²/s²]; infinite for the largest feasible value
     max_margin: float = 1e-2  # Largest share of a limit that margins may take
-    # Slopes are set to zero first on intervals whose margins take more than this share
+    # If margins exceed `max_margin`, slopes are first set to zero on intervals whose margins exceed
+    # this share
     steady: float = 0.999
     headroom: float = 1.05  # Factor of the bounds of x and u relative to the plan without margins
     close: float = 1.02  # The same factor relative to a proven plan
@@ -96,7 +97,7 @@ class Rules(NamedTuple):
 
 
 class MotionBounds(NamedTuple):
-    """Bounds |u| <= u and x_min <= x <= x of plans with valid margins, and slopes k, (n,) each."""
+    """Bounds |u| <= `u` and `x_min` <= x <= `x` for valid margins, and slopes `k`, (n,) each."""
 
     x: FloatArray
     x_min: FloatArray
@@ -108,7 +109,7 @@ class GridPlan(NamedTuple):
     """A plan, or the reason why none exists."""
 
     x: FloatArray  # ds² at the ends of the intervals, (n + 1,)
-    k: FloatArray  # Slopes of dds over s, (n,)
+    k: FloatArray  # Derivatives of dds in s, (n,)
     lost: FloatArray  # Share of limits that margins take, (n,)
     outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
     interval: int
@@ -118,7 +119,7 @@ class GridPlan(NamedTuple):
 class PassSquares(NamedTuple):
     """Results of a backward and a forward pass: ds² at the grid points [m²/s²], (n + 1,) each."""
 
-    cap: FloatArray  # Lower cap of both sides of a point
+    cap: FloatArray  # The smaller of the caps on both sides of a point
     reachable: FloatArray  # Largest value from which the end can be reached
     x: FloatArray  # The plan
 
@@ -222,14 +223,15 @@ def bracket(smallest: float, largest: float) -> Bracket:
 def bound_friction(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
 ) -> tuple[float, float, float]:
-    """Linear upper bound of friction in the row of one limit of joint j on interval i."""
+    """Upper bound, linear in x, of friction in the row of one limit of joint j on interval i."""
     # If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is
-    # the friction at each end, multiplied by a line in x that bounds the root of x. The lower line
-    # is the chord of the root. The upper line is the tangent with equal excess at both ends of the
-    # bracket. If the offset of this tangent exceeds the allowed share of the limit at rest, the
-    # upper line is a tangent at a smaller x, or the line with the allowed offset through the root
-    # at the smallest x.
-    # `towards`: 1 for the upper limit, -1 for the lower one.
+    # the friction at each end of the interval, multiplied by a line in x that bounds the root of x.
+    # The lower line is the chord of the root. The upper line is the tangent with equal excess at
+    # both ends of the bracket. The friction of its offset may be at most the share MAX_OFFSET_SHARE
+    # of `room`, the limit at rest. If it is larger, the upper line is the tangent at a smaller x
+    # that has the allowed offset. If this x is below the smallest x, the upper line has the allowed
+    # offset and passes through the root at the smallest x.
+    # `towards`: 1 for the upper limit, -1 for the lower one; `within`: the bracket of x.
     # Returns the largest friction, or 0; offset and slope of the line, or 0.
     largest, sign = friction.within[i, j, LARGEST], friction.within[i, j, SIGN]
     if sign == 0.0:
@@ -405,8 +407,9 @@ def _write_ceilings(
             room -= _margin(squares.rise, i, r, bounds)
         if largest == 0.0 or room >= largest * max(cap0, cap1):
             continue
-        # The less strict of two sufficient conditions applies: both ends have the margin, or both
-        # ends satisfy the largest b of the interval.
+        # Two conditions are sufficient: both ends satisfy their own `b x <= 1` with the margin
+        # subtracted, or both ends satisfy it with the largest b of the interval. The less strict
+        # one applies.
         tight = 1.0 / largest
         at0, at1 = (room / b0, room / b1) if room > 0.0 else (0.0, 0.0)
         if margins and at0 + at1 < 2 * tight:
@@ -476,8 +479,8 @@ def _write_joint_half_planes(
     margins: bool,
 ) -> None:
     """Write a group of joint bounds on interval i; `location` is the group and its first joint."""
-    # With the derivatives q1 to q4, g = q1 u + q2 x has g'' = 5 q3 u + q4 x + 4 q2 k, and h = q1² x
-    # has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
+    # With the derivatives q1 to q4 and the slope k of u, g = q1 u + q2 x has g'' = 5 q3 u + q4 x +
+    # 4 q2 k, and h = q1² x has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
     (group, joint), table = location, limits.joints
     offset = ROWS * group
     (a0, b0), (a1, b1) = path_slopes(grid, i, joint, 0), path_slopes(grid, i, joint, 1)
@@ -501,8 +504,9 @@ def _write_joint_half_planes(
         room = room + (rounding * u) * q2 + (rounding * x) * q3
         second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
         remaining, largest, plain = 1.0 - share * by * second, q1 * q1 * by, higher(e0, e1)
-        # The less strict of two sufficient conditions applies: both ends have the margin, or both
-        # ends satisfy the largest h / x of the interval.
+        # Two conditions are sufficient: both ends satisfy their own limit with the margin
+        # subtracted, or both ends satisfy the limit with the largest h / x of the interval. The
+        # less strict one applies.
         chord = choose(2.0 * e0 * e1, remaining * (e0 + e1) * largest, 1.0, 0.0)
         chord = choose(0.0, remaining, chord, 0.0)
         over = choose(0.0, chord, remaining, 1.0)
@@ -624,7 +628,7 @@ def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
 def _mean_range_slopes(
     lines: LimitLines, i: int, x: float
 ) -> tuple[float, float, float, float, int]:
-    """Range of the mean u at x, negative slopes of its ends in x, and line of its lower end."""
+    """Range of the mean u at x, negative slopes of its ends in x, and index of its lower line."""
     table, count, slot = lines.table, lines.width, i & (len(lines.slot_interval) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
     for k in range(3 * count * slot, 3 * count * slot + count):
@@ -703,8 +707,9 @@ def _backward_forward_pass(
             continue
         steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), reachable[i + 1]
         trial = min(trial, LARGEST_X)
-        # The line of the lower end of the previous interval, taken on this interval, and y give a
-        # first upper bound of x.
+        # `below`: index of the line that limits the mean u from below on the interval solved
+        # before, i + 1. The same line on interval i, and the largest x at its end, y, give a first
+        # upper bound of x.
         if below >= 0:
             line = 3 * lines.width * (i & slots) + below
             tilt, bottom = lines.table[line], lines.table[line + lines.width]
@@ -903,7 +908,7 @@ def _prove_or_widen(
     has_friction: bool,
     changed: BoolArray,
 ) -> bool:
-    """Test whether a plan is within its bounds, which proves it; otherwise widen the bounds."""
+    """Test whether the plan is within its bounds, so that margins suffice; otherwise widen them."""
     holds = True
     for i in range(len(width)):
         largest, smallest, rate = _motion_extent(width, x, bounds.k, i)

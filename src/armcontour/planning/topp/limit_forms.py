@@ -176,7 +176,7 @@ def _concatenate(
         return [np.empty(x) for x in empty]
     if len(tables) == 1:
         return tables[0]
-    # Arrays of both ends have an additional axis before their rows.
+    # Arrays for both ends of intervals have an additional axis before the axis of rows.
     return [
         np.concatenate(x, axis=2 if k == 0 else 1) for k, x in enumerate(zip(*tables, strict=True))
     ]

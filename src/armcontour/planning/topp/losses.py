@@ -18,9 +18,10 @@ AT_BOUND = 0.02  # u is at its bound within this share of its range
 # rest. The factors were measured against finer grids; they are too large where the range is small
 # compared with u.
 BY_GAP, BY_GAP_AT_REST = 0.25, 1.5
-# If u is at different bounds at both ends, with at least the share CROSSED of the range unused, and
-# x increased by the factor LARGER_X allows a range of u at both ends, then x is too low by an
-# unknown factor, and the time to reach a higher x may be lost.
+# If u is at its lower bound at one end of an interval and at its upper bound at the other end,
+# because of different limits, at least the share CROSSED of the range is unused, and x times
+# LARGER_X allows a range of u at both ends, then x is too low by an unknown factor, and the time to
+# reach a higher x may be lost.
 CROSSED, LARGER_X = 0.4, 1.02
 REACH = 0.05  # this loss extends over this share of the length in which x changes by its own value
 INSIDE = 0.02  # a new grid point closer to an interval end than this share saves no time

@@ -158,8 +158,9 @@ class OnGrid:
     @cached_property
     def places(self) -> tuple[IntArray, FloatArray]:
         """Pieces and arc lengths [m] of the samples, (samples,) each."""
-        # The samples are the starts of all intervals, their middles, and the ends at which no
-        # interval of the same piece starts; the ends of all intervals if quantities may jump.
+        # The samples are the starts of all intervals, the middles of all intervals, and the ends of
+        # intervals that are not the start of an interval of the same piece. If quantities may jump,
+        # they are the starts, the middles and the ends of all intervals.
         s, piece, alone = self.grid.s, self.grid.piece, self.after >= len(self)
         return (
             np.concatenate([piece, piece, piece[alone]]),
@@ -174,9 +175,9 @@ class OnGrid:
     def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
         """Rows `low <= a u + b x + c <= high` from coefficients at all samples, (samples, rows)."""
         # The deviation of a coefficient from its chord is measured in the middle of an interval.
-        # Close to an inflection point this deviation is too small. Therefore the bound is twice the
-        # largest second derivative of the interval and both neighbours. `low` and `high`: bounds,
-        # (rows,) each.
+        # Close to an inflection point this deviation is too small. Therefore its bound is computed
+        # from twice the largest second derivative of the interval and both neighbours. `low` and
+        # `high`: bounds, (rows,) each.
         n, count = len(self), terms[0].shape[1]
         rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
         write_linear_rows(self.intervals, self.after, terms, (low, high), rows)

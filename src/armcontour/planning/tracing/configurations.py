@@ -39,7 +39,7 @@ R = TypeVar("R")
 # From THREADED_POSES poses on, threads share the work, because starting them takes as long as 100
 # poses. PARTS is the number of groups of branches; some branches end early.
 THREADED_POSES, PARTS = 2000, 16
-# Number of parts of smoothed joint paths; NumPy processes a part at once.
+# Number of groups into which joint paths are divided for smoothing; NumPy smooths a group at once.
 SMOOTHED_PARTS = 4
 # Largest correction of joint positions in the last iteration at a followed pose [rad]. EXACTLY
 # distinguishes branches whose costs differ in the last digit. NEARLY is for the single branch of a
@@ -88,7 +88,9 @@ class _Failure:
     """Knot at which a solution ends, and the joint that leaves its range there, if any."""
 
     reached: int  # Index of the first knot that is not reached
-    q: FloatArray  # Joint positions at the previous knot, or at the knot out of range [rad], (dof,)
+    # Joint positions at the knot out of range; if the pose has no solution, at the previous knot
+    # [rad], (dof,)
+    q: FloatArray
     joint: int = -1  # Index of the joint that leaves its range; -1 if the pose has no solution
     value: float = 0.0  # Position of the joint that leaves its range [rad]
     limit: float = 0.0  # End of the range that this joint exceeds [rad]
@@ -367,7 +369,7 @@ def _refuse_first_pose(
 
 
 def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) -> None:
-    """Raise Unreachable for a seed far from all solutions of the first pose, if there are any."""
+    """Raise Unreachable for a seed far from all solutions of the first pose, if any exist."""
     solutions = configurations(arm, pose, task)
     if len(solutions) == 0:
         return
@@ -395,7 +397,7 @@ def _reach_gap(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> fl
 def _largest_reach_gap(
     arm: SerialArm, poses: FloatArray, task: int, q: FloatArray
 ) -> tuple[float, int]:
-    """Distance of the tool from the pose farthest out of reach [m] and its index; 0, 0 if none."""
+    """Distance of the tool from the pose farthest out of reach [m], and its index; or 0, 0."""
     indices = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MANY_POSES)).astype(np.intp))
     gaps = out_of_reach(arm, poses[indices], task, q)
     more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])

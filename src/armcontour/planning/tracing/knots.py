@@ -13,10 +13,10 @@ from armcontour.geometry import Orientation, Path, RoundedPath
 from armcontour.geometry.rounded_path import OUT_OF_PLANE
 from armcontour.robot import SerialArm
 
-# Largest distance between the first knots, over the extent of the path.
+# Largest distance between the first knots, divided by the extent of the path.
 FIRST_STEP = 1 / 16
-# Lower limit of this distance, over the span of the arm, because joint paths are nearly straight
-# over short distances
+# Lower limit of this distance, divided by the span of the arm, because joint paths are nearly
+# straight along short distances
 SHORTEST_FIRST_STEP = 1 / 512
 # Largest angle by which the tangent or the tool turns between the first knots [rad].
 FIRST_TURN = 0.5
@@ -60,7 +60,7 @@ class Knots:
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
 
     def cut(self, count: IntArray) -> tuple[Knots, IntArray]:
-        """Divide each interval into `count` equal parts, (n,)."""
+        """Divide each interval into `count`, (n,), equal parts."""
         # Returns the parts, and the indices of the given knots among the starts of the parts and
         # the end of the last part, (n + 1,).
         ends = np.append(0, np.cumsum(count))
@@ -77,7 +77,7 @@ class Knots:
         ), ends
 
     def ends(self) -> tuple[IntArray, FloatArray, IntArray]:
-        """Points at the starts of all intervals, and at ends that are not another start."""
+        """Points at all interval starts, and at ends that are not the next interval's start."""
         # Returns the interval of each of these points, (m,); the distances of the points along
         # their segments [m], (m,); and the index of the end of every interval, (n,).
         knots, n = self, len(self)
@@ -262,7 +262,7 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
 def tool_errors(
     arm: SerialArm, q: FloatArray, targets: FloatArray, task: int, tolerances: tuple[float, float]
 ) -> FloatArray:
-    """Larger of position error and orientation error of the tool, over its tolerance, (n,)."""
+    """Largest ratio of the tool's position and orientation errors to their tolerances, (n,)."""
     # `q`: joint positions [rad], (n, dof); `targets`: required poses of the tool, (n, 3, 4);
     # `tolerances`: largest position error [m] and angle [rad].
     difference = arm.poses(q) - targets
@@ -300,8 +300,8 @@ class FirstPoses:
     """Required motion of the tool at the first knots of a path, shared by all configurations."""
 
     knots: Knots
-    # Intervals of m points: all intervals for their starts, then for their ends the intervals whose
-    # end is not the start of the next interval
+    # An interval for each of the m points: all intervals, for their starts, then the intervals
+    # whose end is not the start of the next interval, for their ends
     places: Knots
     # Distances of the points along their segments [m], (m,)
     u: FloatArray

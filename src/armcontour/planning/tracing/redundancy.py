@@ -54,7 +54,7 @@ class Guide:
         # The splines are cubic, or quintics where a cubic spline overshoots because the tool turns
         # much faster on a short part of the path than next to it.
         # `s`: arc lengths [m], (n,); `q`: joint positions [rad], (n, dof); `w`: bases of the null
-        # space, (n, free, dof); `stops`: arc lengths, out of s, at which the tool stops [m].
+        # space, (n, free, dof); `stops`: those arc lengths in `s` at which the tool stops [m].
         n, free, dof = w.shape
         turned = [np.eye(free)]
         for turn in _basis_rotations(w):
@@ -162,7 +162,8 @@ def smooth(
 ) -> tuple[FloatArray, FloatArray]:
     """Shorten joint paths by null-space motion, with unchanged tool poses."""
     # Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest
-    # joint velocities, and of their excess over the inner part of their ranges.
+    # joint velocities, and of the distances of joint positions outside the inner part of their
+    # ranges.
     # Returns the joint positions, (paths, n, dof), and their costs, (paths,).
     cost, n, free = _Cost(arm, s, q), len(s), arm.dof - task
     smoothed, values, active = q.copy(), cost.values(q), np.arange(len(q))

@@ -91,7 +91,7 @@ class NumericSolver(Solver[SerialArm]):
         return largest_errors(errors, len(knots)), q[MIDDLE]
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """Larger of position error and orientation error of the tool, over its tolerance, (n,)."""
+        """Largest ratio of the tool's position and orientation errors to their tolerances, (n,)."""
         return self._errors(poses_at(self.path, knots, u), q)
 
     def _errors(self, targets: FloatArray, q: FloatArray) -> FloatArray:

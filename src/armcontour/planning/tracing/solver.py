@@ -61,10 +61,10 @@ class Solver(ABC, Generic[A]):
 
     @abstractmethod
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """Error of the tool at joint positions `q`, over the tolerance, (n,)."""
+        """Error of the tool at joint positions `q`, divided by the tolerance, (n,)."""
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """Largest error of the tool on the quintics of intervals, over the tolerance, (n,)."""
+        """Largest tool error on the quintics of intervals, divided by the tolerance, (n,)."""
         # Returns the errors, and the joint positions in the middle of the intervals, (n, dof).
         q = quintics_at_places(knots, start, end)
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
@@ -139,7 +139,7 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
         return (unwrapped[:, 0], *start[1:]), (unwrapped[:, 1], *end[1:])
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """Distances of the tool from its position on the path, over the tolerance, (n,)."""
+        """Distances of the tool from its position on the path, divided by the tolerance, (n,)."""
         difference = self.arm.tool_position(q) - self.path.on_segment(knots.segment, u)
         return np.asarray(np.linalg.norm(difference, axis=1) / self.tolerance)
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
-# Distance between the points of a sketch, over the span of the arm.
+# Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
 
 
@@ -94,9 +94,10 @@ def trace_all(
     max_count: int | None = None,  # Largest number of joint paths; all by default
 ) -> list[JointPath]:
     """Joint paths of all configurations that complete the path, the shortest first."""
-    # An arm in the plane has one per branch, in the order of its branches. An arm in space has one
-    # per configuration. A redundant arm has infinitely many: `configurations.MAX_STARTS` sampled
-    # starts are followed, and at most `configurations.MAX_SOLUTIONS` joint paths are returned.
+    # An arm in the plane has one joint path per branch, in the order of its branches. An arm in
+    # space has one joint path per configuration. A redundant arm has infinitely many:
+    # `configurations.MAX_STARTS` sampled starts are followed, and at most
+    # `configurations.MAX_SOLUTIONS` joint paths are returned.
     if not isinstance(path, Path):
         raise InvalidInput(
             f"trace takes a Path, not a {type(path).__name__}. Give a program to plan, which "
@@ -160,7 +161,7 @@ def sketch_all(
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
-    """Indices of knots at steps of `step` [m] or rotations of CHORD_TURN, and of the last."""
+    """Indices of knots at steps of `step` [m] or rotations of CHORD_TURN, and of the last knot."""
     from armcontour.planning.tracing.configurations import CHORD_TURN
 
     turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
@@ -203,7 +204,7 @@ def _trace_serial(
 
 
 def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:
-    """Joint paths of the configurations that complete a path; the first error if none does."""
+    """Joint paths of configurations that complete a path; raises the first error if none does."""
     joint_paths: list[JointPath] = []
     refusals: list[Unreachable] = []
     for attempt in tries:

@@ -16,7 +16,7 @@ from armcontour.robot.servo.march import march
 
 # Number of cycles per block, so that the results of a block fit in the processor's cache.
 CHUNK = 64
-# The RMS error ends when the tool is slower than this [m/s], as in `contour_errors`.
+# The RMS error is evaluated until the tool is slower than this [m/s], as in `contour_errors`.
 REST_SPEED = 1e-3
 # The execution ends when the tool is slower than this [m/s].
 STILL_SPEED = 1e-9
@@ -37,7 +37,7 @@ class SearchedPath(NamedTuple):
     """The path, and the range of arc lengths in which the nearest point is searched."""
 
     rows: FloatArray  # The segments in the form of `pack_arcs`, (segments, 15)
-    corners: FloatArray  # Angle of the tangent at the start of each segment [rad], (segments,)
+    corners: FloatArray  # Turn of the tangent at the start of each segment [rad], (segments,)
     around: float  # Length of a closed path [m]; 0 for an open path
     low: FloatArray  # Smallest possible arc length of the tool in each cycle [m]
     high: FloatArray  # Largest possible arc length of the tool in each cycle [m]
@@ -122,8 +122,9 @@ def _measure(
         t = clock.start + (begin * clock.steps + row + 1) * h
         dx, dy, dz = p[0] - e.tool[0], p[1] - e.tool[1], p[2] - e.tool[2]
         far2, last, peak = dx * dx + dy * dy + dz * dz, e.square, max(e.peak, d2)
-        # The distance to the path grows at most as fast as the tool moves, so between the results
-        # it is at most half of this sum.
+        # The distance to the path grows at most as fast as the tool moves. So between the results
+        # it is at most half the sum of the distances at both results and the displacement of the
+        # tool.
         higher = math.sqrt(last) + math.sqrt(d2) + math.sqrt(far2) > 2 * math.sqrt(peak)
         turned = now != segment and (
             abs(now - segment) > 1 or corners[max(now, segment)] > LEAST_CORNER

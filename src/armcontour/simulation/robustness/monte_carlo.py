@@ -43,19 +43,20 @@ from armcontour.simulation.robustness.kernels import (
 )
 from armcontour.simulation.robustness.uncertainty import Uncertainty
 
-# Longest time between two samples of the contour error: in seconds, and in shortest time constants
-# of the servos. The RMS error of the paper's job then differs by less than 1e-4 from samples every
-# 0.1 ms.
+# Longest time between two samples of the contour error: RESOLUTION [s], but at most TIME_CONSTANTS
+# times the shortest time constant of the servos. The RMS error of the paper's job then differs by
+# less than 1e-4 from samples every 0.1 ms.
 RESOLUTION = 2e-3
 TIME_CONSTANTS = 0.5
 # Largest number of results per cycle; a servo that requires more is not realistic.
 MAX_RESULTS = 1e5
 # Largest number of corners that are executed, 2^10.
 MAX_CORNERS = 1024
-# Largest time by which the tool can be behind and ahead of the plan [lags of the servo].
+# Largest times by which the tool can be behind and ahead of the plan [lags, see `_longest_lag`].
 LAGS_BEHIND = 2.0
 LAGS_AHEAD = 1.0
-# Number of times at which the planned arc length is computed: per cycle, and smallest number.
+# Number of times at which the planned arc length is computed: PLACES_PER_CYCLE for each cycle, but
+# at least FEWEST_PLACES.
 PLACES_PER_CYCLE = 2
 FEWEST_PLACES = 4000
 # Longest time until rest after the last set-point, as in `ServoPlant` [s].
@@ -316,7 +317,7 @@ class _RobotSet:
         return unit
 
     def execute(self, unit: FloatArray, seed: int | None, threads: int) -> MonteCarloResult:
-        """Execute set-points on robots in units of the box, (n, 3 dof + 1), and the nominal one."""
+        """Execute on the nominal robot, and on robots with errors in box units, (n, 3 dof + 1)."""
         rows = np.concatenate([unit, np.zeros((1, unit.shape[1]))])
         if self.box.dead_time_shared:
             rows[:, 2 * self.dof : 3 * self.dof] = rows[:, 2 * self.dof, None]
@@ -435,7 +436,7 @@ class _RobotSet:
         return float(max(rates.max(), GAINS[0]))
 
     def _longest_lag(self) -> float:
-        """Largest time by which the tool can lag behind the plan [s]."""
+        """Largest lag behind the plan: time constants, dead time, jitter and two cycles [s]."""
         spans, servo, dof = self.half_widths, self.servo, self.dof
         lag = 1 / (servo.kp * (1 - spans[:dof]))
         if servo.kv is not None:
@@ -445,7 +446,7 @@ class _RobotSet:
 
 
 def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
-    """Signs of the corners that are executed if there are too many, (MAX_CORNERS, k)."""
+    """Signs of the corners to execute if the box has more than MAX_CORNERS, (MAX_CORNERS, k)."""
     # errors: function from signs, (n, k), to contour errors [m], (n,).
     single = np.concatenate([np.eye(k), -np.eye(k)])
     single_errors = errors(single)
@@ -517,7 +518,7 @@ def _robot_kinematics(arm: Arm, path: Path) -> tuple[FloatArray, float]:
 
 
 def _searched_path(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> SearchedPath:
-    """The path for the compiled code, with the reachable arc lengths at each time."""
+    """The path for the compiled code, with the reachable arc lengths in each cycle."""
     # The planned arc length at a time is the length of the planned tool motion up to this time. Its
     # error is at most the difference of the total lengths. The nearest point is searched only near
     # this arc length, because another part of the path can be close to the tool.

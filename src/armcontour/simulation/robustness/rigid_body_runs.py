@@ -42,8 +42,8 @@ class BodyRuns:
 
     def trace(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | str:
         """Execute on one robot: times [s], contour errors [m], (n,), and tool points [m]."""
-        # Contour errors are the larger of both directions. Tool points have the shape
-        # (n, dimension). If the execution fails, its message is returned.
+        # A contour error is the larger of the distance from the path and the coverage error. Tool
+        # points have the shape (n, dimension). If the execution fails, its message is returned.
         plant = self.plant(errors)
         try:
             executed = simulate(self.set_points, plant, resolution=max(RESOLUTION, plant.step))
@@ -53,8 +53,8 @@ class BodyRuns:
         return executed.t, np.maximum(followed.distance, followed.coverage_error), executed.tool
 
     def __call__(self, errors: FloatArray) -> tuple[float, float, float, float, float] | str:
-        """Execute on one robot: largest and RMS contour error [m], and three more figures."""
-        # The other figures are the end of the execution [s], the share of time in saturation, and
+        """Execute on one robot: largest and RMS contour error [m], and three other values."""
+        # The other values are the end of the execution [s], the share of time in saturation, and
         # the largest ratio of required torque to its limit. If the execution fails, its message is
         # returned.
         plant = self.plant(errors)

@@ -244,7 +244,7 @@ class Unknowns:
 
     @property
     def dead_time_ratio(self) -> FloatArray:
-        """Ratio of the error of each joint's dead time to the error of the parameter, (dof,)."""
+        """Ratio of the error of each joint's dead time to the error of its parameter, (dof,)."""
         errors = np.broadcast_to(np.asarray(self.box.dead_time), (self.arm.dof,))
         largest = float(errors.max())
         return (
