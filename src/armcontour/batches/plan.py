@@ -51,7 +51,7 @@ class SamplesModel:
 class PlanModel:
     """A plan of many jobs."""
 
-    # Name of the plan; by default that of its file
+    # Name of the plan; by default the name of its file
     name: str | None = None
     # A job file relative to the plan, or a drawing and its cell
     job: str | DrawingModel | None = None
@@ -67,7 +67,7 @@ class PlanModel:
     # Combination of the values: `product` makes a job for each combination, `zip` combines values
     # with the same index; or samples of ranges
     combine: Literal["product", "zip"] | SamplesModel = "product"
-    # Names of the stored figures of each job; docs/guides/batches.md lists them
+    # Names of the stored results of each job; docs/guides/batches.md lists them
     columns: list[str] | None = None
 
 
@@ -255,7 +255,7 @@ def _refuse_overlaps(keys: Sequence[str]) -> None:
 
 
 def _refuse_uneven(plan: Plan) -> None:
-    """Reject zipped parameters with different numbers of values."""
+    """Reject zipped parameters with different numbers of values, except single values."""
     if plan.combine != ZIP:
         return
     counts = {x.key: len(x.values) for x in plan.varied}

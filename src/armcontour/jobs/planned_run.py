@@ -34,7 +34,7 @@ NEAR = 10e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShapingGain:
-    """Time saved by shaping the contours of a program, without rapids and dwells between them.
+    """Time that shaping the contours of a program saves; rapids and dwells are not included.
 
     Args:
         starts: Number of contours for which each start was best, by name of the start.
@@ -65,7 +65,7 @@ class ShapingGain:
 
     @property
     def gain(self) -> float:
-        """Share of the duration of the fastest initial shape that shaping saves."""
+        """Share that shaping saves of the duration of the fastest initial shape."""
         starts = [x for name, x in self.durations.items() if name != SHAPED]
         return 1 - self.durations[SHAPED] / min(starts)
 
@@ -173,7 +173,7 @@ class Planned:
 
     @property
     def stops_note(self) -> str | None:
-        """Note about full stops inside contours; None if there are none except due to jerk limits.
+        """Note about full stops inside contours that are not due to jerk limits; None without any.
 
         Stops due to jerk limits are reported by a warning.
         """

@@ -67,7 +67,7 @@ class _PathPoints(NamedTuple):
 
 
 def explain(error: Unreachable, job: Job) -> Unreachable:
-    """Error about the point of a job that is farthest out of reach; else the given error.
+    """Error about the point of a job that is farthest out of reach, or the given error if none is.
 
     Points of contours have priority over points of rapids.
     """

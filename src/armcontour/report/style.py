@@ -17,8 +17,8 @@ PLANNED_COLOUR, EXECUTED_COLOUR = LINES["planned"], LINES["executed"]
 EXPERIMENT_COLOUR, SATURATION_COLOUR = LINES["experiment"], LINES["saturated"]
 # Line style of an experiment, which has the colour of its run.
 EXPERIMENT_DASH = "dot"
-# Ratio of largest and smallest value above which a logarithmic axis is labelled only at powers of
-# ten.
+# Ratio of the largest to the smallest value above which a logarithmic axis is labelled only at
+# powers of ten.
 DECADES = 1e3
 # Width of a figure that is as wide as the page, in sixths.
 WHOLE = 6

@@ -22,7 +22,8 @@ TOKEN_BYTES = 16
 # Maximum size of an upload and of a message of a page [bytes].
 MAX_UPLOAD = 64 * MEGABYTE
 MAX_MESSAGE = 16 * MEGABYTE
-# Maximum rate [messages/s] and burst [messages] of a page; it sends one message per screen frame.
+# Maximum rate [messages/s] and burst [messages] of a page, which sends one message per screen
+# frame.
 RATE, BURST = 500.0, 1000.0
 # Required header of POST requests. Pages of other servers can send it only after a CORS preflight
 # request, which this server refuses.
@@ -53,7 +54,7 @@ class Endpoint:
 
     @property
     def page(self) -> str:
-        """Address of the page with the token after `#`; browsers do not send that part."""
+        """Address of the page with the token after `#`; browsers do not send the part after `#`."""
         return f"http://{ADDRESS}:{self.port}/#{self.token}"
 
     def accepts(self, token: object) -> bool:

@@ -32,14 +32,14 @@ MAX_POINTS, MIN_POINTS = 20_000, 1_200
 # The interval of an active limit is always drawn if it is longer than this factor times the drawing
 # tolerance.
 VISIBLE_STRETCH = 8.0
-# Limit index that means: no active limit.
+# Limit index of points without an active limit.
 NO_LIMIT = 255
 
 # Number of points per rapid, and approximate maximum for all rapids.
 RAPID_POINTS, MAX_RAPID_POINTS = 16, 50_000
 # Maximum number of corners with handles, and of listed speed shortfalls.
 MAX_CORNERS, MAX_SHORTFALLS = 400, 60
-# Minimum share of the duration of a kind of limit in the legend.
+# Minimum share of the duration above which the legend lists a kind of limit.
 MIN_SHARE = 5e-5
 
 
@@ -91,7 +91,7 @@ class PlanCurve:
         return cls(points[k], s[k], t[k], speed[k], assigned[k], ends)
 
     def drawn_indices(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
-        """Indices of the points to draw: shape, changes of the active limit, extreme speeds."""
+        """Indices of drawn points: shape, changes of the active limit, and extreme speeds."""
         shape = detail.essential_points(self.points, self.ends)
         weight = np.where(shape, np.inf, 0.0)
         changes = np.flatnonzero(np.diff(binding)) + 1
@@ -297,7 +297,7 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """The slowest points below the assigned velocity, with the reasons, in path order."""
+    """Points with the lowest shares of the assigned velocity, with the reasons, in path order."""
     shortfalls = () if planned.explanation is None else planned.explanation.shortfalls
     worst = sorted(shortfalls, key=lambda x: x.speed / x.assigned)[:MAX_SHORTFALLS]
     if not worst:
@@ -324,7 +324,7 @@ def _points_at(program: Program, s: FloatArray) -> FloatArray:
 
 
 def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """Rounded corners of all contours; an empty list if they are more than MAX_CORNERS."""
+    """Rounded corners of all contours; an empty list if there are more than MAX_CORNERS."""
     rows: list[dict[str, Any]] = []
     rounding, contours = planned.run.rounding, planned.job.program.contours
     for index, contour in enumerate(planned.path.contours):

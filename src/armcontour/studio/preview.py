@@ -98,7 +98,7 @@ class PreviewExecution:
     pieces: tuple[ContourExecution, ...]
     # Contour error over time.
     errors: ErrorProfile
-    # Time at which the tool is at rest [s].
+    # Time at which the tool comes to rest [s].
     settled: float
 
 
@@ -291,7 +291,7 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 def _contour_errors(
     execution: Execution, path: Program, end_time: float | None
 ) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
-    """Execution along each contour, contour errors, and time at which the tool is at rest [s]."""
+    """Execution along each contour, contour errors, and time when the tool comes to rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
     pieces = tuple(pieces_of(execution, path, None, end_time))
     return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled

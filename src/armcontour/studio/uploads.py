@@ -23,7 +23,8 @@ ROBOTS = (".urdf",)
 MAX_NAME = 100
 # Extensions of logs of a robot, and maximum number of stored logs.
 LOGS, MAX_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
-# Age at which folders of other sessions are deleted [s]; the servers of newer ones may still run.
+# Age above which folders of other sessions are deleted [s]. Servers of newer sessions may still
+# run.
 MAX_AGE = 30 * 86400.0
 
 
@@ -102,7 +103,7 @@ class Uploads:
         return [str(self.logs[str(x)]) for x in names]
 
     def close(self) -> None:
-        """Delete uploads of this session and of sessions older than MAX_AGE that no draft needs."""
+        """Delete uploads of this session and of sessions older than MAX_AGE; drafts keep theirs."""
         needed = "".join(x.text for x in all_drafts())
         old = time.time() - MAX_AGE
         for folder in self.root.glob("*"):

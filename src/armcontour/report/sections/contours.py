@@ -101,7 +101,7 @@ def _row(k: int, judged: ContourJudgement, limit_speed: float) -> list[Any]:
 
 
 def _assigned_share(contour: Contour, span: Span, limit_speed: float) -> float | None:
-    """Share of a contour's length, with the process on, at the assigned velocity; None without one.
+    """Share of a contour's working length at the assigned velocity; None if none is assigned.
 
     Only the length that has an assigned velocity counts.
     """

@@ -33,7 +33,8 @@ MAX_CORNERS = 4
 # Number of pictures in a row, height of a figure with one row, and height of each further row [px].
 COLUMNS = 2
 HEIGHT, MORE_HEIGHT = 350, 250
-# Number of drawn points per executed sample, and approximate maximum per execution and corner.
+# Number of drawn points per executed sample, and approximate maximum number of drawn points per
+# execution and corner.
 FINER = 6
 MAX_POINTS = 800
 # Number of evenly spaced points of a drawn path.

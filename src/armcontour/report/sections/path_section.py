@@ -78,7 +78,7 @@ def draw_path(study: JobResult) -> Any:
 
 
 def executed_points(tool: Tool) -> FloatArray:
-    """Executed points along contours [m], (n, dimension), including the one with the largest error.
+    """Executed points along contours [m], (n, dimension), with the point of the largest error.
 
     NaN separates contours, because rapids are not drawn.
     """
@@ -95,7 +95,7 @@ def executed_points(tool: Tool) -> FloatArray:
 
 
 def executed_contours(execution: Execution) -> list[tuple[int, int]]:
-    """Index of the first executed sample of each contour, and index after the last sample.
+    """For each contour, index of the first executed sample, and index after the last one.
 
     Samples before and after the motion belong to the first and last contour.
     """
@@ -146,7 +146,7 @@ def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
 
 
 def _along(result: RunResult) -> FloatArray:
-    """Joint positions at times along contours, or along every k-th of many [rad], (n, dof)."""
+    """Joint positions along contours [rad], (n, dof); of many contours, only every k-th is used."""
     spans = result.trajectory.contour_spans
     every = -(-len(spans) // STICKS)
     each = max(2, STICKS * every // len(spans))

@@ -80,7 +80,7 @@ def _vector(
     kind: Quantity,
     within: float,
 ) -> list[Change]:
-    """Changes of the vector components that differ by more than `within`; of all if not written."""
+    """Changes of vector components that differ by more than `within`; of all if none is written."""
     written = frame_data.get(str(keys[-1]))
     if written is None:
         return [Change(keys, [write_like(float(x), None, kind, within=within) for x in new])]
