@@ -141,7 +141,7 @@ def read_base(
 def _select_run(
     data: Mapping[str, Any], source: str, run: str | None, work: str
 ) -> tuple[dict[str, Any], str | None]:
-    """Data with the selected run only, and its name; all runs and None if the work selects it."""
+    """Data with the selected run only, and its name; with all runs and None if none is selected."""
     runs, names = data["runs"], ", ".join(data["runs"])
     name = run or (data.get(RUN_SELECTORS.get(work, "")) or {}).get("run")
     if name is None and len(runs) == 1:

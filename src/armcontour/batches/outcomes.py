@@ -127,7 +127,7 @@ class Results:
         self._closing.close()
 
     def remaining(self, *, retry: bool) -> list[int]:
-        """Indices of the jobs without a result."""
+        """Indices of the jobs without a result; with `retry`, also of the failed jobs."""
         again = FAILED if retry else None
         rows = (self.rows.get(k, {"status": again}) for k in range(len(self._plan)))
         return [k for k, row in enumerate(rows) if row["status"] == again]

@@ -282,8 +282,8 @@ def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
             problem = _find_problem(base, [parameter.parts], [parameter.values[i]])
             if problem is None:
                 continue
-            # A value can be valid only together with values of other parameters: try the first
-            # values, then the values with the same index.
+            # Some values are valid only together with certain values of other parameters. Therefore
+            # the first values are tried, then the values with the same index.
             problems = []
             for j in (0, i):
                 values = [y.values[min(j, len(y.values) - 1)] for y in parameters]

@@ -57,7 +57,7 @@ class Console:
         self._rich.print(table)
 
     def show(self, data: Data) -> None:
-        """Print the figures, tables and notes of a result."""
+        """Print the values, tables and notes of a result."""
         from armcontour.core.render import text
 
         for line in text(data).splitlines():

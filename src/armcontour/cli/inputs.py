@@ -61,7 +61,7 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
 
 @contextmanager
 def name_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Context that adds the option to the message of an error about a key that the option set."""
+    """Context that adds, to the message of an error about a job key, the option that set it."""
     from armcontour.core.errors import InvalidInput
 
     try:

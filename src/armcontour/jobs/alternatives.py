@@ -189,7 +189,7 @@ def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Pr
 def _other_start(
     job: Job, run: Run, traced: Tracing, reached: float, progress: Progress
 ) -> Tracing | None:
-    """Joint paths from another start that are collision-free, or have the largest `_count_clear`.
+    """Joint paths from another start position: collision-free, or with the largest `_count_clear`.
 
     None if no start has a larger `_count_clear` than the first joint paths (`reached`).
     """
@@ -234,7 +234,7 @@ def _count_clear(traced: Tracing, cell: Cell) -> float:
 
 
 def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
-    """Yield joint positions at the start of a path: all configurations, then with other rotations.
+    """Yield lists of joint positions at the start of a path: configurations, then other rotations.
 
     The rotations are about a free tool axis; use them if no configuration is collision-free.
     """

@@ -100,7 +100,7 @@ class RunResult(Planned, Result):
     advice: Advice | None = None
 
     def to_data(self) -> Data:
-        """Verdict on the run, its figures, tables, notes and warnings."""
+        """Verdict on the run, its values, tables, notes and warnings."""
         return run_data(self)
 
     __repr__ = short_repr
@@ -217,7 +217,7 @@ class JobResult:
         return any(x.execution is not None for x in self.runs.values())
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """Figures of all runs as columns by name, for example for `pandas.DataFrame`.
+        """Values of all runs as columns by name, for example for `pandas.DataFrame`.
 
             pandas.DataFrame(study.to_dict()).sort_values("largest")
 
@@ -431,7 +431,7 @@ def _experiment(result: RunResult) -> Iterator[Row]:
 
 
 def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
-    """Yield tables of stretches, corners, weaves, moves and events of a plan."""
+    """Yield tables of stretches (intervals of a speed rule), corners, weaves, moves and events."""
     trajectory, path = result.trajectory, result.path
     yield Table(
         "stretches",

@@ -173,7 +173,7 @@ class Planned:
 
     @property
     def stops_note(self) -> str | None:
-        """Note about full stops inside contours that are not due to jerk limits; None without any.
+        """Note about full stops inside contours, except those due to jerk limits; None without any.
 
         Stops due to jerk limits are reported by a warning.
         """

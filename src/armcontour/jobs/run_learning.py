@@ -380,7 +380,7 @@ def judge_log(
 
 
 def feeds_gravity_forward(run: Run) -> bool:
-    """Gravity feed-forward of the controller: as in the compensation, else in the experiment."""
+    """True if the controller adds the gravity torque (compensation or experiment; default True)."""
     options = run.compensation
     if isinstance(options, InverseDynamics) and options.gravity_feedforward is not None:
         return options.gravity_feedforward

@@ -122,7 +122,7 @@ def assigned_speed(contour: Contour, s: float, side: str, run: Run) -> float:
 def slow_ends(
     contour: Contour, motion: Trajectory, run: Run
 ) -> Iterator[tuple[str, float, float, float]]:
-    """Yield a verb, speed, assigned velocity and lead [m] for each slow end with a lead."""
+    """Yield "begins" or "ends", speed, assigned velocity and lead [m] for each slow contour end."""
     if contour.work is None:
         return
     start, end = contour.work
@@ -139,7 +139,7 @@ def slow_ends(
 def _missed_speed(
     name: str, path: Path, motion: Trajectory, run: Run
 ) -> Iterator[tuple[float, str, str]]:
-    """Yield ratio to the assigned velocity, sentence and advice if a contour is too slow."""
+    """Yield ratio of mean speed to assigned velocity, sentence and empty advice if too slow."""
     speeds = np.fmin(path.speeds, np.inf if run.limits.speed is None else run.limits.speed)
     ideal = float(np.sum(path.lengths / speeds))
     if not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:

@@ -48,7 +48,7 @@ class LegendEntry(NamedTuple):
 
     # Name of the kind of limit
     word: str
-    # Time in which it restricts the speed [s], and the share of this time in the duration
+    # Time in which this kind of limit restricts the speed [s], and its share of the duration
     time: float
     share: float
     # SVG attributes of the line

@@ -126,7 +126,7 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
 
 @lru_cache(maxsize=64)
 def triangles_of(shape: Shape) -> FloatArray:
-    """Triangles of a shape [m], (n, 3, 3), with outward normals; of a large mesh, its hull."""
+    """Triangles of a shape [m], (n, 3, 3), with outward normals; for a large mesh, of its hull."""
     match shape:
         case Box():
             ring = shape.size[:2] / 2 * [[-1, -1], [1, -1], [1, 1], [-1, 1]]

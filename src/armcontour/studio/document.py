@@ -31,7 +31,7 @@ class HistoryEntry(NamedTuple):
 
 
 class Document:
-    """Text of a job file with its undo history; undoing all changes restores the same bytes."""
+    """Text of a job file with its undo history; undoing all changes restores the original bytes."""
 
     def __init__(
         self,

@@ -31,9 +31,9 @@ NOTHING_DRAWN = "The job has no path yet. Draw with the pen, or open a drawing."
 def check_trusted_xacro(
     data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
 ) -> None:
-    """Raise InvalidInput if the arm is a .xacro file (can run code) that is not in `trusted`."""
-    # A YAML file of an arm can refer to a .xacro file. Without trusted files, the reader of the
-    # YAML file refuses it.
+    """Raise InvalidInput if the arm file can run code (.xacro) and is not in `trusted`."""
+    # A YAML file of an arm can refer to a .xacro file. Therefore it must be trusted too. If no file
+    # is trusted, the reader of the YAML file refuses the .xacro file.
     programs = (".xacro", *YAML) if trusted else (".xacro",)
     file = arm_file_of(data)
     if file is None or not file.lower().endswith(programs):

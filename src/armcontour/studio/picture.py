@@ -249,7 +249,7 @@ def _line_arrays(
 def _lines(
     name: str, parts: Sequence[FloatArray], view: View, detail: Detail
 ) -> tuple[dict[str, Any], IntArray]:
-    """Arrays of the visible lines through points [m], and the index of the part of each line."""
+    """Arrays of the visible lines of `parts` (points [m]), and index of the part of each line."""
     points = np.concatenate(parts) if parts else np.empty((0, 2))
     starts = np.cumsum([0, *map(len, parts)])
     visible, ends = detail.visible_ends(view.screen_points(points), starts)

@@ -92,7 +92,7 @@ class ShownResults:
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class DocumentState:
-    """State of a document that the pages show next."""
+    """Document state that the pages show next."""
 
     data: Mapping[str, Any]
     run: str
@@ -295,7 +295,7 @@ class Scheduler:
         self._done.set()
 
     def _run_tiers(self, state: DocumentState, stale: StaleCheck) -> None:
-        """Show an outline or a moving plan; after the rest time, the preview and exact results."""
+        """Show an outline (if slow) or a moving plan (gesture), then preview and exact results."""
         try:
             if self._is_slow(state):
                 self._draw_outline(state)

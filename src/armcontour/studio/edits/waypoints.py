@@ -106,7 +106,7 @@ def _coordinates(keys: Keys, old: Sequence[Any], new: Sequence[Any]) -> list[Cha
 
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that insert a waypoint before the waypoint with an index, or at the end."""
+    """Changes that insert a waypoint before the waypoint `index` of the edit, or at the end."""
     handles, index = require_editable(state), edit["index"]
     ends = handles.ends
     checks.check_int("number of the waypoint", index, 0, len(ends))
