@@ -68,8 +68,8 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
         yield
     except InvalidInput as error:
         for key, option in options.items():
-            # A key without dots can also be an ordinary word in the message, so it must follow a
-            # colon.
+            # A key without dots can also be an ordinary word of the message. Therefore it counts as
+            # a key only after a colon.
             begin = r"\b" if "." in key else ": (unknown key )?"
             if re.search(rf"{begin}{re.escape(key)}\b", str(error)):
                 raise error.with_location(option).with_traceback(error.__traceback__) from None

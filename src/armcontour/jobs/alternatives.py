@@ -96,7 +96,7 @@ def clearance_of(job: Job, motion: Trajectory) -> Clearance | None:
 
 
 def below_base(job: Job, motion: Trajectory) -> str | None:
-    """Warning about links below the base; None if there are none or they are not checked."""
+    """Warning about links below the base; None if no link is below it, or links are not checked."""
     if not _is_checked(job):
         return None
     return Clearance(pairs=(), below=job.cell.below(motion)).below_base

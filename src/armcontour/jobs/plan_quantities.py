@@ -77,7 +77,7 @@ class Weaving:
 
     @property
     def sentence(self) -> str:
-        """Sentence with planned widths and frequencies; if different, also the requested ones."""
+        """Sentence with planned widths and frequencies, and requested values if they differ."""
         width, frequency = self.requested
         text = f"{self.contour} weaves {number_range(self.width, 'm')} wide at "
         text += number_range(self.frequency, "Hz")

@@ -28,7 +28,7 @@ from armcontour.program import Program
 from armcontour.robot import Arm, compare_limits
 from armcontour.verification.clearance import Clearance
 
-# Clearance of the arm from itself below which it is reported [m].
+# Clearance of the arm from itself below which a note reports the clearance [m].
 NEAR = 10e-3
 
 
@@ -164,7 +164,7 @@ class Planned:
     def _stops_of_path(self) -> dict[str, int]:
         """Number of full stops that the path requires regardless of limits, by reason."""
         if isinstance(self.run.timing, Conventional):
-            # This method does not stop, because it passes corners at its uniform speed.
+            # The conventional method does not stop, because it passes corners at uniform speed.
             return {}
         stops: Counter[str] = Counter()
         for contour in self.path.contours:

@@ -32,7 +32,7 @@ class Reuse:
         maximum: int | None = None,
         samples: Callable[[T], int] = lambda value: 0,
     ) -> T:
-        """Result of a step: the cached result for equal inputs `made_of`, or that of `make`.
+        """Result of a step: the cached result for equal inputs `made_of`, else that of `make`.
 
         `maximum`: number of results in the cache; `samples`: number of samples of a result.
         """

@@ -25,8 +25,8 @@ WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0
 # Maximum deviation of the drawn path [px], and length below which a piece gets the colour of the
 # previous piece [px].
 VISIBLE, SHORTEST = 0.3, 1.0
-# If the thickness of a path in space is below this share of its width, its plane is viewed
-# perpendicularly.
+# If the thickness of a path in space is below this share of its width, the path is viewed
+# perpendicularly to its plane.
 FLAT = 0.02
 # Direction towards the viewer for other paths in space.
 VIEWER = np.array([1.1, -1.5, 0.9])

@@ -97,7 +97,7 @@ class AccessControl:
         self.app, self.endpoint = app, endpoint
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a valid request to the application; refuse others."""
+        """Pass a valid request to the application; refuse an invalid request."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -226,5 +226,5 @@ def _header_values(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[
 
 
 def _is_one_of(values: list[bytes], allowed: frozenset[bytes]) -> bool:
-    """True if there is exactly one value and it is allowed."""
+    """True if exactly one value is given and this value is allowed."""
     return len(values) == 1 and values[0] in allowed

@@ -41,7 +41,7 @@ TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
 
 
 def arm_frame(job: Job) -> PageFrame:
-    """Message frame with the joints of a job's arm and the bodies in its cell."""
+    """Message frame with the joints of a job's arm, and the bodies of arm and cell."""
     arm, chain = job.arm, job.arm.chain
     assert chain is not None, "every arm of a job has a chain"
     base = chain.base

@@ -159,7 +159,7 @@ def refusal_header(
 
 
 def picture_frame(planned: Preview, view: View) -> PageFrame:
-    """Message frame with the picture and the figures of a plan."""
+    """Message frame with the picture and the values of a plan."""
     detail, flat = _whole_detail(planned.path, view)
     header, arrays = _line_arrays(planned, view, detail)
     duration = duration_row(planned.trajectory.duration)

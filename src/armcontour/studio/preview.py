@@ -271,7 +271,8 @@ class CoarsePlanner:
                 )
                 return plan, (CONFIGURATION_NOTE,)
             except Unreachable:
-                # Another configuration may reach the path. If none does, the search reports it.
+                # Another configuration may reach the path. If no configuration does, the search
+                # below raises the error.
                 pass
         # While a handle moves, the search ends at the first unreachable point.
         plan = plan_one(

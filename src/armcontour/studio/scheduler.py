@@ -1,4 +1,4 @@
-"""Scheduler: computes and sends pictures and figures of document states, and starts tasks."""
+"""Scheduler: sends pictures and figures (values of a full run) of a document, and starts tasks."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class Uploads:
         ]
 
     def keep_log(self, name: str, content: bytes) -> str:
-        """Store a log of the robot and return its name; deletes the oldest above MAX_LOGS."""
+        """Store a log of the robot and return its name; deletes the oldest log above MAX_LOGS."""
         check_file_name(name)
         if FilePath(name).suffix.lower() not in LOGS or not content:
             kinds = ", ".join(LOGS)
@@ -97,7 +97,7 @@ class Uploads:
         return file.name
 
     def find_logs(self, names: Any) -> list[str]:
-        """Paths of stored logs by their names."""
+        """Paths of the stored logs with the given names."""
         if not isinstance(names, list) or not {str(x) for x in names} <= set(self.logs):
             raise InvalidInput("A log is no longer available. Drop it on the page again.")
         return [str(self.logs[str(x)]) for x in names]

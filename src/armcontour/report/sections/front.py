@@ -1,4 +1,4 @@
-"""First screen of a study: drawing, verdict, important figures and sentences."""
+"""First screen of a study: drawing, verdict, important values and sentences."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
 
 
 def _assumed(study: JobResult) -> str:
-    """Sentence on the assumptions on which the figures are based."""
+    """Sentence on the assumptions on which the values are based."""
     if not study.simulated:
         return "Joints follow the plan exactly."
     servo = study.job.plant_servo

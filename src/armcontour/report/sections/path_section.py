@@ -136,7 +136,8 @@ def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
     points, axes = arm.pose(_along(result))
     outline = outline_points(result.path)
     length = STICK_LENGTH * float((np.nanmax(outline, axis=0) - np.nanmin(outline, axis=0)).max())
-    # The tool axis points from the arm to the work, so the sticks are on its negative side.
+    # The tool axis points from the arm to the work. The sticks are drawn from the tool point
+    # against this direction.
     sticks = [(_separate(points, points - length * axes[:, :, 2]), "tool axis", RUN_COLOURS[5])]
     path = result.path.contours[0].path
     if path.orientation is not None and not path.orientation.axis_only:
