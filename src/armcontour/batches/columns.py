@@ -12,7 +12,7 @@ from armcontour.core.result import Row
 from armcontour.core.text import suggest
 from armcontour.jobs.placement_options import UNITS
 
-# Kinds of work on each job. Each of RISING includes the previous kinds; `PLACE` is separate.
+# Kinds of work on each job. Each of INCREASING_WORKS includes the previous ones; PLACE is separate.
 COMPENSATE, RUN, CERTIFY = INCREASING_WORKS = ("compensate", "run", "certify")
 PLACE = "place"
 WORKS = (*INCREASING_WORKS, PLACE)

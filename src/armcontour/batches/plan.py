@@ -65,7 +65,7 @@ class PlanModel:
     # Values of parameters by key path in the job file, such as "path.corner_error"
     over: dict[str, Any] = field(default_factory=dict)
     # Combination of the values: `product` makes a job for each combination, `zip` combines values
-    # with the same index; or samples of ranges
+    # with the same index; a mapping such as {sobol: 64} draws samples from ranges
     combine: Literal["product", "zip"] | SamplesModel = "product"
     # Names of the stored results of each job; docs/guides/batches.md lists them
     columns: list[str] | None = None
@@ -123,7 +123,7 @@ class Plan:
         return units | {x: COLUMNS[x].unit for x in self.columns}
 
     def base(self, index: int) -> int:
-        """Index of the base job that a job is made from."""
+        """Index of the base job from which a job is created."""
         return index // self.each
 
     def values(self, index: int) -> tuple[Any, ...]:

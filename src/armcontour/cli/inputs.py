@@ -239,7 +239,7 @@ def _read(option: str, text: str, kind: Any) -> float:
         raise InvalidInput(f"{option}: {str(error).rstrip('.')}.") from None
 
 
-# Functions that convert the values of options that set job keys, by their names in `About`.
+# Functions that convert option values to values of job keys, by function name in `About`.
 READERS: dict[str, Callable[[Any], Any]] = {
     x.__name__: x
     for x in (

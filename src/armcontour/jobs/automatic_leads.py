@@ -130,8 +130,8 @@ def _shortest_lead(
     enough = min(enough, lead_speeds[-1] * (1 - SAME_SPEED / 2))
     # The lead is shortened. The next length is the larger of two estimates: the part of the long
     # lead after which the speed is sufficient, and `short` extrapolated with speeds proportional to
-    # the square root of the length. Where speeds grow less, as at the end of an acceleration with a
-    # jerk limit, the steps are doubled.
+    # the square root of the length. If the speed grows more slowly, as at the end of an
+    # acceleration with a jerk limit, the steps are doubled.
     step = 0.0
     while True:
         share = np.argmax(lead_speeds >= enough) / (PLACES - 1)

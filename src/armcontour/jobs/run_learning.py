@@ -241,7 +241,7 @@ def _measured_pieces(
 
 
 def _timing_clauses(delay: float, run: LearningRun) -> list[str]:
-    """Clauses about dead time [s] in addition to the model's, and about the clock of the log."""
+    """Clauses about `delay` [s], the dead time that the model lacks, and the clock of the log."""
     sentences = []
     if delay >= REPORTED_DELAY:
         sentences.append(f"The robot has {number(delay, 's')} more dead time than its servo model")

@@ -28,9 +28,9 @@ from armcontour.verification.evaluation import duration_row
 MAX_NAMES = 4
 # Relative difference below which two values count as equal.
 SAME_VALUE = 1e-9
-# Ratio of demand and acceleration limit above which the saturation of a joint is reported.
+# Ratio of the demand to the acceleration limit above which saturation of a joint is reported.
 FAR_ABOVE = 1.5
-# Ratio of cycle and duration above which the cycle is reported as too coarse.
+# Ratio of the cycle to the duration above which the cycle is reported as too coarse.
 COARSE = 0.1
 # Number of times at which a plan is compared with the motion of logs, in addition to its breaks.
 PLAN_SAMPLES = 1000

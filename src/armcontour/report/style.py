@@ -77,7 +77,7 @@ def few(sentences: Iterable[str], noun: str = "of these") -> tuple[str, ...]:
 
 
 def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> Any:
-    """Apply the common layout; `height` in px, `span`: width in sixths of the page."""
+    """Apply the common layout; `height`: height [px]; `span`: width in sixths of the page."""
     if span < WHOLE:
         figure.span = span
     figure.update_layout(

@@ -1,4 +1,4 @@
-"""Message frame with the arm and the bodies of its cell, which the page draws in 3D."""
+"""Message frame with the arm and the bodies of its cell; the page draws them in 3D."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from armcontour.studio.preview import Preview, PreviewExecution, Tier
 from armcontour.studio.view import Detail, View, in_space, select_points, to_float32
 from armcontour.verification.evaluation import duration_row
 
-# Approximate limits of the number of drawn points: maximum, and maximum for simple paths.
+# Approximate maximum number of drawn points: of any path, and of simple paths.
 MAX_POINTS, MIN_POINTS = 20_000, 1_200
 # The interval of an active limit is always drawn if it is longer than this factor times the drawing
 # tolerance.

@@ -76,7 +76,7 @@ class Tier(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Preview(Planned):
-    """Plan of one run of a document, of a certain accuracy."""
+    """Plan of one run of a document, with the accuracy `tier`."""
 
     job: Job
     # Joint positions at the start of the motion [rad], (dof,).

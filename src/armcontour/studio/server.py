@@ -60,7 +60,7 @@ MAX_PAGES = 16
 MAX_CONNECTIONS = 100
 # Maximum number of connections without a request in progress.
 MAX_IDLE = 50
-# Time after the last page was closed at which the server exits, with `exit_when_closed` [s].
+# With `exit_when_closed`, time from the closing of the last page to the exit of the server [s].
 EXIT_DELAY = 60.0
 # Maximum period of the checks for open pages and for changes of the job file [s].
 FILE_CHECK_PERIOD = 2.0

@@ -145,7 +145,7 @@ def tools_of(study: JobResult) -> list[Tool]:
 
 
 def _replaced_paths(study: JobResult) -> dict[str, Replaced]:
-    """Rounded or shaped paths of the drawn contour by name; equal paths of runs occur once."""
+    """Rounded or shaped paths of the drawn contour by name; equal paths are listed once."""
     index, paths = _shown(study), dict[str, Replaced]()
     for name, result in study.runs.items():
         path = result.path.contours[index].path

@@ -112,7 +112,7 @@ def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]
 
 
 def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Yield a heading and the text on the largest time shares of limits and the slowest point."""
+    """Yield a heading and its text: the largest time shares of limits, and the slowest point."""
     explanation, reserve = result.explanation, result.run.timing.reserve
     if explanation is None:
         return
