@@ -19,7 +19,7 @@ App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 ADDRESS = "127.0.0.1"
 # Number of random bytes of the token: 128 bits cannot be guessed.
 TOKEN_BYTES = 16
-# Maximum size of an upload and of a message of a page [bytes].
+# Maximum size of an upload, and of a message from a page [bytes].
 MAX_UPLOAD = 64 * MEGABYTE
 MAX_MESSAGE = 16 * MEGABYTE
 # Maximum rate [messages/s] and burst [messages] of a page, which sends one message per screen

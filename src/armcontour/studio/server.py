@@ -67,7 +67,7 @@ FILE_CHECK_PERIOD = 2.0
 # Interval at which the interpreter switches threads [s].
 SWITCH_INTERVAL = 5e-4
 # Arrays above this size are returned to the system when they are freed [bytes]. By default, glibc
-# retains freed blocks of up to 32 MB: hundreds of MB after motions of minutes.
+# retains freed blocks of up to 32 MB. After motions of several minutes, these are hundreds of MB.
 LARGE_ARRAY, M_MMAP_THRESHOLD = 2**20, -3
 # Close codes of websockets.
 REFUSED_CODE, BUSY_CODE = 1008, 1013

@@ -38,7 +38,7 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Document:
-    """Create the job of a card of the start page, in the folder of the open document `before`."""
+    """Create the job for a card of the start page, in the folder of the open document `before`."""
     checks.check_choice("card", card, (*DRAWINGS, PAPER, EMPTY))
     folder, library = before.folder or FilePath.cwd(), resources.files("armcontour.jobs.library")
     if card == PAPER:

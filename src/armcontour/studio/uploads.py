@@ -103,7 +103,7 @@ class Uploads:
         return [str(self.logs[str(x)]) for x in names]
 
     def close(self) -> None:
-        """Delete uploads of this session and of old sessions (MAX_AGE), except those of drafts."""
+        """Delete uploads of this session and of old sessions, except those that a draft needs."""
         needed = "".join(x.text for x in all_drafts())
         old = time.time() - MAX_AGE
         for folder in self.root.glob("*"):

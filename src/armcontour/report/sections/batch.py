@@ -49,7 +49,7 @@ class BatchView:
     name: str
     # Description in one line
     about: str
-    # Number of jobs by status, and number of failed jobs by name of the error
+    # Number of jobs by status, and number of jobs with an error by name of the error
     counts: Mapping[str, int]
     errors: Mapping[str, int]
     # Varied numeric parameters

@@ -269,7 +269,7 @@ def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
 
 
 def marked_run(study: JobResult) -> RunResult | None:
-    """Run whose switching points are drawn: the last run that has some; None if there is none."""
+    """Run whose switching points are drawn: the last run with such points; None without one."""
     switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
     return switched[-1] if switched else None
 
