@@ -34,8 +34,8 @@ VIEWER = np.array([1.1, -1.5, 0.9])
 RAPID_PLACES, APART = 24, 7.0
 # Maximum number of contours for which numbers are drawn.
 MAX_NUMBERED = 60
-# Length of a coordinate axis that is parallel to the picture [px]. An axis is not drawn if its
-# projection, or the distance of its end from a drawn axis, is below the share SHORT_AXIS of this.
+# AXIS: length of a coordinate axis that is parallel to the picture [px]. SHORT_AXIS: an axis is not
+# drawn if its projection, or the distance of its end from a drawn axis, is below this share of it.
 AXIS, SHORT_AXIS = 26.0, 0.25
 # Share of the maximum speed below which the tool counts as stopped.
 STILL = 1e-6
