@@ -32,7 +32,7 @@ from armcontour.robot.scene import Scene
 # Sections of a job that can name files, and the keys in these sections whose values are file names.
 FILE_SECTIONS = ("arm", "tools", "path", "scene")
 FILE_KEYS = ("file", "files", "joint_limits")
-# Section of a job whose key `run` selects the run, by kind of work.
+# For some kinds of work, the section of a job whose key `run` selects the run.
 RUN_SELECTORS = {CERTIFY: "certificate", PLACE: "placement"}
 
 
@@ -46,7 +46,7 @@ class BaseJob:
     source: str
     # Folder against which relative file names are resolved
     folder: FilePath
-    # Data of the file in SI units; only the selected run, all runs if `run` is None
+    # Data of the file in SI units, with only the selected run; with all runs if `run` is None
     data: Mapping[str, Any]
     # Name of the selected run; None if the certificate or the placement selects the run
     run: str | None
@@ -101,7 +101,7 @@ class BaseJob:
 
 @dataclass(frozen=True, slots=True)
 class _PartFactory:
-    """Factory of arm, path and scene; ignores `model` in comparisons, so a cache uses the text."""
+    """Factory of arm, path and scene; `model` is not compared, because the cache compares texts."""
 
     model: JobModel = field(compare=False)
     folder: FilePath
@@ -141,7 +141,7 @@ def read_base(
 def _select_run(
     data: Mapping[str, Any], source: str, run: str | None, work: str
 ) -> tuple[dict[str, Any], str | None]:
-    """Data with the selected run only, and the name of this run; None if the work selects it."""
+    """Data with the selected run only, and its name; with all runs and None if none is selected."""
     runs, names = data["runs"], ", ".join(data["runs"])
     name = run or (data.get(RUN_SELECTORS.get(work, "")) or {}).get("run")
     if name is None and len(runs) == 1:
@@ -212,14 +212,14 @@ def _digest_of(file: FilePath) -> str:
     try:
         state = file.stat()
     except OSError:
-        # Reading the file raises the error.
+        # `_digest` reads the file and raises the error.
         return _digest(file, (0, 0))
     return _digest(file, (state.st_size, state.st_mtime_ns))
 
 
 @lru_cache(maxsize=10_000)
 def _digest(file: FilePath, state: tuple[int, int]) -> str:
-    """Digest of a file; `state` has its size and modification time, for the cache."""
+    """Digest of a file; a new `state` (size, modification time) makes the cache read it again."""
     return hashlib.sha256(
         file_access.read_bytes(file, "file", maximum=file_access.LARGE)
     ).hexdigest()

@@ -1,4 +1,4 @@
-"""Figures of a job that can be columns of a batch."""
+"""Results of a job that can be columns of a batch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armcontour.core.result import Row
 from armcontour.core.text import suggest
 from armcontour.jobs.placement_options import UNITS
 
-# Kinds of work on each job. Each of RISING includes the previous kinds; `PLACE` is separate.
+# Kinds of work on each job. Each of INCREASING_WORKS includes the previous ones; PLACE is separate.
 COMPENSATE, RUN, CERTIFY = INCREASING_WORKS = ("compensate", "run", "certify")
 PLACE = "place"
 WORKS = (*INCREASING_WORKS, PLACE)
@@ -20,15 +20,15 @@ WORKS = (*INCREASING_WORKS, PLACE)
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A figure of a job, known before the job runs."""
+    """Column of a batch, which contains one result of each job."""
 
-    # SI unit of the figure; empty for counts
+    # SI unit of the result; empty for counts
     unit: str
-    # The smallest kind of work that computes the figure
+    # The smallest kind of work that computes the result
     smallest_work: str
 
     def is_computed_by(self, work: str) -> bool:
-        """True if a kind of work computes the figure."""
+        """True if a kind of work computes the result."""
         if PLACE in (work, self.smallest_work):
             return work == self.smallest_work
         return INCREASING_WORKS.index(self.smallest_work) <= INCREASING_WORKS.index(work)
@@ -36,7 +36,7 @@ class Column:
 
 ERRORS = ("contour_error", "objective_error", "tracking_error", "experiment.contour_error")
 PLACEMENT_UNITS = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
-# Units of the figures by name, grouped by the smallest kind of work that computes them.
+# Units of the results by name, grouped by the smallest kind of work that computes them.
 UNITS_BY_WORK: dict[str, dict[str, str]] = {
     COMPENSATE: {
         **{"duration": "s", "length": "m", "corner_error": "m", "full_stops.count": ""},
@@ -106,7 +106,7 @@ def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
 
 
 def figures_of(result: Any, names: Iterable[str], work: str) -> tuple[float | None, ...]:
-    """Figures of a job in the order of the columns; None if missing or not finite."""
+    """Results of a job in the order of the columns; None if missing or not finite."""
     from armcontour.jobs.job_result import judging_rows
 
     rows: list[Row] = []

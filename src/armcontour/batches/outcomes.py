@@ -25,7 +25,7 @@ from armcontour.jobs import Job
 if TYPE_CHECKING:
     from armcontour.report.sections.batch import PlotValues
 
-# Statuses of jobs. DONE: the job has figures. REFUSED: this library raised an error. FAILED: any
+# Statuses of jobs. DONE: the job has results. REFUSED: this library raised an error. FAILED: any
 # other error, which may be temporary; the option `retry` repeats these jobs.
 DONE, REFUSED, FAILED = STATUSES = ("done", "refused", "failed")
 
@@ -39,7 +39,7 @@ class Outcome(NamedTuple):
     error: str | None = None
     # Message of the error; None for a job that is done
     sentence: str | None = None
-    # Figures for the columns of the plan; empty for a job that is not done
+    # Results for the columns of the plan; empty for a job that is not done
     figures: tuple[float | None, ...] = ()
     # Duration of the work [s]
     seconds: float = 0.0
@@ -127,7 +127,7 @@ class Results:
         self._closing.close()
 
     def remaining(self, *, retry: bool) -> list[int]:
-        """Indices of the jobs without a result."""
+        """Indices of the jobs without a result; with `retry`, also of the failed jobs."""
         again = FAILED if retry else None
         rows = (self.rows.get(k, {"status": again}) for k in range(len(self._plan)))
         return [k for k, row in enumerate(rows) if row["status"] == again]
@@ -244,7 +244,7 @@ def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
     sampled = rows[::stride]
     axes = [_axis(x.key, x.unit, sampled, log=x.log) for x in plan.varied if x.numeric]
     figures = [_axis(x, COLUMNS[x].unit, sampled) for x in plan.columns]
-    # Figures without values, such as placements along axes that are not varied, are omitted.
+    # Columns without values, such as placements along axes that are not varied, are omitted.
     drawn = [x for x in figures if np.isfinite(x.values).any()]
     names = ", ".join(x.name for x in plan.bases)
     varied = ", ".join(x.key for x in plan.varied)

@@ -36,11 +36,11 @@ class Parameter:
     unit: str | None
     # Values in SI units; for a sampled range its start and end
     values: tuple[Any, ...]
-    # Whether the values are a range
+    # True if the values are a range
     ranged: bool = False
-    # Whether the range has a logarithmic scale
+    # True if the range has a logarithmic scale
     log: bool = False
-    # Whether the plan draws samples from the range
+    # True if the plan draws samples from the range
     sampled: bool = False
 
     @property
@@ -143,7 +143,7 @@ def _value_in_si(key: str, value: Any) -> Any:
 
 
 def _interpolate(low: float, high: float, fractions: FloatArray, *, log: bool) -> FloatArray:
-    """Values at fractions (0 to 1) between two ends; at 0 and 1 exactly the ends."""
+    """Values at fractions (0 to 1) of a range; at 0 and 1, they are exactly its ends."""
     if log:
         values = np.exp(math.log(low) + fractions * (math.log(high) - math.log(low)))
     else:

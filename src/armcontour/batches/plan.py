@@ -51,7 +51,7 @@ class SamplesModel:
 class PlanModel:
     """A plan of many jobs."""
 
-    # Name of the plan; by default that of its file
+    # Name of the plan; by default the name of its file
     name: str | None = None
     # A job file relative to the plan, or a drawing and its cell
     job: str | DrawingModel | None = None
@@ -65,9 +65,9 @@ class PlanModel:
     # Values of parameters by key path in the job file, such as "path.corner_error"
     over: dict[str, Any] = field(default_factory=dict)
     # Combination of the values: `product` makes a job for each combination, `zip` combines values
-    # with the same index; or samples of ranges
+    # with the same index; a mapping such as {sobol: 64} draws samples from ranges
     combine: Literal["product", "zip"] | SamplesModel = "product"
-    # Names of the stored figures of each job; docs/guides/batches.md lists them
+    # Names of the stored results of each job; docs/guides/batches.md lists them
     columns: list[str] | None = None
 
 
@@ -123,7 +123,7 @@ class Plan:
         return units | {x: COLUMNS[x].unit for x in self.columns}
 
     def base(self, index: int) -> int:
-        """Index of the base job that a job is made from."""
+        """Index of the base job from which a job is created."""
         return index // self.each
 
     def values(self, index: int) -> tuple[Any, ...]:
@@ -255,7 +255,7 @@ def _refuse_overlaps(keys: Sequence[str]) -> None:
 
 
 def _refuse_uneven(plan: Plan) -> None:
-    """Reject zipped parameters with different numbers of values."""
+    """Reject zipped parameters with different numbers of values, except single values."""
     if plan.combine != ZIP:
         return
     counts = {x.key: len(x.values) for x in plan.varied}
@@ -282,8 +282,8 @@ def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
             problem = _find_problem(base, [parameter.parts], [parameter.values[i]])
             if problem is None:
                 continue
-            # A value can be valid only together with values of other parameters: try the first
-            # values, then the values with the same index.
+            # Some values are valid only together with certain values of other parameters. Therefore
+            # the first values are tried, then the values with the same index.
             problems = []
             for j in (0, i):
                 values = [y.values[min(j, len(y.values) - 1)] for y in parameters]

@@ -48,7 +48,7 @@ def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
 
 @contextmanager
 def _shown(as_json: bool) -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
-    """Context that shows progress as a bar or as JSON; yields functions for jobs and compiling."""
+    """Context that shows progress as a bar or as JSON; yields the functions that update it."""
     if not as_json:
         with batch_progress() as functions:
             yield functions

@@ -31,7 +31,7 @@ MIN_NOISE = 1e-9
 MAX_TITLES = 8
 # Extensions of job files.
 JOB_FILES = (".yaml", ".yml")
-# Options for robot descriptions, which require --arm.
+# Options for robot descriptions; these options require --arm.
 ARM_OPTIONS = ("tip", "base", "joint_limits", "package", "xacro_arg")
 # Exit codes by verdict; no error has the exit code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
@@ -138,7 +138,7 @@ def _limits_and_path(
 
 
 def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
-    """Clearance of the arm from itself and its cell along the samples, with times of the file."""
+    """Clearance of the arm from itself and its cell along the samples; times are as in the file."""
     from armcontour.verification.clearance import check_clearance
 
     return check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
@@ -260,7 +260,7 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
 
 
 def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> list[str]:
-    """Sentences about ignored columns, notes of the file, and undeclared noise."""
+    """Lines with the ignored columns, the notes of the file, and a note about undeclared noise."""
     lines = []
     if samples.left_out:
         lines.append(
@@ -298,7 +298,7 @@ def _noise(q: FloatArray) -> float:
 
 
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
-    """Run of a job whose path and, if `limited`, whose limits the check uses."""
+    """Select the run of a job for the check, which uses its path and, if `limited`, its limits."""
     # The default is the first run that rounds corners, if all such runs round corners equally.
     from armcontour.core.errors import InvalidInput
     from armcontour.jobs.job import find_run

@@ -40,7 +40,7 @@ class Console:
         left_aligned: Collection[int] = (0,),
         whole: Collection[int] = (0,),
     ) -> None:
-        """Print a table; columns of `whole` are not wrapped if their names are of usual length."""
+        """Print a table; columns of `whole` are wrapped only if texts exceed USUAL_NAME."""
         from rich.markup import escape
         from rich.table import Table
 
@@ -48,7 +48,7 @@ class Console:
         table = Table(title=shown, title_justify="left")
         lines = [[to_line(x) for x in row] for row in rows]
         for i, heading in enumerate(headings):
-            # Long names are wrapped instead of cut; names of usual length stay on one line.
+            # Long names are wrapped instead of truncated; names up to USUAL_NAME stay on one line.
             justify: Literal["left", "right"] = "left" if i in left_aligned else "right"
             usual = i in whole and max((len(x[i]) for x in lines), default=0) <= USUAL_NAME
             table.add_column(escape(heading), justify=justify, overflow="fold", no_wrap=usual)
@@ -57,7 +57,7 @@ class Console:
         self._rich.print(table)
 
     def show(self, data: Data) -> None:
-        """Print the figures, tables and notes of a result."""
+        """Print the values, tables and notes of a result."""
         from armcontour.core.render import text
 
         for line in text(data).splitlines():

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 # Labels of exported set-points, and of the exported plan (without compensation).
 SET_POINTS, REFERENCE = "set_points", "reference"
-# Formats whose controllers interpolate set-points with quintics, and ratio of acceleration and
-# limit above which a warning is given.
+# Formats whose controllers interpolate set-points with quintics, and ratio of the acceleration to
+# its limit above which a warning is given.
 JOINED_BY_QUINTICS = ("ros-yaml", "mcap")
 MAX_ACCELERATION_RATIO = 3.0
 
@@ -42,7 +42,7 @@ class Target:
 
     @property
     def plans(self) -> bool:
-        """True if the controller plans the motion between points; such files have only the plan."""
+        """True if the controller plans the motion between points; such files have no set-points."""
         from armcontour.files.exports.template import templates
 
         return self.format.label in templates()
@@ -63,7 +63,7 @@ class Exports:
     derivatives: int = 2  # Highest derivative of the positions in files
     tool_motion: bool = False  # True if files have point, orientation and speed of the tool
     effort: bool = False  # True if files have the joint torques of the plan
-    # Ratio of the tolerances in ros-yaml files and the predicted errors; None: no tolerances.
+    # Ratio of the tolerances in ros-yaml files to the predicted errors; None: no tolerances.
     tolerances: float | None = None
 
     def __bool__(self) -> bool:
@@ -101,7 +101,7 @@ class Exports:
         }
 
     def with_tolerances(self, target: Target, label: str, result: RunResult) -> Target:
-        """Target with tolerances from simulated errors, if the file has set-points for ros-yaml."""
+        """Target with tolerances from simulated errors, if it is ros-yaml and gets set-points."""
         from armcontour.files.exports.ros import predict_tolerances
 
         if target.format.kind != "ros-yaml" or self.tolerances is None or label != SET_POINTS:
@@ -326,7 +326,7 @@ def _two_points(job: Job, cycle: float, events: Sequence[Event], exports: Export
 
 
 def _title(job: Job, label: str) -> str:
-    """Title of a table, which its file contains."""
+    """Title of a table, which is also written to the file."""
     return f"{job.name} {label}"
 
 

@@ -26,7 +26,7 @@ PAPER = "paper"
 
 
 def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
-    """Values that options set by job key, and the option that sets each key (joined by dots)."""
+    """Read options that set job keys: values by key path, and options by key joined by dots."""
     from armcontour.core.errors import InvalidInput, error_context
 
     patch: dict[tuple[str | int, ...], Any] = {}
@@ -61,15 +61,15 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
 
 @contextmanager
 def name_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Context that adds the option to the message of an error about a key that the option set."""
+    """Context that adds, to the message of an error about a job key, the option that set it."""
     from armcontour.core.errors import InvalidInput
 
     try:
         yield
     except InvalidInput as error:
         for key, option in options.items():
-            # A key without dots can also be an ordinary word in the message, so it must follow a
-            # colon.
+            # A key without dots can also be an ordinary word of the message. Therefore it counts as
+            # a key only after a colon.
             begin = r"\b" if "." in key else ": (unknown key )?"
             if re.search(rf"{begin}{re.escape(key)}\b", str(error)):
                 raise error.with_location(option).with_traceback(error.__traceback__) from None
@@ -91,7 +91,7 @@ def is_job(file: FilePath) -> bool:
 
 
 def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *groups: Any) -> Job:
-    """Read a job file, or combine a drawing with a cell; `groups`: more options that set keys."""
+    """Read a job file, or combine a drawing with a cell; `groups`: more options with job keys."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_job
     from armcontour.files.cell import cell_names, read_cell
@@ -158,12 +158,12 @@ def to_point(text: str) -> list[str | int]:
 
 
 def to_skip(_: bool) -> str:
-    """Value "skip" of the key for unknown elements; the option is a flag."""
+    """Convert a flag to "skip", the value of the job key for unknown elements."""
     return "skip"
 
 
 def to_words(texts: list[str]) -> dict[str, list[str]]:
-    """Convert texts to the key `skip` with a list of words; commas separate words in a text."""
+    """Convert texts of words, separated by commas, to the job value `{skip: [words]}`."""
     return {"skip": [word.strip() for text in texts for word in text.split(",") if word.strip()]}
 
 
@@ -239,7 +239,7 @@ def _read(option: str, text: str, kind: Any) -> float:
         raise InvalidInput(f"{option}: {str(error).rstrip('.')}.") from None
 
 
-# Functions that convert the values of options that set job keys, by their names in `About`.
+# Functions that convert option values to values of job keys, by function name in `About`.
 READERS: dict[str, Callable[[Any], Any]] = {
     x.__name__: x
     for x in (

@@ -44,7 +44,7 @@ def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -
 
 
 def _refuse_missing(options: LearnOptions) -> None:
-    """Raise InvalidInput if options that others require are missing."""
+    """Raise InvalidInput if required options are missing."""
     from armcontour.cli.play_command import refuse_without_controller
     from armcontour.core.errors import InvalidInput
 

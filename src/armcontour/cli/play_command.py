@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # Exit codes. DONE: the motion was completed, or dry run. STOPPED: the motion was stopped.
 DONE, STOPPED = 0, 1
 DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
-# Options of controllers, by field of `ControllerOptions`.
+# Options that require --on, by field of `ControllerOptions`.
 OF_CONTROLLER = {x: f"--{x}" for x in ("execute", "drives", "hal", "address")}
 
 
@@ -128,7 +128,7 @@ def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller
 def refuse_without_controller(
     options: ControllerOptions, others: Mapping[str, str] = MappingProxyType({})
 ) -> None:
-    """Raise InvalidInput if an option that requires --on is given; `others`: options by field."""
+    """Raise InvalidInput for options that require --on; `others`: further such options by field."""
     from armcontour.core.checks import raise_if
 
     for name, option in {**OF_CONTROLLER, **others}.items():

@@ -185,7 +185,10 @@ def job_progress() -> Iterator[JobProgress]:
     from rich.text import Text
 
     class RemainingTime(ProgressColumn):
-        """Column with the remaining time; the column of rich resets if the expected end changes."""
+        """Column with the remaining time.
+
+        It replaces rich's `TimeRemainingColumn`, which resets when the expected end changes.
+        """
 
         def render(self, task: Task) -> Text:
             end = task.fields["end"]

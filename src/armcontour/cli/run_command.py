@@ -161,7 +161,7 @@ def write_motions(
 
 
 def _print_results(study: JobResult, notes: Sequence[str]) -> None:
-    """Print the verdict on each run, its figures, remarks and warnings."""
+    """Print verdict, values, remarks and warnings of each run."""
     from armcontour.core.render import cells, compare, lay_out, text, verdict
     from armcontour.core.result import VERDICT
     from armcontour.jobs import warnings_of

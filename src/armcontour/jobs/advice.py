@@ -28,7 +28,7 @@ from armcontour.planning.explanation import DWELLS, NAMES, RAPIDS
 from armcontour.robot.limits import UNITS
 from armcontour.verification import evaluate
 
-# Maximum number of listed changes, and maximum number of changes that are planned to find them.
+# Maximum number of listed changes, and of groups of changes that are tried to save time.
 MAX_LISTED, MAX_PLANNED = 3, 6
 # Factors by which limits and corner tolerances are increased.
 LIMIT_FACTOR, TOLERANCE_FACTOR = 1.2, 2.0
@@ -45,7 +45,7 @@ SMALL = 50
 # Conditions of changes: for limits of drives, for limits that the user has set, and for tolerances.
 IF_DRIVE, IF_PROCESS = "the drive allows it", "the process allows it"
 IF_PART = "the part allows it"
-# Name of the step in the progress.
+# Name of the step in progress messages.
 STEP = "changes"
 
 
@@ -156,7 +156,7 @@ def _rounded(value: float, digits: int = 3) -> float:
 
 
 def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
-    """Yield groups of changes that may shorten the motion; the first successful one counts."""
+    """Yield groups of changes that may save time; of each, the first successful one counts."""
     run, why = result.run, result.explanation
     if why is None or run.duration is not None:
         return
@@ -188,7 +188,7 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
 
 
 def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
-    """Yield a higher travel speed of the weave, if it is the assigned velocity of the run."""
+    """Yield a candidate with a higher travel speed of the weave, if `limits.speed` permits."""
     weave = job.process.weave
     if weave is None or weave.speed is None or weave_speed(result) is None:
         return
@@ -207,7 +207,7 @@ def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candid
 def _raised_limit(
     job: Job, run: Run, kind: str, joint: int | None, share: float
 ) -> Iterator[_Candidate]:
-    """Yield the increase of a kind of limit; of a joint limit, only for one joint."""
+    """Yield a candidate with an increased limit; of joint limits, only that of `joint` changes."""
     fields = {name: x for x, name in NAMES.items()}
     name = fields.get(kind)
     value = None if name is None else getattr(run.limits, name)
@@ -282,7 +282,7 @@ def _reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _C
 
 
 def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
-    """Yield groups of changes that may repair a run; the first successful one counts."""
+    """Yield groups of changes that may repair a run; of each, the first successful one counts."""
     run, e = result.run, result.judged
     if run.accuracy is not None and result.tolerance is not None and e is not None:
         room = ACCURACY_SHARE * run.accuracy - 2 * e.contour_error.max

@@ -35,7 +35,7 @@ REST = "at rest"
 OTHER_CONFIGURATION = (
     "the arm uses another configuration, because the contours are collision-free in it"
 )
-# If the tool point is nearer to the flange than this [m], the arm has no tool.
+# If the tool point is nearer to the flange than this [m], the arm counts as having no tool.
 MIN_TOOL_LENGTH = 1e-3
 # Task dimension of position and orientation, including the rotation about the tool axis.
 WHOLE_POSE = 6
@@ -96,7 +96,7 @@ def clearance_of(job: Job, motion: Trajectory | JointPath) -> Clearance | None:
 
 
 def below_base(job: Job, motion: Trajectory) -> str | None:
-    """Warning about links below the base; None if there are none or they are not checked."""
+    """Warning about links below the base; None if no link is below it, or links are not checked."""
     if not _is_checked(job):
         return None
     return Clearance(pairs=(), below=job.cell.below(motion)).below_base
@@ -124,7 +124,7 @@ def _is_checked(job: Job) -> bool:
 
 
 def _explain_unchecked(arm: Arm) -> tuple[str, ...]:
-    """Note with the reason why self-collision is not checked; empty if other notes contain it."""
+    """Reason why self-collision is not checked; empty for planar arms or if other notes have it."""
     if arm.dimension != 3:
         return ()
     try:
@@ -154,7 +154,7 @@ def _about_tool(arm: Arm) -> tuple[str, ...]:
 
 
 def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
-    """Raise Collision for the first contour with a collision, else for the first other move."""
+    """Raise Collision for the first contour with a collision, else for the first such move."""
     # Contours have priority, because rapids can avoid obstacles by a detour, but contours cannot.
     contours = iter(enumerate(program.contours))
     moves: list[tuple[str, Span]] = []
@@ -173,7 +173,7 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
 
 
 def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
-    """Joint paths in which rapids with a collision are replaced by detours, if any are found."""
+    """Joint paths in which each rapid with a collision is replaced by a detour, if one is found."""
     steps = []
     for k, step in enumerate(traced.steps):
         progress(Step(("clearance",), k / len(traced.steps)))
@@ -189,7 +189,7 @@ def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Pr
 def _other_start(
     job: Job, run: Run, traced: Tracing, reached: float, progress: Progress
 ) -> Tracing | None:
-    """Joint paths from another start that are collision-free, or have the largest `_count_clear`.
+    """Joint paths from another start position: collision-free, or with the largest `_count_clear`.
 
     None if no start has a larger `_count_clear` than the first joint paths (`reached`).
     """
@@ -234,7 +234,7 @@ def _count_clear(traced: Tracing, cell: Cell) -> float:
 
 
 def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
-    """Yield joint positions at the start of a path: all configurations, then with other rotations.
+    """Yield lists of joint positions at the start of a path: configurations, then other rotations.
 
     The rotations are about a free tool axis; use them if no configuration is collision-free.
     """

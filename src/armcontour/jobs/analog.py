@@ -23,7 +23,7 @@ COOLANT = {"coolant"}
 def analog_outputs(
     program: Program, trajectory: Trajectory, process: Process, limits: Limits
 ) -> Mapping[str, Values]:
-    """Functions from times of a plan to the values of the analog outputs of its process.
+    """Functions of the time of a plan that return the values of analog outputs, by output name.
 
     A function takes increasing times [s], (n,), where the plan starts at 0, and gives (n,). The
     value is that of the planned tool speed while the process is at work on a contour and no output
@@ -36,7 +36,7 @@ def analog_outputs(
     states = _States(trajectory, process)
     functions: dict[str, Values] = {}
     for name in process.analog_names:
-        # Contours of a layer without the output get None.
+        # The entry is None for contours whose layer does not have the output.
         outputs = [_output(process.of_layer(x.layer), name) for x in program.contours]
         idle = next(x.off for own in process.variants if (x := _output(own, name)) is not None)
         functions[name] = partial(_values, program, trajectory, states, limits, outputs, idle)
@@ -110,8 +110,8 @@ def _tool_speeds(contour: Contour, s: FloatArray, rates: FloatArray) -> FloatArr
     path = contour.path
     if not isinstance(path, ShapedPath) or path.curve is None:
         return rates
-    # s of a smooth curve is the arc length of the arcs that approximate it, so the norm of the
-    # derivative differs from 1 by a few parts per million.
+    # For a smooth curve, s is the arc length of arcs that approximate the curve. Therefore the norm
+    # of the derivative of the position by s differs from 1 by a few parts per million.
     return np.asarray(rates * np.linalg.norm(path(s, 1), axis=1))
 
 

@@ -18,13 +18,13 @@ from armcontour.planning import Optimal
 from armcontour.program import Contour, Leads, Process, Program, arrange_contours, prepare
 from armcontour.robot import PlanarTwoLink
 
-# Length of a lead that is tried first, minimum and maximum length [m].
+# Lead length that is tried first, minimum and maximum lead length [m].
 FIRST_LEAD, SHORTEST_LEAD, LONGEST_LEAD = 32e-3, 2e-3, 16.0
 # Relative increase of the speed below which a lead is not doubled again. With jerk limits, the
 # speed increases only slowly with the radius of the arc of the lead.
 LEAST_GAIN = 0.05
 # SHORT_ENOUGH: the search ends when this share of the length is not sufficient. LONGER: ratio of
-# the next tried length and its estimate. PLACES: number of points of the speed along a lead.
+# the next tried length to its estimate. PLACES: number of points along a lead with known speed.
 SHORT_ENOUGH, LONGER, PLACES = 0.98, 1.005, 401
 # Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
@@ -33,7 +33,7 @@ PlanOne = Callable[..., Planned]
 
 
 def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
-    """Shortest leads of each contour with full speed where the process is switched on and off.
+    """Shortest leads with which each contour has full speed where the process switches on and off.
 
     Full speed is the assigned velocity, or the largest speed that is possible with a lead within
     the reach of the arm. Lengths of leads that are not automatic are 0.
@@ -83,7 +83,7 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
 def _lead_speeds(
     plan: PlanOne, job: Job, run: Run, contour: Contour, name: str, length: float
 ) -> FloatArray | None:
-    """Speeds along the lead "before" or "after" a contour that is planned alone [m/s], (PLACES,).
+    """Speeds along the lead `name` ("before", "after") of a contour planned alone [m/s], (PLACES,).
 
     They are at evenly spaced points from the end at which the tool rests to the contour. None if
     the arm does not reach this end, but may reach the end of a shorter lead.
@@ -108,7 +108,7 @@ def _lead_speeds(
 def _shortest_lead(
     speeds: Callable[[float], FloatArray | None], assigned: float, gain: float
 ) -> float:
-    """Shortest lead [m] with the assigned velocity, or with the largest speed of any lead."""
+    """Shortest lead [m] that reaches the assigned velocity, else the largest speed of any lead."""
     # The sufficient speed is reduced by half of the tolerance of `slow_ends`, so that the result
     # causes no warning.
     enough = assigned * (1 - SAME_SPEED / 2)
@@ -130,8 +130,8 @@ def _shortest_lead(
     enough = min(enough, lead_speeds[-1] * (1 - SAME_SPEED / 2))
     # The lead is shortened. The next length is the larger of two estimates: the part of the long
     # lead after which the speed is sufficient, and `short` extrapolated with speeds proportional to
-    # the square root of the length. Where speeds grow less, as at the end of an acceleration with a
-    # jerk limit, the steps are doubled.
+    # the square root of the length. If the speed grows more slowly, as at the end of an
+    # acceleration with a jerk limit, the steps are doubled.
     step = 0.0
     while True:
         share = np.argmax(lead_speeds >= enough) / (PLACES - 1)

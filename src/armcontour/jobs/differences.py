@@ -1,4 +1,4 @@
-"""Differences of two results: figures, and times of active limits."""
+"""Differences of two results: values, and times of active limits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 
 
 def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other")) -> Table:
-    """Table of main figures and limit times: label, both values, and first minus second value."""
+    """Table of main values and limit times: label, both values, and first minus second value."""
     columns = ("figure", *names, "difference")
     rows = [
         (before.label or after.label, figure(before), figure(after), _difference(before, after))
@@ -19,7 +19,7 @@ def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other"
 
 
 def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
-    """Yield pairs of rows: figures with the same name, and times of the same active limit."""
+    """Yield pairs of rows: values with the same name, and times of the same active limit."""
     others = {x.name: x for x in other.shown(FIRST)}
     for row in one.shown(FIRST):
         if row.name in others:
@@ -34,7 +34,7 @@ def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
 
 
 def _difference(one: Row, other: Row) -> str:
-    """Difference of two figures with its sign; empty for texts, verdicts and unknown values."""
+    """Difference of two values with its sign; empty for texts, verdicts and unknown values."""
     before, after = one.figure, other.figure
     if any(isinstance(x, bool | str) or x is None for x in (before, after)):
         return ""

@@ -41,13 +41,13 @@ from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
-# Prefix of labels of figures from the rigid-body simulation.
+# Prefix of the labels of values from the rigid-body simulation.
 BODIES_LABEL = "on rigid bodies: "
-# Prefix of names of figures from the rigid-body simulation.
+# Prefix of the names of values from the rigid-body simulation.
 EXPERIMENT_PREFIX = "experiment."
-# Figures from the rigid-body simulation that are shown even if the servo model judges the run.
+# Values from the rigid-body simulation that are shown even if the servo model judges the run.
 SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
-# Figures of the verdict, in the displayed order. Figures of the clearance are in a separate part.
+# Values of the verdict, in the displayed order. Values of the clearance are in a separate part.
 OF_VERDICT = ("kept", "off_drawing", "duration", "time_limit", "saturated", "warning_count")
 
 
@@ -100,7 +100,7 @@ class RunResult(Planned, Result):
     advice: Advice | None = None
 
     def to_data(self) -> Data:
-        """Verdict on the run, its figures, tables, notes and warnings."""
+        """Verdict on the run, its values, tables, notes and warnings."""
         return run_data(self)
 
     __repr__ = short_repr
@@ -118,7 +118,7 @@ class RunResult(Planned, Result):
 
     @property
     def _errors(self) -> list[float] | None:
-        """Largest error of each contour that judges the run [m]; None without simulation."""
+        """Largest error of each contour in the judging simulation [m]; None without simulation."""
         return None if self.judged is None else [x.max for x in self.judged.contours]
 
     @property
@@ -185,7 +185,7 @@ class RunResult(Planned, Result):
         return self.evaluation if bodies is None else bodies.evaluation
 
 
-# Columns of `JobResult.to_dict`, and the names of the figures in them.
+# Columns of `JobResult.to_dict`, each with the name of its value in the data of a run.
 COLUMNS = {
     "motion": "duration",
     "settled": "settled",
@@ -217,7 +217,7 @@ class JobResult:
         return any(x.execution is not None for x in self.runs.values())
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """Figures of all runs as columns by name, for example for `pandas.DataFrame`.
+        """Values of all runs as columns by name, for example for `pandas.DataFrame`.
 
             pandas.DataFrame(study.to_dict()).sort_values("largest")
 
@@ -291,7 +291,7 @@ def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
 
 
 def run_data(result: RunResult, job: Job | None = None) -> Data:
-    """Data of a run; without figures of the execution if the run was not simulated."""
+    """Data of a run; without values of the execution if the run was not simulated."""
     e = result.evaluation
     parts: dict[str, Data] = {}
     if result.clearance is not None:
@@ -346,7 +346,7 @@ def promoted(rows: Iterable[Row]) -> tuple[Row, ...]:
 
 
 def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[Row, ...]:
-    """Rows of a run in which figures of the evaluation are those that judge the run.
+    """Rows of a run, with the values of the evaluation that judges the run.
 
     If the rigid-body simulation judges the run, its figures replace the figures of the servo model.
     """
@@ -379,7 +379,7 @@ def _verdict(result: RunResult) -> Iterator[Row]:
 
 
 def _executed(result: RunResult, evaluation: Evaluation) -> Iterator[Row]:
-    """Yield figures of the execution with the servo model.
+    """Yield rows of the execution with the servo model.
 
     They are only written to files if the rigid-body simulation judges the run.
     """
@@ -391,7 +391,7 @@ def _executed(result: RunResult, evaluation: Evaluation) -> Iterator[Row]:
 
 
 def _planned(result: RunResult) -> Iterator[Row]:
-    """Yield figures of a plan that was not simulated."""
+    """Yield rows of a plan that was not simulated."""
     yield duration_row(result.trajectory.duration)
     if result.trajectory.arm is not None:
         yield Row("speed", result.motion.tool_speed.max(), "m/s", "tool speed, largest")
@@ -406,7 +406,7 @@ def _clearance(result: RunResult) -> Data:
 
 
 def _experiment(result: RunResult) -> Iterator[Row]:
-    """Yield figures of the rigid-body simulation; they are main figures if they judge the run."""
+    """Yield rows of the rigid-body simulation; they are main results if they judge the run."""
     if result.failure is not None:
         yield Row(
             "experiment.failed", str(result.failure), "", f"{BODIES_LABEL}failed", level=FIRST
@@ -431,7 +431,7 @@ def _experiment(result: RunResult) -> Iterator[Row]:
 
 
 def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
-    """Yield tables of stretches, corners, weaves, moves and events of a plan."""
+    """Yield tables of stretches (intervals of a speed rule), corners, weaves, moves and events."""
     trajectory, path = result.trajectory, result.path
     yield Table(
         "stretches",

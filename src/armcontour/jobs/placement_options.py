@@ -98,7 +98,7 @@ def read_uncertainty(deviations: Mapping[str, float], dimension: int) -> dict[st
 
 
 def corners_of(uncertainty: Mapping[str, float]) -> list[dict[str, float]]:
-    """Corners of the box of an uncertainty, as shifts by axis [m or rad]; empty without axes."""
+    """Corners of an uncertainty box, as shifts by axis [m or rad]; empty without uncertainty."""
     if not uncertainty:
         return []
     signs = product((-1.0, 1.0), repeat=len(uncertainty))
@@ -116,7 +116,7 @@ def _check_axis(name: str, names: tuple[str, ...], label: str) -> None:
 
 
 def _axis(name: str, limits: Sequence[Any]) -> Axis:
-    """Read an axis; a full turn omits the last value, because it equals the first direction."""
+    """Read an axis; the last value of a full turn is omitted, because it equals the first one."""
     if isinstance(limits, str) or len(limits) != 3:
         raise InvalidInput(
             f"over {name} must have the first value, the last value and the number of places, such "

@@ -66,7 +66,7 @@ class Weaving:
     frequency: tuple[float, float]  # Smallest and largest number of waves per second [1/s]
     # Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned velocity.
     requested: tuple[float, float]
-    left_out: float  # Length of the seam that is not woven, in parts shorter than half a pitch [m]
+    left_out: float  # Length of seam parts that are too short to be woven [m]
 
     @property
     def differs(self) -> bool:
@@ -77,7 +77,7 @@ class Weaving:
 
     @property
     def sentence(self) -> str:
-        """Sentence with planned widths and frequencies; if different, also the requested ones."""
+        """Sentence with planned widths and frequencies, and requested values if they differ."""
         width, frequency = self.requested
         text = f"{self.contour} weaves {number_range(self.width, 'm')} wide at "
         text += number_range(self.frequency, "Hz")
@@ -170,7 +170,7 @@ def applied_torques(executed: Execution) -> Torques | None:
 
 
 def torques_at(arm: Arm, plan: Trajectory, t: FloatArray, *, side: str = "right") -> FloatArray:
-    """Torques of a plan at times t [s], (n,), from one side of jumps [N m], (n, dof)."""
+    """Torques [N m], (n, dof), of a plan at times t [s], (n,); at jumps, those on one `side`."""
     return arm.torque(*(plan(t, order, side=side) for order in (0, 1, 2)))
 
 

@@ -28,13 +28,13 @@ from armcontour.program import Program
 from armcontour.robot import Arm, compare_limits
 from armcontour.verification.clearance import Clearance
 
-# Clearance of the arm from itself below which it is reported [m].
+# Clearance of the arm from itself below which a note reports the clearance [m].
 NEAR = 10e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShapingGain:
-    """Time saved by shaping the contours of a program, without rapids and dwells between them.
+    """Time that shaping the contours of a program saves; rapids and dwells are not included.
 
     Args:
         starts: Number of contours for which each start was best, by name of the start.
@@ -65,7 +65,7 @@ class ShapingGain:
 
     @property
     def gain(self) -> float:
-        """Share of the duration of the fastest initial shape that shaping saves."""
+        """Share that shaping saves of the duration of the fastest initial shape."""
         starts = [x for name, x in self.durations.items() if name != SHAPED]
         return 1 - self.durations[SHAPED] / min(starts)
 
@@ -164,7 +164,7 @@ class Planned:
     def _stops_of_path(self) -> dict[str, int]:
         """Number of full stops that the path requires regardless of limits, by reason."""
         if isinstance(self.run.timing, Conventional):
-            # This method does not stop, because it passes corners at its uniform speed.
+            # The conventional method does not stop, because it passes corners at uniform speed.
             return {}
         stops: Counter[str] = Counter()
         for contour in self.path.contours:
@@ -173,7 +173,7 @@ class Planned:
 
     @property
     def stops_note(self) -> str | None:
-        """Note about full stops inside contours; None if there are none except due to jerk limits.
+        """Note about full stops inside contours, except those due to jerk limits; None without any.
 
         Stops due to jerk limits are reported by a warning.
         """

@@ -67,7 +67,7 @@ class _PathPoints(NamedTuple):
 
 
 def explain(error: Unreachable, job: Job) -> Unreachable:
-    """Error about the point of a job that is farthest out of reach; else the given error.
+    """Error about the point of a job that is farthest out of reach, or the given error if none is.
 
     Points of contours have priority over points of rapids.
     """
@@ -149,7 +149,7 @@ def _reached(
 
 
 def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: bool) -> Unreachable:
-    """Error about point `k`, which is farthest out of reach; `away`: distances of points [m]."""
+    """Error about point `k`, which is farthest out of reach; `away`: distances from the reach."""
     called, path = points.paths[points.owner[k]]
     point, s, gap = points.points[k], float(points.s[k]), float(away[k])
     far = gap >= FAR_OUT
@@ -174,7 +174,7 @@ def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: boo
 
 
 def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str:
-    """Remedy with which all points are in reach, as the end of a sentence."""
+    """Remedy that brings all points into reach, as the end of a sentence."""
     shift = _find_shift(job.arm, points, away)
     lower = "all contours are in reach: use a smaller approach or retract, or " if rapid else ""
     free = suggest_remedy(points.paths[0][1]).removeprefix("move the path or the arm")

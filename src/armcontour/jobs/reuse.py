@@ -11,7 +11,8 @@ import numpy as np
 T = TypeVar("T")
 # Default number of results of each step in the cache, for a few runs that a user compares.
 RESULTS = 4
-# Number of results with samples in the cache, and number of samples above which only one stays.
+# Maximum number of results with samples in the cache, and maximum number of samples in all results
+# of a step; the newest result always stays.
 LARGE_RESULTS, MAX_SAMPLES = 2, 200_000
 
 
@@ -31,7 +32,7 @@ class Reuse:
         maximum: int | None = None,
         samples: Callable[[T], int] = lambda value: 0,
     ) -> T:
-        """Result of a step: the cached result for equal inputs `made_of`, or that of `make`.
+        """Result of a step: the cached result for equal inputs `made_of`, else that of `make`.
 
         `maximum`: number of results in the cache; `samples`: number of samples of a result.
         """

@@ -127,7 +127,7 @@ def move_table(
     starts: Sequence[tuple[float, float]],
     errors: Sequence[ErrorProfile],
 ) -> Table:
-    """Table of the moves of a program with times; values of contours are None for other moves."""
+    """Table of the moves of a program with times; only rows of contours have all values."""
     contours = iter(zip(path.contours, starts, strict=True))
     remaining = iter(errors)
     rows = []

@@ -29,13 +29,13 @@ from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
 from armcontour.verification.error_profile import Coverage, error_rows
 
-# Minimum further dead time [s] and minimum relative clock error that are reported.
+# Minimum additional dead time [s] and minimum relative clock error that are reported.
 REPORTED_DELAY, REPORTED_RATE = 1e-4, 1e-5
 # A log belongs to an earlier run if the misfit of the earlier set-points is below this share of the
 # misfit of the current set-points.
 NEARER = 0.5
-# Minimum RMS difference between set-points in a log and set-points of the run that is reported: an
-# absolute value above the rounding of printed logs [rad], and a share of the error.
+# Minimum reported RMS difference between the set-points in a log and those of the run: an absolute
+# value above the rounding of printed logs [rad], and a share of the error.
 REPORTED_DIFFERENCE, DIFFERENCE_SHARE = 2e-5, 0.05
 
 
@@ -210,7 +210,7 @@ class JudgedStudy:
 
     @property
     def notes(self) -> list[str]:
-        """Notes about dead time, the clock and the set-points of the log, and its limitations."""
+        """Notes about dead time, clock and set-points of the log, and what the errors include."""
         run, delay = self.judged.runs[0], self.judged.delay
         notes = [f"{x}; the errors take this into account." for x in _timing_clauses(delay, run)]
         notes += _other_set_points(run)
@@ -241,7 +241,7 @@ def _measured_pieces(
 
 
 def _timing_clauses(delay: float, run: LearningRun) -> list[str]:
-    """Clauses about dead time [s] in addition to the model's, and about the clock of the log."""
+    """Clauses about `delay` [s], the dead time that the model lacks, and the clock of the log."""
     sentences = []
     if delay >= REPORTED_DELAY:
         sentences.append(f"The robot has {number(delay, 's')} more dead time than its servo model")
@@ -338,7 +338,7 @@ def learn_logs(
 def judge_last(
     job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
 ) -> JudgedStudy:
-    """Determine the errors of the last one of successive runs; arguments as in `learn_logs`."""
+    """Determine the errors of the last of successive runs; arguments as in `learn_logs`."""
     plan = plan_run(job, run, progress)
     set_points = _learned(job, plan, logs[:-1], progress)
     subprogress(progress)(Step((f"judging {logs[-1].source}",)))
@@ -380,7 +380,7 @@ def judge_log(
 
 
 def feeds_gravity_forward(run: Run) -> bool:
-    """True if the controller adds the gravity torque, according to compensation or experiment."""
+    """True if the controller adds the gravity torque (compensation or experiment; default True)."""
     options = run.compensation
     if isinstance(options, InverseDynamics) and options.gravity_feedforward is not None:
         return options.gravity_feedforward

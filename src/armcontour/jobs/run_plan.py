@@ -236,7 +236,7 @@ def trace_run(job: Job, run: Run, program: Program, progress: Progress) -> Traci
 
 
 def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
-    """Add transitions where lines and arcs meet, if they belong to this step.
+    """Add transitions where lines and arcs meet, if this step (before or after rounding) adds them.
 
     `rounded`: True after corners were rounded.
     """

@@ -28,24 +28,24 @@ from armcontour.verification.evaluation import duration_row
 MAX_NAMES = 4
 # Relative difference below which two values count as equal.
 SAME_VALUE = 1e-9
-# Ratio of demand and acceleration limit above which the saturation of a joint is reported.
+# Ratio of the demand to the acceleration limit above which saturation of a joint is reported.
 FAR_ABOVE = 1.5
-# Ratio of cycle and duration above which the cycle is reported as too coarse.
+# Ratio of the cycle to the duration above which the cycle is reported as too coarse.
 COARSE = 0.1
 # Number of times at which a plan is compared with the motion of logs, in addition to its breaks.
 PLAN_SAMPLES = 1000
 # Minimum joint error that is reported [rad].
 MIN_JOINT_ERROR = 1e-6
-# SLOW: a contour is reported if it takes this multiple of the time of a line with the same length.
-# ENDS: the acceleration along this line is the largest mean acceleration between an end of the
-# contour and a point that is at least this share of the length away from the end.
+# SLOW: a contour is reported if it takes more than this multiple of the time for a line of the same
+# length. ENDS: the acceleration on this line is the largest mean acceleration from an end of the
+# contour to a point that is at least this share of the length away from the end.
 SLOW, ENDS = 2.0, 1e-3
 # Relative difference below which two speeds count as equal; it is above the margins of the timing.
 SAME_SPEED = 1e-3
 
 
 def capped(program: Program, run: Run) -> Iterator[str]:
-    """Yield warnings for speeds and corner tolerances of the path that the run reduces."""
+    """Yield warnings if the run reduces speeds or corner tolerances of the path."""
     # With corners of shape free, tolerances apply to whole segments, otherwise only to corners.
     tolerance = None if run.rounding is None else run.rounding.tolerance
     doubts = (describe_large_tolerance(x.path, tolerance) for x in program.contours)
@@ -73,7 +73,7 @@ def capped(program: Program, run: Run) -> Iterator[str]:
 
 
 def _at_corners(path: Path) -> FloatArray:
-    """Tolerance of each vertex from its segments [m], (vertices,); NaN if it is no corner."""
+    """Smaller tolerance of the segments at each vertex [m], (vertices,); NaN if it is no corner."""
     tolerances = path.tolerances
     return np.where(
         path.turns > TANGENT_TOLERANCE, np.fmin(tolerances[:-1], tolerances[1:]), np.nan
@@ -114,7 +114,7 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
 
 
 def assigned_speed(contour: Contour, s: float, side: str, run: Run) -> float:
-    """Assigned velocity of a contour at an arc length [m/s], on one side if it is a vertex."""
+    """Assigned velocity of a contour at an arc length [m/s]; at a vertex, that on one `side`."""
     fastest = np.inf if run.limits.speed is None else run.limits.speed
     return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], fastest))
 
@@ -122,7 +122,7 @@ def assigned_speed(contour: Contour, s: float, side: str, run: Run) -> float:
 def slow_ends(
     contour: Contour, motion: Trajectory, run: Run
 ) -> Iterator[tuple[str, float, float, float]]:
-    """Yield "begins" or "ends", speed, assigned velocity and lead [m] of slow contour ends."""
+    """Yield "begins" or "ends", speed, assigned velocity and lead [m] for each slow contour end."""
     if contour.work is None:
         return
     start, end = contour.work
@@ -139,7 +139,7 @@ def slow_ends(
 def _missed_speed(
     name: str, path: Path, motion: Trajectory, run: Run
 ) -> Iterator[tuple[float, str, str]]:
-    """Yield share of the assigned velocity, sentence and advice for a contour that is too slow."""
+    """Yield ratio of mean speed to assigned velocity, sentence and empty advice if too slow."""
     speeds = np.fmin(path.speeds, np.inf if run.limits.speed is None else run.limits.speed)
     ideal = float(np.sum(path.lengths / speeds))
     if not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:

@@ -18,7 +18,7 @@ SAME_DIRECTION = 1e-6
 
 
 def corner_waypoints(path: Path, prepared: Path) -> IntArray:
-    """Waypoint number of each vertex of a prepared path, from 1, (vertices,); 0 if it has none."""
+    """Waypoint number, from 1, of each inner vertex of `prepared`, (vertices,); 0 if no corner."""
     # Positions and directions are compared, because leads, overlap and start of the process change
     # the vertices of a path.
     numbers, points, before, after = _waypoints(path)
@@ -100,7 +100,7 @@ def _waypoints(path: Path) -> tuple[IntArray, FloatArray, FloatArray, FloatArray
 
 
 def _numbers(path: Path) -> IntArray:
-    """Numbers of the waypoints of a path, from 1, without merged points, (waypoints,)."""
+    """Numbers of the waypoints of a path, from 1, (waypoints,); merged points are skipped."""
     count = len(path.waypoints) + len(path.merged)
     return np.delete(np.arange(count), path.merged) + 1
 

@@ -72,7 +72,7 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
 
 def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
     """Simulated robots of the experiments, by name of the run."""
-    # All runs are checked here, because planning can take minutes.
+    # All runs are checked before the first one is planned, because planning can take minutes.
     plants = {}
     for run in job.runs:
         with error_context(f"Run {run.name}"):

@@ -43,7 +43,7 @@ def off_drawing(
 
 
 def allowed_error(planned: Planned) -> float | None:
-    """Contour error that the run allows [m]; None without accuracy and tolerance."""
+    """Contour error that the run allows [m]; None if neither accuracy nor tolerance is given."""
     run = planned.run
     if run.accuracy is not None:
         return max(run.accuracy - (planned.rounding_error or 0.0), 0.0)
@@ -100,7 +100,7 @@ def verdict_rows(
 
 
 def weave_speed(planned: Planned) -> float | None:
-    """Travel speed of the weaves [m/s] if it is the assigned velocity everywhere; else None."""
+    """Travel speed of the weaves [m/s]; None without weaves, or if the run limits the speed."""
     contours, fastest = planned.path.contours, planned.run.limits.speed
     if fastest is not None and any((x.path.speeds > fastest).any() for x in contours):
         return None

@@ -80,7 +80,7 @@ class Figure:
         least: int = 0,
     ) -> None:
         self.data = list(data)
-        # Width as a number of sixths of the section.
+        # Width in sixths of the section.
         self.span = 6
         self._least = least
         self.layout = Node({"shapes": [], "annotations": []})
@@ -196,7 +196,7 @@ def make_subplots(
 
 
 def _spans(sizes: Sequence[float], space: float) -> tuple[list[float], list[float]]:
-    """Divide the interval from 0 to 1 into parts of relative sizes with a space between them.
+    """Divide the interval from 0 to 1 in proportion to `sizes`, with a space between the parts.
 
     Returns the starts and the ends of the parts.
     """

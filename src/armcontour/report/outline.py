@@ -31,7 +31,7 @@ def outline_points(program: Program) -> FloatArray:
 
 
 def fine_places(path: Path, start: float = 0.0, end: float | None = None) -> FloatArray:
-    """Arc lengths of the ends of segments and chords from `start` to `end` of a path [m], (n,)."""
+    """Arc lengths of the drawn points of a path: ends of segments, and points on arcs [m], (n,)."""
     last = path.length if end is None else end
     chords = np.ceil(path.curvatures * path.lengths / (2 * np.pi) * CHORDS).astype(int)
     inner = [
@@ -50,7 +50,7 @@ def simplify(
     even: int = EVEN,
     visible: float | None = None,
 ) -> list[IntArray]:
-    """Indices of the points of each curve with which all curves are drawn, about `count` in total.
+    """Select about `count` points of all curves for a drawing; returns the indices for each curve.
 
     In each iteration, every chord is split at the point with the largest distance from the chord,
     until no distance exceeds `visible` (Ramer, Douglas and Peucker). `visible` defaults to the
@@ -89,7 +89,7 @@ def simplify(
 
 
 def _farthest(points: FloatArray, start: IntArray, end: IntArray) -> tuple[FloatArray, IntArray]:
-    """Largest squared distance of points from each chord, and index of this point, (m,) each."""
+    """Squared distance of the farthest point from each chord, and index of the point, (m,) each."""
     counts = end - start - 1
     first = np.cumsum(counts) - counts
     line = np.repeat(np.arange(len(start)), counts)

@@ -25,17 +25,17 @@ WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0
 # Maximum deviation of the drawn path [px], and length below which a piece gets the colour of the
 # previous piece [px].
 VISIBLE, SHORTEST = 0.3, 1.0
-# If the thickness of a path in space is below this share of its width, its plane is viewed
-# perpendicularly.
+# If the thickness of a path in space is below this share of its width, the path is viewed
+# perpendicularly to its plane.
 FLAT = 0.02
-# Viewing direction of other paths in space, towards the viewer.
+# Direction towards the viewer for other paths in space.
 VIEWER = np.array([1.1, -1.5, 0.9])
 # Number of points of each rapid, and approximate minimum distance of marks of the same kind [px].
 RAPID_PLACES, APART = 24, 7.0
 # Maximum number of contours for which numbers are drawn.
 MAX_NUMBERED = 60
-# Length of a coordinate axis in the picture plane [px], and minimum share of this length of a drawn
-# axis.
+# AXIS: length of a coordinate axis that is parallel to the picture [px]. SHORT_AXIS: an axis is not
+# drawn if its projection, or the distance of its end from a drawn axis, is below this share of it.
 AXIS, SHORT_AXIS = 26.0, 0.25
 # Share of the maximum speed below which the tool counts as stopped.
 STILL = 1e-6
@@ -48,7 +48,7 @@ class LegendEntry(NamedTuple):
 
     # Name of the kind of limit
     word: str
-    # Time in which it restricts the speed [s], and the share of this time in the duration
+    # Time in which this kind of limit restricts the speed [s], and its share of the duration
     time: float
     share: float
     # SVG attributes of the line
@@ -176,7 +176,7 @@ class Sheet:
                 yield f'<use href="#mark-{name}" transform="{turn}">{title}</use>'
 
     def scale(self) -> Iterator[str]:
-        """Yield the SVG elements of a scale bar of a round length and of the coordinate axes."""
+        """Yield the SVG elements of the coordinate axes and of a scale bar with a round length."""
         longest = WIDTH / 5 / self.size
         power = 10.0 ** np.floor(np.log10(longest))
         length = max(x * power for x in (1, 2, 5) if x * power <= longest)
@@ -254,7 +254,7 @@ def _pieces(result: RunResult, sheet: Sheet) -> dict[str, list[FloatArray]]:
 
 
 def kind_of(limit: str) -> str:
-    """Name of a limit in the palette."""
+    """Palette name of a kind of limit."""
     return BETWEEN if limit == "nothing" else limit
 
 
@@ -298,7 +298,7 @@ def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[str]:
 
 
 def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
-    """Yield the SVG path of the contours before rounding and kerf offset, if it differs visibly."""
+    """Yield the SVG path of contours as drawn: those with kerf, else all if rounding is visible."""
     contours = [x for x in job.program.contours if job.process.of_layer(x.layer).kerf]
     if not contours and (result.rounding_error or 0.0) * sheet.size > SHORTEST:
         contours = list(result.objective.contours)
@@ -308,7 +308,7 @@ def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
 
 
 def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
-    """Yield the SVG path of leads and of moves to the pierce height, drawn as a wide band."""
+    """Yield the SVG path of leads and pierce moves, which is drawn as a wide band."""
     curves = []
     for contour in result.path.contours:
         begin, end = contour.at_work

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from armcontour.studies.certification import Certificate
     from armcontour.studies.placement import Placement
 
-# Sentences about the sources of the figures on a page.
+# Sentences about the data from which a page was computed.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
 OF_PLAN = "Everything on this page was computed from the job and its plan."
 OF_LOGS = "Everything on this page was computed from the job and from logs of its robot."
@@ -57,7 +57,7 @@ def render_demo(studies: Sequence[JobResult]) -> str:
 
 
 def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]:
-    """Sections of a study that apply; `warnings` of a certificate replace those of the runs."""
+    """Sections of a study that have contents; certificate `warnings` replace those of the runs."""
     folded = [
         sections.notes(study, warnings),
         sections.all_figures(study),

@@ -11,7 +11,7 @@ from armcontour.core.render import cells, compare, figure
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.report.plan_drawing import Drawing
 
-# Values with more characters count as sentences and are not shown in tables of figures.
+# Values with more characters count as sentences, and tables of values omit their rows.
 LONGEST = 40
 # Maximum widths of tables that take a third and half of the page [characters].
 NARROWEST, NARROW = 58, 88
@@ -27,7 +27,7 @@ class TextTable:
 
     @property
     def span(self) -> int:
-        """Width as a number of sixths of the section."""
+        """Width in sixths of the section."""
         columns = [x for x in zip(self.header, *self.rows, strict=True) if x[0]]
         # Headers are wrapped, so only their longest word counts.
         width = sum(max(map(len, (*x[0].split(), *x[1:]))) + 3 for x in columns)
@@ -42,7 +42,7 @@ class TextTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tile:
-    """One important figure in large print."""
+    """One important value in large print."""
 
     label: str
     value: str
@@ -76,7 +76,7 @@ class Front:
     verdict: str = ""
     # True if the verdict is positive; None if there is no criterion
     good: bool | None = None
-    # The most important figures
+    # The most important values
     tiles: tuple[Tile, ...] = ()
     tables: tuple[TextTable, ...] = ()
     # Drawing of the path; None if figures and tables (`parts`) replace it
@@ -102,7 +102,7 @@ def tiles(rows: Iterable[Row]) -> tuple[Tile, ...]:
 
 
 def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str = "") -> TextTable:
-    """Table of figures up to a level, without sentences; one column per result."""
+    """Table of the values up to a level, one column per result; rows with sentences are omitted."""
     header, *rows = compare(results, level, texts=True)
     columns = zip(header, *rows, strict=True)
     figures = [x for x in list(columns)[1:] if max(map(len, x[1:])) <= LONGEST]

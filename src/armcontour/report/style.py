@@ -17,8 +17,8 @@ PLANNED_COLOUR, EXECUTED_COLOUR = LINES["planned"], LINES["executed"]
 EXPERIMENT_COLOUR, SATURATION_COLOUR = LINES["experiment"], LINES["saturated"]
 # Line style of an experiment, which has the colour of its run.
 EXPERIMENT_DASH = "dot"
-# Ratio of largest and smallest value above which a logarithmic axis is labelled only at powers of
-# ten.
+# Ratio of the largest to the smallest value above which a logarithmic axis is labelled only at
+# powers of ten.
 DECADES = 1e3
 # Width of a figure that is as wide as the page, in sixths.
 WHOLE = 6
@@ -77,7 +77,7 @@ def few(sentences: Iterable[str], noun: str = "of these") -> tuple[str, ...]:
 
 
 def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> Any:
-    """Apply the common layout; `height` in px, `span`: width in sixths of the page."""
+    """Apply the common layout; `height`: height [px]; `span`: width in sixths of the page."""
     if span < WHOLE:
         figure.span = span
     figure.update_layout(

@@ -19,10 +19,11 @@ App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 ADDRESS = "127.0.0.1"
 # Number of random bytes of the token: 128 bits cannot be guessed.
 TOKEN_BYTES = 16
-# Maximum size of an upload and of a message of a page [bytes].
+# Maximum size of an upload, and of a message from a page [bytes].
 MAX_UPLOAD = 64 * MEGABYTE
 MAX_MESSAGE = 16 * MEGABYTE
-# Maximum rate [messages/s] and burst [messages] of a page; it sends one message per screen frame.
+# Maximum rate [messages/s] and burst [messages] of a page, which sends one message per screen
+# frame.
 RATE, BURST = 500.0, 1000.0
 # Required header of POST requests. Pages of other servers can send it only after a CORS preflight
 # request, which this server refuses.
@@ -53,7 +54,7 @@ class Endpoint:
 
     @property
     def page(self) -> str:
-        """Address of the page with the token after `#`; browsers do not send that part."""
+        """Address of the page with the token after `#`; browsers do not send the part after `#`."""
         return f"http://{ADDRESS}:{self.port}/#{self.token}"
 
     def accepts(self, token: object) -> bool:
@@ -96,7 +97,7 @@ class AccessControl:
         self.app, self.endpoint = app, endpoint
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a valid request to the application; refuse others."""
+        """Pass a valid request to the application; refuse an invalid request."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -225,5 +226,5 @@ def _header_values(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[
 
 
 def _is_one_of(values: list[bytes], allowed: frozenset[bytes]) -> bool:
-    """True if there is exactly one value and it is allowed."""
+    """True if exactly one value is given and this value is allowed."""
     return len(values) == 1 and values[0] in allowed

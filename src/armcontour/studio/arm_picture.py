@@ -1,4 +1,4 @@
-"""Message frame with the arm and the bodies of its cell, which the page draws in 3D."""
+"""Message frame with the arm and the bodies of its cell; the page draws them in 3D."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
 
 
 def arm_frame(job: Job) -> PageFrame:
-    """Message frame with the joints of a job's arm and the bodies in its cell."""
+    """Message frame with the joints of a job's arm, and the bodies of arm and cell."""
     arm, chain = job.arm, job.arm.chain
     assert chain is not None, "every arm of a job has a chain"
     base = chain.base
@@ -86,7 +86,7 @@ def _reach(chain: Chain) -> float:
 
 
 def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Bodies of links, tool and obstacles, and by name their triangle arrays [m], (n, 3, 3)."""
+    """Bodies of links, tool and obstacles, and arrays of triangles [m], (n, 3, 3), by name."""
     bodies: list[dict[str, Any]] = []
     arrays: dict[str, npt.NDArray[Any]] = {}
 
@@ -106,13 +106,13 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
             triangles_of(link_shape.exact or link_shape.shape),
         )
     for obstacle in scene.obstacles:
-        # Obstacles are drawn in the base frame (link 0). `chain.base`: pose of the base in the work
-        # frame.
+        # Obstacles are drawn in the base frame (link 0); `chain.base` is the pose of this frame in
+        # the work frame.
         pose = obstacle.place
         if obstacle.fixed_to != BASE:
             pose = chain.base.inverse @ pose
         if isinstance(obstacle.shape, HalfSpace):
-            # The table is centred below the base, wherever the origin of its plane is.
+            # The table is centred below the base, regardless of the origin of its half-space.
             foot = -(pose.rotation.T @ pose.position) * [1, 1, 0]
             pose = pose @ Frame(position=foot + [0, 0, -TABLE_THICKNESS / 2])
             side = 2 * TABLE_SIZE * max(_reach(chain), 0.5)
@@ -126,7 +126,7 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
 
 @lru_cache(maxsize=64)
 def triangles_of(shape: Shape) -> FloatArray:
-    """Triangles of a shape or of the hull of a large mesh [m], (n, 3, 3), with outward normals."""
+    """Triangles of a shape [m], (n, 3, 3), with outward normals; for a large mesh, of its hull."""
     match shape:
         case Box():
             ring = shape.size[:2] / 2 * [[-1, -1], [1, -1], [1, 1], [-1, 1]]

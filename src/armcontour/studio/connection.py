@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 # Maximum number of messages queued for a page. A page that reads too slowly is disconnected.
 MAX_QUEUED = 1000
-# Maximum number of messages of a page queued until the session exists. A user causes fewer.
+# Maximum number of messages of a page that are queued until the session exists. A user causes
+# fewer messages.
 MAX_EARLY = 100
 
 # Task name in the progress frames during the start.

@@ -48,7 +48,7 @@ LABELS = {
 
 @cache
 def slider_ranges() -> dict[Keys, tuple[float, float]]:
-    """Usual range [SI] of each key that has a slider; keys of the plant have none."""
+    """Usual range of each key with a slider, in SI units; keys of the plant have no slider."""
     every = usual_ranges().items()
     return {keys: x for keys, x in every if len(keys) <= 2 and keys[0] != "plant"}
 

@@ -31,7 +31,7 @@ class HistoryEntry(NamedTuple):
 
 
 class Document:
-    """Text of a job file with its undo history; undoing all changes restores the same bytes."""
+    """Text of a job file with its undo history; undoing all changes restores the original bytes."""
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class Document:
     def of_text(
         cls, text: str, folder: FilePath | None, name: str, key: str = "", upload: bool = False
     ) -> Document:
-        """Create a job without a file, such as an upload; `folder` None: it must not name files."""
+        """Create a job without a file, such as an upload; it may name files only with a folder."""
         key = key or f"text {name} {text}"
         return cls(text, source=name, folder=folder, key=key, upload=upload)
 
@@ -142,7 +142,7 @@ class Document:
         self._move_history(self._future, self._past, "redo")
 
     def on_disk(self) -> str:
-        """State of the file compared with the last read or save: same, changed, missing or none."""
+        """State of the file: SAME as last read or saved, CHANGED, MISSING, or NONE (no file)."""
         if self.file is None:
             return NONE
         if not self.file.exists():
@@ -222,7 +222,7 @@ class Document:
 
     @property
     def _earlier_key(self) -> str:
-        """Key of the earlier draft after a newer draft has replaced it."""
+        """Key for the earlier draft if a newer draft has the key of the document."""
         return f"{self.key}, before {hashlib.sha256((self.earlier or '').encode()).hexdigest()}"
 
     def _parse(self, text: str) -> dict[str, Any]:

@@ -47,7 +47,7 @@ class Draft:
     opened: str
     # Unsaved text.
     text: str
-    # True if no command opens the document again, such as an uploaded job.
+    # True if no command can open the document again, as for an uploaded job.
     upload: bool
 
     def write(self) -> bool:
@@ -67,7 +67,7 @@ def draft_file(key: str) -> FilePath:
 
 
 def find_draft(key: str, job: FilePath | None) -> Draft | None:
-    """Draft of a document; None if the draft equals the job file or is older."""
+    """Draft of a document; None if it is missing, invalid, equal to the job file, or older."""
     file = draft_file(key)
     try:
         saved = None

@@ -31,9 +31,9 @@ NOTHING_DRAWN = "The job has no path yet. Draw with the pen, or open a drawing."
 def check_trusted_xacro(
     data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
 ) -> None:
-    """Raise InvalidInput if the arm is a .xacro file (can run code) that is not in `trusted`."""
-    # A YAML file of an arm can refer to a .xacro file. Without trusted files, the reader of the
-    # YAML file refuses it.
+    """Raise InvalidInput if the arm file can run code (.xacro) and is not in `trusted`."""
+    # A YAML file of an arm can refer to a .xacro file. Therefore it must be trusted too. If no file
+    # is trusted, the reader of the YAML file refuses the .xacro file.
     programs = (".xacro", *YAML) if trusted else (".xacro",)
     file = arm_file_of(data)
     if file is None or not file.lower().endswith(programs):
@@ -64,7 +64,7 @@ class Revision:
 
 
 class Editor:
-    """A document, its job without the edits of active gestures, and the shown run."""
+    """Edits a document; has its job, without edits of active gestures, and the displayed run."""
 
     def __init__(
         self, document: Document, previewer: CoarsePlanner, trusted: Iterable[FilePath]
@@ -169,7 +169,7 @@ class Editor:
         self._count_revision()
 
     def revise(self, edits: Sequence[Mapping[str, Any]]) -> Revision:
-        """Apply edits of a page to the document as it was at the start of their gesture."""
+        """Create a revision from the document and edits of a page; the document is unchanged."""
         if [x.get("do") for x in edits] == ["text"]:
             return self.revise_text(edits[0].get("text"))
         state = self.state
@@ -198,7 +198,7 @@ class Editor:
         return self._check_trust(Revision(change_data(self.state.data, changes), tuple(changes)))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
-        """Name of the run to show: the last shown run, the first optimal run, or the first run."""
+        """Name of the run to show: the last shown, else the first optimal one, else the first."""
         runs = runs_of(data)
         names = [x["name"] for x in runs]
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
@@ -228,7 +228,7 @@ class Editor:
         return next((x for x in all_drafts() if x.upload and x.folder == str(self.folder)), None)
 
     def _count_revision(self, state: JobState | None = None) -> None:
-        """Count the revision and read the job again."""
+        """Increase the revision number, and update the shown run and the job."""
         self.rev += 1
         self._refresh(state)
 

@@ -35,7 +35,7 @@ MAX_BREAKS, MAX_TIMES = 2_000, 1_000
 
 
 def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
-    """Message frame with figures, tool deviation, joint demand and poses of an execution."""
+    """Message frame with values, tool deviation, joint demand and poses of an execution."""
     planned = executed.planned
     header = {
         "run": planned.run.name,
@@ -96,7 +96,7 @@ def tool_lines(
 
 
 def _figures(executed: PreviewExecution) -> Data:
-    """Figures of the execution: the same rows as in the evaluation of a run."""
+    """Values of the execution: the same rows as in the evaluation of a run."""
     planned, execution, errors = executed.planned, executed.execution, executed.errors
     end_time, limits = planned.run.end_time, planned.run.limits
     end = executed.settled if end_time is None else end_time

@@ -99,7 +99,7 @@ class Handles:
 
     @property
     def origin(self) -> Waypoint:
-        """Origin of the part frame as a waypoint, whose format and position new points follow."""
+        """Origin of the part frame as a waypoint: reference for new points without neighbours."""
         position, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
         return Waypoint(
             index=0, keys=(), point=position, uv=self.plane.uv(position), written=written
@@ -124,14 +124,14 @@ class Handles:
         return point.role in (POINT, END) and len(ends) > 2 and not is_start_of_arc
 
     def is_divisible(self, index: int) -> bool:
-        """True if a waypoint can be inserted before waypoint `index`: its segment is not an arc."""
+        """True if the segment that ends at waypoint `index` can be divided: it is not an arc."""
         arcs = {x.keys[2] for x in self.waypoints if x.role in (VIA, CENTER)}
         return index - 1 not in arcs
 
     def to_file(
         self, uv: npt.ArrayLike, like: Waypoint, *, within: float = EXACT
     ) -> tuple[Any, ...]:
-        """Coordinates in the job file of a point in the picture [m], formatted like a neighbour."""
+        """Convert a point in the picture [m] to job file coordinates, formatted like `like`."""
         moved = like.point + self.plane.lift(uv) - self.plane.lift(like.uv)
         back = self.frame.inverse
         new_values = (back.position + back.rotation @ moved)[: len(like.written)]
@@ -228,7 +228,7 @@ def _read_points(
 
 
 def _ends(job: Job, records: Sequence[PointRecord]) -> FloatArray:
-    """Ends of all segments [m], (n + 1, 3), if some are computed; otherwise empty, (0, 3)."""
+    """Ends of all segments [m], (n + 1, 3); empty, (0, 3), if no end has to be computed."""
     if all(x[2] is not None for x in records):
         return np.empty((0, 3))
     return np.array([in_space(x) for x in job.program.contours[0].path.vertices])
@@ -248,11 +248,13 @@ def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Pl
     flat = bool(np.abs(offsets @ along[2]).max() <= FLAT)
     normal = along[2]
     if np.abs(offsets @ along[1]).max() <= FLAT:
-        # The points are on a line: the plane through the line that is nearest to horizontal.
+        # The points are on a line. Of the planes through this line, the one nearest to horizontal
+        # is used.
         up = AXES[2] if abs(along[0][2]) < 1 - FLAT else AXES[1]
         normal = up - (up @ along[0]) * along[0]
     elif not flat:
-        # The normal is the nearest axis, so that the plane stays while a point is dragged.
+        # The axis nearest to the normal replaces the normal, so that the plane does not change
+        # while a point is dragged.
         normal = AXES[int(np.argmax(np.abs(normal)))]
     normal = normal / np.linalg.norm(normal)
     plane = _plane_across(normal, middle, flat=flat)
@@ -261,7 +263,7 @@ def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Pl
 
 
 def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane:
-    """Plane through a point with a normal; its x axis is near the x axis of the work frame."""
+    """Plane through a point, with a given normal and an x axis near that of the work frame."""
     nearest = int(np.argmax(np.abs(normal)))
     if abs(normal[nearest]) >= 1 - FLAT**2:
         normal = AXES[nearest] * np.sign(normal[nearest])

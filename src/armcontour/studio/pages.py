@@ -240,7 +240,7 @@ class Display:
         return True
 
     def _with_file(self, frame: PageFrame) -> PageFrame:
-        """Store the file in a frame for download, and replace it by its identifier."""
+        """Store the file of a frame for download, and replace its content by its identifier."""
         if frame.kind != "result" or "content" not in frame.arrays:
             return frame
         header, content = frame.header, frame.arrays["content"].tobytes()

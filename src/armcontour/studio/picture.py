@@ -27,19 +27,19 @@ from armcontour.studio.preview import Preview, PreviewExecution, Tier
 from armcontour.studio.view import Detail, View, in_space, select_points, to_float32
 from armcontour.verification.evaluation import duration_row
 
-# Approximate limits of the number of drawn points: maximum, and maximum for simple paths.
+# Approximate maximum number of drawn points: of any path, and of simple paths.
 MAX_POINTS, MIN_POINTS = 20_000, 1_200
 # The interval of an active limit is always drawn if it is longer than this factor times the drawing
 # tolerance.
 VISIBLE_STRETCH = 8.0
-# Limit index that means: no active limit.
+# Limit index of points without an active limit.
 NO_LIMIT = 255
 
 # Number of points per rapid, and approximate maximum for all rapids.
 RAPID_POINTS, MAX_RAPID_POINTS = 16, 50_000
 # Maximum number of corners with handles, and of listed speed shortfalls.
 MAX_CORNERS, MAX_SHORTFALLS = 400, 60
-# Minimum share of the duration of a kind of limit in the legend.
+# Minimum share of the duration above which the legend lists a kind of limit.
 MIN_SHARE = 5e-5
 
 
@@ -91,7 +91,7 @@ class PlanCurve:
         return cls(points[k], s[k], t[k], speed[k], assigned[k], ends)
 
     def drawn_indices(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
-        """Indices of the points to draw: shape, changes of the active limit, extreme speeds."""
+        """Indices of drawn points: shape, changes of the active limit, and extreme speeds."""
         shape = detail.essential_points(self.points, self.ends)
         weight = np.where(shape, np.inf, 0.0)
         changes = np.flatnonzero(np.diff(binding)) + 1
@@ -159,7 +159,7 @@ def refusal_header(
 
 
 def picture_frame(planned: Preview, view: View) -> PageFrame:
-    """Message frame with the picture and the figures of a plan."""
+    """Message frame with the picture and the values of a plan."""
     detail, flat = _whole_detail(planned.path, view)
     header, arrays = _line_arrays(planned, view, detail)
     duration = duration_row(planned.trajectory.duration)
@@ -249,7 +249,7 @@ def _line_arrays(
 def _lines(
     name: str, parts: Sequence[FloatArray], view: View, detail: Detail
 ) -> tuple[dict[str, Any], IntArray]:
-    """Arrays of the visible lines through points [m], and the index of the part of each line."""
+    """Arrays of the visible lines of `parts` (points [m]), and index of the part of each line."""
     points = np.concatenate(parts) if parts else np.empty((0, 2))
     starts = np.cumsum([0, *map(len, parts)])
     visible, ends = detail.visible_ends(view.screen_points(points), starts)
@@ -297,7 +297,7 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """The slowest points below the assigned velocity, with the reasons, in path order."""
+    """Points with the lowest shares of the assigned velocity, with the reasons, in path order."""
     shortfalls = () if planned.explanation is None else planned.explanation.shortfalls
     worst = sorted(shortfalls, key=lambda x: x.speed / x.assigned)[:MAX_SHORTFALLS]
     if not worst:
@@ -324,7 +324,7 @@ def _points_at(program: Program, s: FloatArray) -> FloatArray:
 
 
 def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """Rounded corners of all contours; an empty list if they are more than MAX_CORNERS."""
+    """Rounded corners of all contours; an empty list if there are more than MAX_CORNERS."""
     rows: list[dict[str, Any]] = []
     rounding, contours = planned.run.rounding, planned.job.program.contours
     for index, contour in enumerate(planned.path.contours):

@@ -76,7 +76,7 @@ class Tier(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Preview(Planned):
-    """Plan of one run of a document, of a certain accuracy."""
+    """Plan of one run of a document, with the accuracy `tier`."""
 
     job: Job
     # Joint positions at the start of the motion [rad], (dof,).
@@ -98,7 +98,7 @@ class PreviewExecution:
     pieces: tuple[ContourExecution, ...]
     # Contour error over time.
     errors: ErrorProfile
-    # Time at which the tool is at rest [s].
+    # Time at which the tool comes to rest [s].
     settled: float
 
 
@@ -271,7 +271,8 @@ class CoarsePlanner:
                 )
                 return plan, (CONFIGURATION_NOTE,)
             except Unreachable:
-                # Another configuration may reach the path. If none does, the search reports it.
+                # Another configuration may reach the path. If no configuration does, the search
+                # below raises the error.
                 pass
         # While a handle moves, the search ends at the first unreachable point.
         plan = plan_one(
@@ -291,7 +292,7 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 def _contour_errors(
     execution: Execution, path: Program, end_time: float | None
 ) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
-    """Execution along each contour, contour errors, and time at which the tool is at rest [s]."""
+    """Execution along each contour, contour errors, and time when the tool comes to rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
     pieces = tuple(pieces_of(execution, path, None, end_time))
     return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled

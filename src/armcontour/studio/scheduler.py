@@ -1,4 +1,4 @@
-"""Scheduler: computes and sends pictures and figures of document states, and starts tasks."""
+"""Scheduler: sends pictures and figures (values of a full run) of a document, and starts tasks."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ FAST_PLAN = 0.03
 MAX_EXECUTED = 60.0
 # Minimum interval of simulations while newer states wait [s], so that their plans come first.
 MIN_SIMULATION_INTERVAL = 0.06
-# If the last two plans took longer than this [s], only the outline is shown before the rest time.
+# If the last two plans took longer than this [s], the outline is shown first, and the plan only
+# after the rest time without edits.
 SLOW_PLAN = 0.5
 # Computing time after which a newer state cancels a plan [s].
 MAX_OBSOLETE_PLAN = 0.5
@@ -73,7 +74,7 @@ class Superseded(Exception):
 
 @dataclass(slots=True, eq=False)
 class ShownResults:
-    """Newest results of a document, and the data that the pages show of them."""
+    """Newest results of a document, and the results that the pages show."""
 
     planned: Preview | None = None
     executed: PreviewExecution | None = None
@@ -91,7 +92,7 @@ class ShownResults:
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class DocumentState:
-    """A state of the document that is to be shown."""
+    """Document state that the pages show next."""
 
     data: Mapping[str, Any]
     run: str
@@ -294,7 +295,7 @@ class Scheduler:
         self._done.set()
 
     def _run_tiers(self, state: DocumentState, stale: StaleCheck) -> None:
-        """Show an outline or a moving plan; after the rest time, the preview and exact results."""
+        """Show an outline (if slow) or a moving plan (gesture), then preview and exact results."""
         try:
             if self._is_slow(state):
                 self._draw_outline(state)

@@ -60,14 +60,14 @@ MAX_PAGES = 16
 MAX_CONNECTIONS = 100
 # Maximum number of connections without a request in progress.
 MAX_IDLE = 50
-# Time after the last page was closed at which the server exits, with `exit_when_closed` [s].
+# With `exit_when_closed`, time from the closing of the last page to the exit of the server [s].
 EXIT_DELAY = 60.0
 # Maximum period of the checks for open pages and for changes of the job file [s].
 FILE_CHECK_PERIOD = 2.0
 # Interval at which the interpreter switches threads [s].
 SWITCH_INTERVAL = 5e-4
 # Arrays above this size are returned to the system when they are freed [bytes]. By default, glibc
-# retains freed blocks of up to 32 MB: hundreds of MB after motions of minutes.
+# retains freed blocks of up to 32 MB. After motions of several minutes, these are hundreds of MB.
 LARGE_ARRAY, M_MMAP_THRESHOLD = 2**20, -3
 # Close codes of websockets.
 REFUSED_CODE, BUSY_CODE = 1008, 1013

@@ -27,7 +27,7 @@ from armcontour.studio.drafts import all_drafts, draft_file, make_private, state
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.uploads import Uploads
 
-# Drawings of the cards that open one. The other cards open the job of the paper or an empty plane.
+# Drawings that cards open, by card. The other cards open the job of the paper or an empty plane.
 DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}
 PAPER, EMPTY = "paper", "empty"
 WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
@@ -38,7 +38,7 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Document:
-    """Create the job of a card of the start page, in the folder of the open document `before`."""
+    """Create the job for a card of the start page, in the folder of the open document `before`."""
     checks.check_choice("card", card, (*DRAWINGS, PAPER, EMPTY))
     folder, library = before.folder or FilePath.cwd(), resources.files("armcontour.jobs.library")
     if card == PAPER:
@@ -150,7 +150,7 @@ def _recent_entries() -> dict[str, dict[str, Any]]:
 
 
 def find_recent(identity: str) -> Mapping[str, Any]:
-    """Recent entry with an identity: it has the draft, or the file and its cell."""
+    """Recent entry with an identity; the entry has a draft, or a file and its cell."""
     entry = _recent_entries().get(identity)
     if entry is None:
         raise InvalidInput("This recent file or draft no longer exists.")

@@ -23,7 +23,8 @@ ROBOTS = (".urdf",)
 MAX_NAME = 100
 # Extensions of logs of a robot, and maximum number of stored logs.
 LOGS, MAX_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
-# Age at which folders of other sessions are deleted [s]; the servers of newer ones may still run.
+# Age above which folders of other sessions are deleted [s]. Servers of newer sessions may still
+# run.
 MAX_AGE = 30 * 86400.0
 
 
@@ -76,7 +77,7 @@ class Uploads:
         ]
 
     def keep_log(self, name: str, content: bytes) -> str:
-        """Store a log of the robot and return its name; deletes the oldest above MAX_LOGS."""
+        """Store a log of the robot and return its name; deletes the oldest log above MAX_LOGS."""
         check_file_name(name)
         if FilePath(name).suffix.lower() not in LOGS or not content:
             kinds = ", ".join(LOGS)
@@ -96,13 +97,13 @@ class Uploads:
         return file.name
 
     def find_logs(self, names: Any) -> list[str]:
-        """Paths of stored logs by their names."""
+        """Paths of the stored logs with the given names."""
         if not isinstance(names, list) or not {str(x) for x in names} <= set(self.logs):
             raise InvalidInput("A log is no longer available. Drop it on the page again.")
         return [str(self.logs[str(x)]) for x in names]
 
     def close(self) -> None:
-        """Delete uploads of this session and of sessions older than MAX_AGE that no draft needs."""
+        """Delete uploads of this session and of old sessions, except those that a draft needs."""
         needed = "".join(x.text for x in all_drafts())
         old = time.time() - MAX_AGE
         for folder in self.root.glob("*"):

@@ -19,7 +19,7 @@ BOX_SAMPLES = 41
 # Spacing [s] and maximum number of evenly spaced times of a motion. With this spacing, linear
 # interpolation has an error of 0.3 mrad at 20 rad/s².
 MAX_SPACING, MAX_SAMPLES = 10e-3, 2_000
-# Ratio of the size of a picture and the maximum deviation of its lines, and minimum size [m].
+# Ratio of the size of a picture to the maximum deviation of its lines, and minimum size [m].
 PICTURE_FINENESS, MIN_SIZE = 5_000, 1e-4
 # Maximum angle between adjacent points of a curve [rad], and maximum number of points of an arc.
 TURN, MAX_PER_ARC = 0.06, 20_000
@@ -63,7 +63,7 @@ class View:
     """Projection of points onto the plane of the picture, relative to the centre of the picture."""
 
     plane: Plane
-    # Centre of the picture in the plane, origin of the arrays for the page [m], (2,).
+    # Centre of the picture in the plane [m], (2,); origin of the arrays for the page.
     centre: FloatArray
     # Path and its box by `id(path)`. The path is stored so that its id is not reused.
     _boxes: dict[int, tuple[Path, FloatArray]] = field(default_factory=dict, init=False)
@@ -192,7 +192,7 @@ class Detail:
         return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
 
     def visible_ends(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
-        """Indices of the end points of visible line segments, (m,), and `ends` of these points.
+        """Indices of the end points of visible line segments, (m,), and their `ends`.
 
         `ends`: index of the first point of each line, and the number of points at the end.
         """
@@ -209,7 +209,7 @@ class Detail:
         return indices, np.append(first, len(indices))
 
     def essential_points(self, points: FloatArray, ends: IntArray) -> BoolArray:
-        """Mask of the points to draw, (n,), so that lines have corners and stay within `error`."""
+        """Mask of drawn points, (n,): corners, and points that keep the drawing within `error`."""
         mask = np.zeros(len(points), dtype=bool)
         mask[ends[:-1]] = mask[ends[1:] - 1] = True
         turned = np.floor(_turns(points, ends) / CORNER_TURN)

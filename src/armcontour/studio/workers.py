@@ -42,7 +42,7 @@ class PreviewWorker:
         Thread(target=self._run, name="studio previews", daemon=True).start()
 
     def submit(self, work: Work) -> None:
-        """Execute a function next; it replaces a waiting one."""
+        """Execute a function next; the function replaces a waiting function."""
         with self._news:
             self._waiting, self._newest = work, self._newest + 1
             self._news.notify()

@@ -1,4 +1,4 @@
-"""Report of a batch: statuses of jobs, and their figures over the parameters."""
+"""Report of a batch: statuses of the jobs, and their results plotted over the parameters."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Front, Section, Tile
 from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, finish
 
-# Maximum number of plots on a page, and of tiles for figures.
+# Maximum number of plots on a page, and of tiles with results.
 MAX_FIGURES, MAX_TILES = 6, 4
 
 
 @dataclass(frozen=True, slots=True)
 class PlotValues:
-    """Values of a parameter or of a figure for all drawn jobs."""
+    """Values of a parameter or of a result column for all drawn jobs."""
 
     name: str
     # SI unit
@@ -49,7 +49,7 @@ class BatchView:
     name: str
     # Description in one line
     about: str
-    # Number of jobs by status, and number of failed jobs by name of the error
+    # Number of jobs by status, and number of jobs with an error by name of the error
     counts: Mapping[str, int]
     errors: Mapping[str, int]
     # Varied numeric parameters
@@ -57,14 +57,14 @@ class BatchView:
     figures: tuple[PlotValues, ...]
     # Status of each drawn job
     status: tuple[str, ...]
-    # Status that means that a job has figures
+    # Status of jobs that have results
     done: str
     # Only every stride-th job is drawn.
     stride: int
 
 
 def counted(view: BatchView) -> Front:
-    """First screen: numbers of jobs by status, and the plot of the first figure."""
+    """First screen: numbers of jobs by status, and the plot of the first result column."""
     total, done = sum(view.counts.values()), view.counts.get(view.done, 0)
     tiles = [Tile(label="jobs done", value=f"{done} of {total}")]
     for values in view.figures[:MAX_TILES]:
@@ -87,7 +87,7 @@ def counted(view: BatchView) -> Front:
 
 
 def batch(view: BatchView) -> Section | None:
-    """Section with plots of the other figures over the parameters; None if there are none."""
+    """Section with plots of the other result columns over the parameters; None without plots."""
     figures = [_figure(view, x) for x in view.figures[1:MAX_FIGURES]] if view.axes else []
     for figure in figures:
         figure.span = 3
@@ -100,7 +100,7 @@ def batch(view: BatchView) -> Section | None:
 
 
 def _figure(view: BatchView, colours: PlotValues) -> Any:
-    """Plot of a figure over one parameter, or as colours over two; other parameters overlap."""
+    """Plot of a result column over the only parameter, or as colours over the first two."""
     status = np.array(view.status)
     done, failed = status == view.done, status != view.done
     first, second = view.axes[0], view.axes[1] if len(view.axes) > 1 else colours

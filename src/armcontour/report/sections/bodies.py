@@ -100,7 +100,7 @@ def in_space(
 
 
 def base_of(arm: Arm) -> Frame:
-    """Pose of the arm's base in the work frame, in which its paths are."""
+    """Pose of the arm's base in the work frame, which is the frame of the paths."""
     return Frame() if arm.chain is None else arm.chain.base
 
 

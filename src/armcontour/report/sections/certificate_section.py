@@ -46,7 +46,7 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
 
 
 def _change(certificate: Certificate) -> str:
-    """Advice about the limit with the largest share of the time; empty if unknown."""
+    """Advice on the limit that is active for the longest time; empty if this limit is unknown."""
     explanation = certificate.result.explanation
     shares = () if explanation is None else explanation.shares
     share = next((x for x in shares if x.kind != BETWEEN), None)
@@ -100,7 +100,7 @@ OF_PROGRAMS = (
 )
 
 
-# Names of the figures of a budget that are drawn.
+# Names of the parts of an error budget that the bar chart shows.
 PARTS = ("rounding", "servo", "sampling", "box", "model_error", "left")
 
 

@@ -81,7 +81,7 @@ def _parts(job: Job, result: RunResult) -> Iterator[Any]:
 
 
 def _nearest(job: Job, clearance: Clearance) -> PairClearance | None:
-    """The nearest pair with an obstacle; without obstacles, the nearest of all pairs; or None."""
+    """The nearest pair with an obstacle, else the nearest of all pairs; None without pairs."""
     names = {x.name for x in (job.scene or Scene()).obstacles}
     pairs = [x for x in clearance.pairs if {x.first, x.second} & names]
     return min(pairs or clearance.pairs, key=lambda x: x.high, default=None)

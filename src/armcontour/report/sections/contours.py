@@ -19,7 +19,8 @@ from armcontour.report.sections.corner_figures import alike
 from armcontour.report.style import few
 from armcontour.verification import ErrorProfile
 
-# Maximum number of rows. If there are more contours, those with the largest errors are listed.
+# Maximum number of rows. If there are more contours, those with the largest errors are listed, or
+# the first ones if no errors were simulated.
 MAX_ROWS = 200
 # Share of the assigned velocity above which the velocity counts as reached.
 REACHED = 0.999
@@ -62,7 +63,7 @@ def contours(study: JobResult) -> Section | None:
 
 
 def _table(name: str, result: RunResult) -> TextTable:
-    """Table with a row per contour; if there are too many, of those with the largest errors."""
+    """Table with a row per contour, with at most MAX_ROWS rows."""
     program, limit = result.path, result.run.limits.speed
     errors = () if result.evaluation is None else result.evaluation.contours
     spans, limit_speed = result.trajectory.contour_spans, np.inf if limit is None else limit
@@ -101,7 +102,7 @@ def _row(k: int, judged: ContourJudgement, limit_speed: float) -> list[Any]:
 
 
 def _share_at_assigned_speed(contour: Contour, span: Span, limit_speed: float) -> float | None:
-    """Share of a contour's length, with the process on, at the assigned velocity; None without one.
+    """Share of a contour's working length at the assigned velocity; None if none is assigned.
 
     Only the length that has an assigned velocity counts.
     """

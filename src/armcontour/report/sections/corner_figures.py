@@ -33,7 +33,8 @@ MAX_CORNERS = 4
 # Number of pictures in a row, height of a figure with one row, and height of each further row [px].
 COLUMNS = 2
 HEIGHT, MORE_HEIGHT = 350, 250
-# Number of drawn points per executed sample, and approximate maximum per execution and corner.
+# Number of drawn points per executed sample, and approximate maximum number of drawn points per
+# execution and corner.
 FINER = 6
 MAX_POINTS = 800
 # Number of evenly spaced points of a drawn path.
@@ -144,7 +145,7 @@ def tools_of(study: JobResult) -> list[Tool]:
 
 
 def _replaced_paths(study: JobResult) -> dict[str, Replaced]:
-    """Rounded or shaped paths of the drawn contour by name; equal paths of runs occur once."""
+    """Rounded or shaped paths of the drawn contour by name; equal paths are listed once."""
     index, paths = _shown(study), dict[str, Replaced]()
     for name, result in study.runs.items():
         path = result.path.contours[index].path

@@ -1,4 +1,4 @@
-"""First screen of a study: drawing, verdict, important figures and sentences."""
+"""First screen of a study: drawing, verdict, important values and sentences."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
 from armcontour.report.style import few
 
-# Names of figures for tiles; the first three known figures are shown.
+# Names of the values for tiles; the first three known values are shown.
 TILES = ("duration", "off_drawing", "time_limit", "speed")
-# Columns of the table of several runs, and the names of the figures in them.
+# Columns of the table of several runs, each with the name of its value in the data of a run.
 COLUMNS = {
     "verdict": "kept",
     "motion": "duration",
     "off the drawing": "off_drawing",
     "time limited by": "time_limit",
 }
-# Prefix of the names of figures from an experiment.
+# Prefix of the names of values from an experiment.
 EXPERIMENT_PREFIX = "experiment."
 # Maximum number of time shares on the first screen, and names of the limits that a reserve reduces.
 MAX_SHARES = 4
@@ -46,7 +46,7 @@ def front(study: JobResult) -> Front:
 
 
 def _large(data: Data) -> list[Row]:
-    """Rows of the figures that are shown as tiles."""
+    """Rows of the values that are shown as tiles."""
     rows = {x.name.removeprefix(EXPERIMENT_PREFIX): x for x in data.shown()}
     return [rows[x] for x in TILES if x in rows][:3]
 
@@ -112,7 +112,7 @@ def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]
 
 
 def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Yield a heading and the text on the largest time shares of limits and the slowest point."""
+    """Yield a heading and its text: the largest time shares of limits, and the slowest point."""
     explanation, reserve = result.explanation, result.run.timing.reserve
     if explanation is None:
         return
@@ -129,7 +129,7 @@ def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
 
 
 def _assumed(study: JobResult) -> str:
-    """Sentence on the assumptions on which the figures are based."""
+    """Sentence on the assumptions on which the values are based."""
     if not study.simulated:
         return "Joints follow the plan exactly."
     servo = study.job.plant_servo
@@ -142,7 +142,7 @@ def _assumed(study: JobResult) -> str:
 
 
 def all_figures(study: JobResult) -> Section:
-    """Section with all figures of all runs side by side."""
+    """Section with all values of all runs side by side."""
     table = side_by_side(study.figures)
     return Section(
         key="figures",

@@ -130,7 +130,7 @@ def _bounds(result: RunResult, dof: int) -> list[tuple[FloatArray, FloatArray]]:
 def _range(
     curves: list[tuple[str, FloatArray]], low: float, high: float, order: int
 ) -> list[float]:
-    """Range of an axis that shows the curves without spikes of an experiment, and near limits."""
+    """Axis range that shows the curves, except spikes of an experiment, and nearby limits."""
     ends: list[float] = []
     for name, values in curves:
         if name == "experiment":
@@ -165,7 +165,7 @@ def find_saturation(
 
 
 def _table(result: RunResult) -> TextTable:
-    """Table with the range and the largest values of every joint, and the used limits."""
+    """Table with range and largest values of every joint, and the used shares of its limits."""
     done, arm, limits = result.motion, result.arm, result.run.limits
     plan = result.torques
     amounts = [

@@ -89,7 +89,7 @@ def over_time(study: JobResult) -> Section:
 
 
 def draw_over_time(study: JobResult, *made: Any) -> Any:
-    """Figure with plots over time; `made`: functions that return the panel of a study or None."""
+    """Figure with plots over time; each function of `made` returns a panel of a study, or None."""
     panels = [x for x in (make(study) for make in made) if x is not None]
     height = sum(x.height for x in panels)
     figure = make_subplots(
@@ -215,7 +215,7 @@ def error(study: JobResult) -> Panel | None:
 
 
 def _plans(study: JobResult) -> dict[str, RunResult]:
-    """One run for each different explained plan, by the names of all runs that share the plan."""
+    """First run of each explained plan; the keys list the names of all runs with the same plan."""
     names_of_plan: dict[int, list[str]] = {}
     for name, result in study.runs.items():
         if result.explanation is not None:
@@ -269,7 +269,7 @@ def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
 
 
 def marked_run(study: JobResult) -> RunResult | None:
-    """Run whose switching points are drawn: the last run that has some; None if there is none."""
+    """Run whose switching points are drawn: the last run with such points; None without one."""
     switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
     return switched[-1] if switched else None
 

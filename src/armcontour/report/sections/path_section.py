@@ -78,7 +78,7 @@ def draw_path(study: JobResult) -> Any:
 
 
 def executed_points(tool: Tool) -> FloatArray:
-    """Executed points along contours [m], (n, dimension), including the one with the largest error.
+    """Executed points along contours [m], (n, dimension), with the point of the largest error.
 
     NaN separates contours, because rapids are not drawn.
     """
@@ -95,7 +95,7 @@ def executed_points(tool: Tool) -> FloatArray:
 
 
 def executed_contours(execution: Execution) -> list[tuple[int, int]]:
-    """Index of the first executed sample of each contour, and index after the last sample.
+    """For each contour, index of the first executed sample, and index after the last one.
 
     Samples before and after the motion belong to the first and last contour.
     """
@@ -136,7 +136,8 @@ def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
     points, axes = arm.pose(_along(result))
     outline = outline_points(result.path)
     length = STICK_LENGTH * float((np.nanmax(outline, axis=0) - np.nanmin(outline, axis=0)).max())
-    # The tool axis points from the arm to the work, so the sticks are on its negative side.
+    # The tool axis points from the arm to the work. The sticks are drawn from the tool point
+    # against this direction.
     sticks = [(_separate(points, points - length * axes[:, :, 2]), "tool axis", RUN_COLOURS[5])]
     path = result.path.contours[0].path
     if path.orientation is not None and not path.orientation.axis_only:
@@ -146,7 +147,7 @@ def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
 
 
 def _along(result: RunResult) -> FloatArray:
-    """Joint positions at times along contours, or along every k-th of many [rad], (n, dof)."""
+    """Joint positions along contours [rad], (n, dof); of many contours, only every k-th is used."""
     spans = result.trajectory.contour_spans
     every = -(-len(spans) // STICKS)
     each = max(2, STICKS * every // len(spans))

@@ -1,4 +1,4 @@
-"""Report of a placement search: maps of the figures and rejections of all candidates."""
+"""Report of a placement search: maps of the values of all candidates, and rejections."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def placed(result: Placement) -> Front:
 
 
 def placement(result: Placement) -> Section:
-    """Section with the other maps, the figures of the best placement, and the rejections."""
+    """Section with the other maps, the values of the best placement, and the rejections."""
     rows = tuple((kind, str(n)) for kind, n in result.refusals.items())
     refused = TextTable(header=("refused by", "places"), rows=rows)
     return Section(
@@ -65,7 +65,7 @@ def placement(result: Placement) -> Section:
 
 
 def _maps(result: Placement) -> list[tuple[str, tuple[Any, ...]]]:
-    """Label and map of each figure that has known values."""
+    """Label and map of each quantity that has known values."""
     return [
         (x.label, (_figure(result, x, values),))
         for x in result.own.to_data().rows
@@ -101,7 +101,7 @@ def _varied(result: Placement) -> list[Axis]:
 
 
 def _values(result: Placement, row: Row) -> FloatArray:
-    """Values of a figure in the displayed unit; NaN for rejected candidates and unknown values.
+    """Values of a quantity in the displayed unit; NaN for rejected candidates and unknown values.
 
     Unknown durations are replaced by their lower bounds.
     """
@@ -119,7 +119,7 @@ def _figure(result: Placement, row: Row, values: FloatArray) -> Any:
     axes = _varied(result)[:2]
     varied = [k for k, a in enumerate(result.axes) if any(a is b for b in axes)]
     others = tuple(k for k in range(len(result.axes)) if k not in varied)
-    # The best duration is the smallest; the best value of other figures is the largest.
+    # The best duration is the smallest; the best value of other quantities is the largest.
     small = row.unit == "s"
     worst = np.inf if small else -np.inf
     filled = np.where(np.isnan(values), worst, values)

@@ -32,7 +32,7 @@ REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs"
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that set a key; `run`: only for the shown run; `insert`: as a new list item."""
+    """Changes that set a key: with `run`, for the shown run only; with `insert`, as a list item."""
     return [replace(x, keys=_plain_keys(x.keys)) for x in _set(edit, state)]
 
 
@@ -53,7 +53,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         new = {"name": REMOVE, "file": REMOVE, **arm_keys(value)}
         return [Change(("arm", key), x) for key, x in new.items()]
     if keys[-2:] == ("corners", "shape"):
-        # The file has `corners: sharp` without a shape and a tolerance.
+        # For sharp corners, the file has `corners: sharp` instead of a shape and a tolerance.
         if value == SHARP or not isinstance(values, Mapping):
             arcs = {"shape": value, "tolerance": FIRST_TOLERANCE}
             keys, value = tuple(outer), SHARP if value == SHARP else arcs
@@ -108,7 +108,7 @@ def _set_in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
 
 
 def _list_joint_values(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
-    """List with one value per joint that replaces a common value; sets the value of one joint."""
+    """List of joint values that replaces a common value, with a new value for one joint."""
     *outer, joint = keys
     now = joint_values(tuple(outer), state.handles.job, state.run)
     if now is None:

@@ -80,7 +80,7 @@ def _vector(
     kind: Quantity,
     within: float,
 ) -> list[Change]:
-    """Changes of the vector components that differ by more than `within`; of all if not written."""
+    """Changes of vector components that differ by more than `within`; of all if none is written."""
     written = frame_data.get(str(keys[-1]))
     if written is None:
         return [Change(keys, [write_like(float(x), None, kind, within=within) for x in new])]
@@ -92,7 +92,7 @@ def _vector(
 
 
 def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | None:
-    """Angle of the tool axis from -z and its azimuth [deg]; None if the axis is not constant."""
+    """Angle from -z and azimuth of the tool axis [deg]; None for planar arms or several axes."""
     tool_orientation = None if handles.job.arm.dimension == 2 else _find_orientation(data)
     if tool_orientation is None:
         return None

@@ -54,7 +54,7 @@ def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def renumber_corners(index: int, by: int, state: EditState) -> list[Change]:
-    """Changes of corner tolerances after a waypoint is inserted at `index` or removed (by = -1)."""
+    """Changes of corner tolerances after waypoint `index` is inserted (by = 1) or removed (-1)."""
     changes = []
     last = len(state.handles.ends) - 1
     # If an end of the path is removed, its neighbour becomes the end, which is not a corner.
@@ -106,7 +106,7 @@ def _coordinates(keys: Keys, old: Sequence[Any], new: Sequence[Any]) -> list[Cha
 
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that insert a waypoint before the waypoint with an index."""
+    """Changes that insert a waypoint before the waypoint `index` of the edit, or at the end."""
     handles, index = require_editable(state), edit["index"]
     ends = handles.ends
     checks.check_int("number of the waypoint", index, 0, len(ends))
@@ -188,7 +188,7 @@ def require_editable(state: EditState) -> Handles:
 
 
 def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = False) -> Waypoint:
-    """Waypoint of an edit; raises InvalidInput if it cannot be moved, unless `computed`."""
+    """Waypoint of an edit; raises InvalidInput for a fixed waypoint, unless `computed` is True."""
     points = require_editable(state).waypoints
     point = points[checks.check_int("number of the waypoint", edit["index"], 0, len(points) - 1)]
     if point.why_not is not None and not computed:

@@ -24,7 +24,7 @@ from armcontour.studio.tasks.searches import place, sweep
 Listener: TypeAlias = Callable[[bytes], None]
 # Minimum interval of progress frames [s].
 PROGRESS_INTERVAL = 0.1
-# Period of the checks whether the parent process still exists [s].
+# Period at which the process checks that its parent process exists [s].
 PARENT_CHECK_PERIOD = 1.0
 # Small job that is computed to load the modules that tasks need.
 WARMUP_JOB = """

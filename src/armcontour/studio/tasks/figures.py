@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from armcontour.jobs.improvements import Advice
 
 
-# Maximum number of segments of a job for which the Studio computes advice, which requires many
+# Maximum number of segments of a job for which the Studio computes advice. Advice requires many
 # plans of the job.
 MAX_SEGMENTS = 200
 LONG_NOTE = (

@@ -36,7 +36,7 @@ def measured(request: Request) -> PageFrame:
 
 
 def identify(request: Request) -> PageFrame:
-    """Identify the servo of each joint; the frame has the edit that writes it into the job."""
+    """Identify the servo of each joint; the frame has the edit that writes servos into the job."""
     from armcontour.control.identification import ServoFit, identify
     from armcontour.files.robot_file import servo_values
 
@@ -93,7 +93,7 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
 
 
 def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
-    """Figures, tables and notes of a result, the same as the terminal prints."""
+    """Values, tables and notes of a result, the same as the terminal prints."""
     from armcontour.studio.page_frame import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]
