@@ -69,7 +69,12 @@ INNER = {
     *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
     *("Uncertainty.dead_time_of", "Uncertainty.gains_of", "Uncertainty.check_payload"),
     "PlaceSearch.check",
-    *("rates_on_piece", "run", "times", "URScriptFormat.write", "TemplateFormat.write"),
+    *("rates_on_piece", "run", "times"),
+    *(
+        f"{name}Format.{method}"
+        for name in ("Csv", "Npz", "Mcap", "RosYaml", "URScript", "Template")
+        for method in ("describe", "digit_of", "parts", "write")
+    ),
 }
 # Arguments that start processes, or wait for a server.
 NOT_VARIED = {"cluster", "workers", "processes", "threads"}

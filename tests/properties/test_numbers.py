@@ -35,7 +35,7 @@ MAY_BE_ENDLESS = {"limits", "command_limits", "kp", "kv", "acceleration_limit"}
 # Refusals that need not say the key: they name the file, the run, or the option that is a key too.
 WITHOUT_KEY = (
     "job: Run one: At its assigned velocities",
-    "robot.urdf takes no arguments",
+    "robot.urdf has no arguments",
     "part.svg",
     "job: scale must",
     "job: Segment 3 starts at (40000000.0",

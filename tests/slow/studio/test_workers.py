@@ -1,4 +1,4 @@
-"""A real process of the slow lane that is cancelled, killed or left alone."""
+"""A real process of the worker of tasks that is cancelled, killed or left alone."""
 
 import subprocess
 import sys
@@ -52,9 +52,9 @@ def test_a_process_that_dies_is_reported_and_replaced(slow, heard):
 
 CODE = """
 import time
-from armcontour.studio.workers import SlowLane
+from armcontour.studio.workers import TaskWorker
 from tests.slow.studio.test_workers import LONG
-lane = SlowLane(lambda frame: print(*[x.pid for x in lane._pool._children], flush=True))
+lane = TaskWorker(lambda frame: print(*[x.pid for x in lane._pool._children], flush=True))
 lane.submit('a', 'sweep', LONG)
 time.sleep(60)
 """

@@ -56,7 +56,7 @@ def test_a_search_that_does_not_come_to_rest_determines_nothing(log, nominal, mo
     monkeypatch.setattr(f"{module}.LEAST_EXPLAINED", -np.inf)
     fit = identify_bodies(log.between(0, 2.1), nominal, nominal_servo(), NOMINAL)
     assert not any(x.determined for joint in fit.joints for x in joint.estimates)
-    assert any("did not converge in kp of joint 1" in x for x in fit.notes)
+    assert any("did not converge for kp of joint 1" in x for x in fit.notes)
     np.testing.assert_allclose(fit.servo_model().kp, 25.0, rtol=1e-12)
 
 
