@@ -164,7 +164,8 @@ class Franka(Controller):
         return super().stream(motion, stop_requested)
 
     def _compare(self, q: FloatArray) -> list[Row]:
-        """Use of the FCI's limits by set-points, one row per derivative."""
+        """Largest share of each FCI limit that set-points use, one row per derivative."""
+        # Raises `ControllerRefused` for a value above a limit or a position outside the range.
         limits = LIMITS[self.model]
         beyond = np.maximum(q - limits.upper, limits.lower - q)
         i, j = divmod(int(beyond.argmax()), DOF)

@@ -111,7 +111,7 @@ def _rank(problem: Any) -> tuple[bool, bool, bool, int]:
 
 
 def _describe_problem(problem: Any, alike: Sequence[Any]) -> str:
-    """Predicate that describes the problem of a value; `alike` are all problems of its key."""
+    """End of the sentence "key: ..." about a problem; `alike`: all problems of the same key."""
     kind, value, facts = problem["type"], problem["input"], problem.get("ctx", {})
     expected = [x for x in map(_expected, alike) if x is not None]
     if kind == "too_short":

@@ -1,4 +1,4 @@
-"""Reader of the set-points of a run, and files of learning results (lessons)."""
+"""Reader for the set-points of a run; writer and reader for learning results (lessons)."""
 
 from __future__ import annotations
 

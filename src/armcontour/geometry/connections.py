@@ -57,8 +57,8 @@ class Connections:
     """Polynomial connections across n vertices."""
 
     begin: FloatArray  # Start points relative to the vertices [m], (n, dimension)
-    # Coefficients [m] of the powers x⁰ to x⁷ of the position relative to the start, for x from 0 to
-    # 1, (n, 8, dimension)
+    # Coefficients [m] of the position relative to the start, a polynomial in x from 0 to 1, in
+    # ascending order, (n, 8, dimension)
     coefficients: FloatArray
 
     def __len__(self) -> int:

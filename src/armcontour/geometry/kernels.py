@@ -192,7 +192,8 @@ def search_along(
     return best, nearest
 
 
-# Largest number of halvings of a part of a path, and largest number of parts that result from it.
+# Largest depth of repeated halving of a part of a path, and largest number of parts that are
+# evaluated for it.
 DEPTH = 48
 PARTS = 20_000
 # Where the tolerance is exceeded, a bound is accepted if it exceeds the largest value at points by

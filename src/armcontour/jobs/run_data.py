@@ -32,7 +32,7 @@ def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
 
 
 def field_rows(name: str, value: Any) -> Iterator[Row]:
-    """Yield a row for files for each field of a dataclass, with the unit of its annotation."""
+    """Yield one file-only row per field of a dataclass, with the unit of its annotation."""
     if value is None:
         yield Row(name, None)
         return

@@ -110,8 +110,9 @@ class Shortfall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitShare:
-    """Length and time with one active limit or between two limits, or time between contours."""
+    """Length and time of parts with the same active limit, or time between contours."""
 
+    # Transitions between limits, without an active limit, are a separate kind of part (`BETWEEN`).
     kind: str  # The limit, `BETWEEN`, `RAPIDS` or `DWELLS`
     name: str  # The limit with its joint; otherwise the kind
     length: float | None  # Length [m]; None between contours

@@ -40,7 +40,8 @@ def slow_down(
     """Slow the fastest motion down to a given duration."""
     # All contours are slowed down by one factor. Rapids and dwells keep their durations.
     # `duration`: duration from start to end [s]; `traced`: the tracing or joint path of the motion;
-    # `timing`: the timing of the fastest motion with the method "optimal".
+    # `timing`: arm, limits and options with which the fastest motion was planned; the options are
+    # `Optimal`.
     if isinstance(traced, JointPath):
         factor = _slowing_factor(duration, fastest.duration, 0.0)
         return _slow_down(fastest, factor, timing)

@@ -82,7 +82,7 @@ class LimitedPlant(Immutable, Plant):
 
     @abstractmethod
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Attributes with the values at which drives saturate, by name, for limits of a plan."""
+        """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""
 
     @checked
     def for_plan(self, set_points: SetPoints) -> Self:
@@ -332,7 +332,7 @@ class ServoPlant(LimitedPlant):
         vars(self).update(self._saturation_values(None))
 
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Attributes with the values at which drives saturate, by name, for limits of a plan."""
+        """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""
         arm, servo = self.arm, self.servo
         resolved = resolve_limits("A ServoPlant", arm, self.limits, planned)
         saturation = _resolve_saturation(self._requested_saturation, servo, resolved, arm)

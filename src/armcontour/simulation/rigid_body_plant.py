@@ -37,8 +37,9 @@ from armcontour.simulation.plant import (
 # is a multiple of this cycle. It delays the loop by 2 % of the time constant 1 / K_v of the paper's
 # servo.
 DEFAULT_STEP = 2.5e-4
-# Shortest and longest cycle time of a drive [s]. Each cycle is a step of the simulation, which
-# takes some microseconds. Drives of arms do not have longer cycles.
+# Shortest and longest cycle time of a drive [s]. Shorter cycles would make the simulation slow,
+# because each cycle is a step that takes some microseconds to compute. No drive of an arm has a
+# cycle longer than 0.1 s.
 STEP_RANGE = (1e-6, 0.1)
 # Largest noise of a position measurement [rad]; real encoders have less.
 LARGEST_NOISE = 0.1
@@ -186,7 +187,7 @@ class RigidBodyPlant(LimitedPlant):
         self._springs = _make_springs(self.chain, joint_stiffness, joint_damping)
 
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Attributes with the values at which drives saturate, by name, for limits of a plan."""
+        """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""
         resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
         torques = _torque_limits(resolved, self.arm.limits, self.controller_chain)
         # A torque limit restricts the sum of the torques for motion and gravity. A limit that

@@ -75,7 +75,8 @@ def _reachable_intervals(
             room = leash2 - foot.off2
             # A line has one foot point, a full circle two.
             laps, turn, nearest = 1, 0.0, foot.along
-            # Half of the length of the segment within the leash, around the foot point.
+            # Half of the length of the part of the segment that is within the leash (largest
+            # allowed distance) of p; the foot point is its middle.
             half = math.sqrt(max(room, 0.0))
             if curvature != 0.0 and room >= 0.0:
                 laps, turn = 2, 2 * math.pi / curvature

@@ -15,7 +15,8 @@ RELATIVE_SD = 0.10
 # Long-run covariance of the scores (Müller, Econometrica 2007): largest number of spectral lines
 # that are averaged, and smallest number of samples per line.
 LINES, SAMPLES_PER_LINE = 24, 4
-# Eigenvectors whose eigenvalue is below this share of the largest eigenvalue are not determined.
+# The data do not determine the parameters along an eigenvector of the Gram matrix whose eigenvalue
+# is below this share of the largest eigenvalue.
 DEPENDENT = 1e-14
 
 

@@ -60,8 +60,9 @@ SERVO_FIT = ServoFit()
 GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
 # The order, unit and sign of the columns are checked if the error exceeds this share of the motion.
 MISREAD_SHARE = 0.1
-# A joint is at rest if its motion has at most REST_SIGMAS standard deviations of the noise, or a
-# range of at most LEAST_MOTION [rad] (a 32-bit encoder has a resolution of 1.5e-9 rad).
+# A joint is at rest if the standard deviation of its measured positions is at most REST_SIGMAS
+# times that of the noise, or if their range is at most LEAST_MOTION [rad] (a 32-bit encoder has a
+# resolution of 1.5e-9 rad).
 REST_SIGMAS, LEAST_MOTION = 1.5, 1e-9
 # Lower bound of a tracking error that is used as a divisor [rad].
 LEAST_LAG = 1e-12

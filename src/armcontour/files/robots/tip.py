@@ -21,16 +21,20 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
     # mimics it.
     parents = {joint.parent for joint in tree.joints.values()}
     ends = [x.child for x in tree.below(base) if x.child not in parents]
+    if not ends:
+        raise InvalidInput(
+            f"No link of {tree.file} is below the base {base}, so no link can be the tip. Choose "
+            "another base with base= (in a job, arm: {base: LINK})."
+        )
     if len(ends) == 1:
         return ends[0], ""
     chain = _only_chain(tree, _next_moving_joints(tree, base, locked))
     if not chain:
         ends.sort(key=lambda link: -_turning_joints(tree, base, link))
-        example = ends[0] if ends else "LINK"
         raise InvalidInput(
-            f"{tree.file} has {len(ends) or 'no'} links that could be the tip. Choose one of "
-            f"{list_some(ends or list(tree.links), MAX_NAMED)} with tip= (in a job, "
-            f"arm: {{tip: {example}}}; for check, --tip {example})."
+            f"{tree.file} has {len(ends)} links that could be the tip. Choose one of "
+            f"{list_some(ends, MAX_NAMED)} with tip= (in a job, arm: {{tip: {ends[0]}}}; for "
+            f"armcontour check, --tip {ends[0]})."
         )
     tip = _tip_of(tree, chain[-1].child)
     return tip, (

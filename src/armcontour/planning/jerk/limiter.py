@@ -33,9 +33,9 @@ from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.options import MAX_ITERATIONS, Task
 from armcontour.planning.topp.kernels import MotionBounds
 
-# Default number of cells: PER_BUILD_UP for each build-up time (in which an acceleration builds up)
-# of non-uniform motion, but at least FEWEST_CELLS plus FEWEST_PER_PIECE for each polynomial of the
-# joint path.
+# Default number of cells: PER_BUILD_UP times the duration of non-uniform motion divided by the
+# build-up time of the acceleration, but at least FEWEST_CELLS plus FEWEST_PER_PIECE for each
+# polynomial of the joint path.
 PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
 # If this number exceeds MAX_CELLS, the jerk is so large that fewer cells resolve its effect:
 # MANY_CELLS plus MANY_PER_PIECE for each polynomial. A section counts as PIECES_OF_SECTION more

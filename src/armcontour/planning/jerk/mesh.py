@@ -267,7 +267,7 @@ def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
 
 
 def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
-    """Breaks of the joint path at which limited accelerations jump at the speed of a plan [m]."""
+    """Breaks [m] where accelerations with a jerk limit jump, at the planned speed."""
     path, jerk, inner = law.joint_path, task.jerk, np.arange(1, len(law.joint_path.breaks) - 1)
     breaks = path.breaks[inner]
     before, after = (path.on_interval(inner - side, breaks, 2) for side in (1, 0))

@@ -196,8 +196,8 @@ class Shaping:
 
     def _trace_with_arcs(self, program: Program) -> tuple[Tracing | None, Tracing]:
         """Trace the program with arcs at its corners, and with sharp corners if that is faster."""
-        # Returns the program with arcs and its joint paths, None if the arm cannot follow it; and
-        # the tracing whose configurations are used for all starts and shapes.
+        # Returns two tracings. The first is that of the program with arcs; None if the arm cannot
+        # follow it. The configurations of the second are used for all starts and shapes.
         seed = self.options.seed
         try:
             arcs = self._trace_from(self._with_arcs(program), seed)

@@ -61,7 +61,8 @@ LARGEST_TURN = 0.25  # largest change of u by a slope, as a share of its range
 NO_PLAN_MARGIN = (
     4e-2  # margin reported for intervals without a plan, because a finer grid may have a plan
 )
-REFINED_NEIGHBOURS = 10  # number of refined neighbours of an interval without a plan
+# intervals closer than this (in indices) to the one where the plan fails are refined
+REFINED_NEIGHBOURS = 10
 # largest share of the limit at rest that the offset of a line above friction uses
 MAX_OFFSET_SHARE = 0.5
 NEGLIGIBLE = 1e-150  # coefficients below this are zero

@@ -45,8 +45,9 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
 def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
-    """Shortest time [s] between the values of x at both ends, and switch point (0 to 1)."""
-    # `rates`: largest u and largest -u.
+    """Shortest time [s] through an interval, and the switch point as a share of the interval."""
+    # `w`: length of the interval; `x`: values of x at its ends; `rates`: largest u and largest -u;
+    # `ceiling`: largest x between the ends.
     up, down = 2 * rates[0], 2 * rates[1]
     first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
     top = x[0] + up * first

@@ -294,8 +294,8 @@ def _outside_null_space(w: FloatArray, difference: FloatArray) -> tuple[FloatArr
 def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
     """Divide knot intervals into subintervals whose chords are close to the path."""
     # `poses`: tool poses at the starts of the intervals and at the end of the last one, (n + 1, 3,
-    # 4). Returns the subintervals, and the indices of the given knots among their starts and last
-    # end.
+    # 4). Returns the subintervals, and the index of each given knot among the knots of the
+    # subintervals.
     width = knots.u1 - knots.u0
     turn = width * path.curvatures[knots.segment]
     if path.orientation is not None and not path.orientation.constant:

@@ -218,7 +218,8 @@ class Response(Checked):
         from scipy.sparse import csc_array, diags_array
 
         now, before = np.tile(weights.T[:, None], (1, len(self.t), 1))
-        # At rest, a filter without gain for constants has the output 0.
+        # The robot is at rest before the first time, so a filter with zero DC gain has the output 0
+        # there.
         now[0] += weights[:, 1] * (weights.sum(axis=1) == 0.0)
         dof = len(weights)
         return csc_array(diags_array([now.ravel(), before[1:].ravel()], offsets=[0, -dof]))

@@ -248,7 +248,8 @@ def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
 def cycle_feedforward(
     u: FloatArray, drive_cycle: float, servo: ServoModel | JointServo
 ) -> FloatArray:
-    """Commands of drive cycles with feed-forward and friction, (rows, count)."""
+    """Command in each drive cycle, including feed-forward and friction, (rows, count)."""
+    # `u`: command without them, (rows, count + 2), which starts two cycles earlier.
     du, ddu = np.diff(u, axis=1)[:, 1:] / drive_cycle, np.diff(u, 2, axis=1) / drive_cycle**2
     a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (*servo.lead, servo.friction))
     return np.asarray(u[:, 2:] + a * du + b * ddu - c * sliding(du))

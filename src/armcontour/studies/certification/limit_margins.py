@@ -40,7 +40,8 @@ BOX_RESULTS_PER_CYCLE = 4
 SHORTEST_STEP = 1.25e-4
 # Share by which the executed tool speed may exceed the assigned velocity.
 SPEED_SLACK = 1e-3
-# Number of directions across a path in space in which deviations of robots of the box are summed.
+# Number of directions perpendicular to a path in space. In each direction, the largest deviations
+# over the robots of the box, due to each joint or each uncertain value, are summed.
 DIRECTIONS = 16
 # Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
 # such a command completely, but with this ratio each trial reduces the speed in its cell.

@@ -8,8 +8,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.motion import JointPath
 from armcontour.verification.clearance.clearance import Cell
 
-# Shares of half of the shorter line at a corner that the rounding of the corner occupies, in the
-# order in which they are tried. With 0 the motion stops at the corners.
+# Length that a rounding occupies on each line at its corner, as a share of half of the shorter
+# line; tried in this order. With 0, the motion stops at the corners.
 ROUNDED = (0.9, 0.5, 0.2, 0.0)
 # Search for intermediate postures: length of one step of a tree [rad], margin of the sampled box
 # around both ends [rad], and maximum number of checked lines.

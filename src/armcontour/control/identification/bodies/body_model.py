@@ -94,8 +94,9 @@ class RobotUnknowns:
         return self.mask(*LOGARITHMIC) | (self.mask("armature") & (self.joints < 0))
 
     def value(self, values: FloatArray, name: str) -> FloatArray:
-        """Values of the unknowns of this name, gains without logarithm, (joints or 1,)."""
-        # The array is empty if no unknown has this name.
+        """Values of the unknowns with this name, (joints or 1,)."""
+        # Logarithms of gains are converted to gains. The array is empty if no unknown has this
+        # name.
         selected = values[self.names == name]
         return np.asarray(np.exp(selected) if name in LOGARITHMIC else selected)
 
