@@ -77,7 +77,7 @@ def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool =
         planned = previewer.plan(change(data, next(numbers) % STEPS), "optimal")
         frames = [picture_frame(planned, view).pack()]
         if executed:
-            frames.append(execution_frame(previewer.simulate(planned), view).pack())
+            frames.append(execution_frame(previewer.execute(planned), view).pack())
         return frames
 
     def notes() -> list[str]:
