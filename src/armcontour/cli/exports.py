@@ -125,7 +125,7 @@ def exports_of(command: ExportOptions) -> Exports:
         raise InvalidInput(
             "--export template does not specify a template. Use --template NAME instead."
         )
-    targets = [Target(format=of(), ending=of.ending) for of in kinds]
+    targets = [Target(format=kind(), ending=kind.ending) for kind in kinds]
     targets += [
         Target(format=TemplateFormat(template=name), ending=ending_of(name))
         for name in command.template or ()
@@ -340,7 +340,7 @@ def write_exports(
     from armcontour.jobs import analog_outputs
 
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
-    takers = ", ".join(kind for kind, of in FORMATS.items() if issubclass(of, WITH_ANALOG))
+    takers = ", ".join(name for name, kind in FORMATS.items() if issubclass(kind, WITH_ANALOG))
     warnings = [
         f"{y.option}, run {name}: the format does not support analog outputs "
         f"({', '.join(analog)}); these formats do: {takers}."

@@ -60,7 +60,7 @@ def settings(
 
 def usual_ranges() -> dict[Keys, tuple[float, float]]:
     """Usual ranges of quantities of a job and its runs in SI units, by key path."""
-    every = (x for of in (JobModel, RunModel) for x in settings(of))
+    every = (x for model in (JobModel, RunModel) for x in settings(model))
     return {keys: about.usual for keys, about, *_ in every if about.usual[1]}
 
 
@@ -144,7 +144,9 @@ Field: TypeAlias = dict[str, Any]
 
 def form_text() -> str:
     """JSON text of the form, which the page of the Studio reads at its start."""
-    formats = [[x, f"{x} ({of.ending})", of.joints] for x, of in FORMATS.items() if of.ending]
+    formats = [
+        [x, f"{x} ({kind.ending})", kind.joints] for x, kind in FORMATS.items() if kind.ending
+    ]
     joints = TemplateFormat.joints
     formats += [[f"template {x}", f"{x} ({ending_of(x)})", joints] for x in templates()]
     form = {

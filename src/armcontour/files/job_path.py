@@ -159,7 +159,7 @@ def _repeat(program: Program, grid: RepeatModel, names: Sequence[str] | None) ->
         [name_copy(name, row, column) for row, column in cells] if name in drawn else [name]
         for name in names
     ]
-    return copies.selected(names=[x for of in chosen for x in of])
+    return copies.selected(names=[x for names in chosen for x in names])
 
 
 def _orient_contours(program: Program, orientation: OrientationModel) -> Program:

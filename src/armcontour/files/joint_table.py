@@ -332,7 +332,9 @@ def read_samples(
     values, rows = values[kept_rows], rows[kept_rows]
     used = (t >= start) & (t <= end)
     rows = rows[used]
-    check_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, locate)
+    check_samples(
+        t[used], {x: values[used][:, columns] for x, columns in named.items() if columns}, locate
+    )
     if any("joint_states" in table.columns[x].title and x.joint.isdigit() for x in keys):
         time_notes += (
             "Joints of /joint_states are assigned in the order of their numbers. Compare them with "

@@ -21,7 +21,7 @@ from armcontour.files.key_errors import Patch as Patch
 from armcontour.jobs.job import ARC, FREE, OF_FREE
 from armcontour.motion import Method
 
-IN_JOB, IN_RUN = ({x.name for x in fields(of)} for of in (JobModel, RunModel))
+IN_JOB, IN_RUN = ({x.name for x in fields(model)} for model in (JobModel, RunModel))
 # For these keys, the mapping of a run is merged with the mapping of the job. For other keys, the
 # value of a run replaces the value of the job.
 MERGED = ("limits", "command_limits")

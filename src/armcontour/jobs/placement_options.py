@@ -103,8 +103,8 @@ def corners_of(uncertainty: Mapping[str, float]) -> list[dict[str, float]]:
         return []
     signs = product((-1.0, 1.0), repeat=len(uncertainty))
     return [
-        {name: sign * size for sign, (name, size) in zip(of, uncertainty.items(), strict=True)}
-        for of in signs
+        {name: sign * size for sign, (name, size) in zip(corner, uncertainty.items(), strict=True)}
+        for corner in signs
     ]
 
 

@@ -287,7 +287,7 @@ FORMATS: dict[str, type[ExportFormat]] = {
     x.kind: x
     for x in (CsvFormat, NpzFormat, RosYamlFormat, McapFormat, URScriptFormat, TemplateFormat)
 }
-FORMAT_LIST = ", ".join(f"{x} ({of.ending})" if of.ending else x for x, of in FORMATS.items())
+FORMAT_LIST = ", ".join(f"{x} ({kind.ending})" if kind.ending else x for x, kind in FORMATS.items())
 WITH_ANALOG = (TableFormat, URScriptFormat)
 WITH_OUTPUTS = (URScriptFormat, TemplateFormat)
 
