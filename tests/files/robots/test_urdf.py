@@ -384,6 +384,7 @@ CHOICES = """
 {tip: null} => 4 links that could be the tip ... cover ... tcp ... (in a job, arm: {tip:
 {tip: base_link, base: upper} => tip base_link is not below the base upper
 {tip: base_link, base: base_link} => No joint moves
+{tip: null, base: tcp} => No link of ... is below the base tcp ... Choose another base
 {base: null} => lift ... is prismatic ... locked={'lift': ...}
 {locked: {thumb: 0}} => joint 'thumb' cannot be locked ... hinge
 {locked: {hinge: 2}} => hinge ... locked at 2 ... -1 to 1
