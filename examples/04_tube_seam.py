@@ -1,4 +1,4 @@
-"""A weld seam around a tube: a UR5e reaches it if the rotation about the torch axis is free."""
+"""A weld seam around a tube: a UR5e reaches the seam if rotation about the torch axis is free."""
 
 import math
 
@@ -12,13 +12,13 @@ seam = ac.Path.from_segments(
 )
 limits = arm.limits.replace(speed=0.05)
 
-# The full orientation of the torch is prescribed: no configuration reaches the whole seam.
+# With the full orientation prescribed, no configuration (IK branch) reaches the whole seam.
 try:
     ac.plan(seam.following_tangent((0.0, 0.0, 1.0)), arm, limits)
 except ac.Unreachable as error:
     print(f"fixed: {error}")
 
-# Only the torch axis is prescribed: plan uses the rotation about the axis.
+# With only the axis prescribed, `plan` chooses the rotation about it.
 free = seam.following_tangent((0.0, 0.0, 1.0), axis_only=True)
 planned = ac.plan(free, arm, limits)
 servo = ac.ServoModel(kp=25.0, kv=150.0)

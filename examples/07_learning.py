@@ -1,4 +1,4 @@
-"""Learning from run to run: `learn` does not know load, friction and gains of a simulated robot."""
+"""Learning from run to run: `learn` reduces the contour error of a robot with unknown friction."""
 
 import armcontour as ac
 from armcontour.robot import Payload
@@ -12,6 +12,7 @@ path = ac.round_corners(
 limits = arm.limits.replace(speed=0.25, joint_acceleration=6.4, joint_jerk=320.0)
 planned = ac.plan(path, arm, limits)
 
+# The simulated robot; its load, friction and gains are unknown to `learn`.
 loaded = arm.with_dynamics(
     payload=Payload(mass=2.0),
     coulomb=[6.0, 6.0, 4.0, 1.5, 1.5, 1.5],

@@ -1,4 +1,4 @@
-"""Position of the part with the shortest cycle: `place` compares 24 positions of a square."""
+"""Position of the part with the shortest cycle: `place` finds the best position of a grid of 24."""
 
 import numpy as np
 

@@ -28,7 +28,8 @@ with tempfile.TemporaryDirectory() as name:
         "over": OVER,
         "columns": ["duration", "contour_error.max"],
     }
-    # The command `armcontour batch` uses all processors or a cluster, and continues after a stop.
+    # The command `armcontour batch` uses all processors or a cluster, and can continue an
+    # interrupted batch.
     result = ac.batch(plan, folder / "out", workers=0)
 
 print(f"{result.counts['done']} of {len(result.plan)} jobs done")

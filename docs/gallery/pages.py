@@ -59,12 +59,12 @@ SHOWN = {
     ),
     "07_learning": Shown(
         "Contour error over time in three runs; the error decreases from run to run",
-        {"learning, the guide": "../guides/learn.md", "the concept": "../concepts/learning.md"},
+        {"guide to learning": "../guides/learn.md", "theory": "../concepts/learning.md"},
         extra="experiment",
     ),
     "08_learning_from_logs": Shown(
         "Contour error over time in three runs, with learning from log files",
-        {"learning, the guide": "../guides/learn.md", "the concept": "../concepts/learning.md"},
+        {"guide to learning": "../guides/learn.md", "theory": "../concepts/learning.md"},
         extra="experiment",
     ),
     "09_fastest_path": Shown(
@@ -91,7 +91,7 @@ SHOWN = {
     ),
     "14_identification": Shown(
         "Contour error of a robot with the gains of its data sheet and with identified gains",
-        {"identification, the guide": "../guides/identify.md"},
+        {"guide to identification": "../guides/identify.md"},
     ),
 }
 INTRODUCTION = """\
