@@ -29,7 +29,7 @@ VALUE = "tag:yaml.org,2002:value"
 MERGE, MERGE_TAG = "<<", "tag:yaml.org,2002:merge"
 # Possessive quantifiers prevent backtracking, so that the time is linear in the length.
 WHOLE = re.compile(r"[-+]?[0-9]++\Z")
-DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9]++)?+\Z")
+DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?)(?:[eE][-+]?[0-9]++)?\Z")
 # Text that libyaml and PyYAML's own parser read differently: tabs, other line ends, marks of the
 # byte order, directives, tags, "?" in texts, heads of text blocks.
 PARSED_DIFFERENTLY = re.compile("[\t\r\x85\u2028\u2029\ufeff?!]|^%|[|>][-+0-9]*#", re.MULTILINE)

@@ -24,11 +24,12 @@ INFINITE_VALUES = {
 # Maximum length of the text of a quantity [characters].
 MAX_CHARACTERS = 100
 # The possessive quantifiers (++, *+, ?+) prevent backtracking, so that matching takes linear time.
-NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?+"
+# Groups have none, because Python before 3.11.5 matches possessive groups wrongly.
+NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?"
 # A unit name with at most one power of one digit, because pint would compute powers of powers.
-NAME = r"[A-Za-zµμΩÅ][A-Za-z0-9_µμΩÅ]*+(?:\s*+(?:\*\*|\^)\s*+-?[0-9](?![0-9])|[²³])?+"
+NAME = r"[A-Za-zµμΩÅ][A-Za-z0-9_µμΩÅ]*+(?:\s*+(?:\*\*|\^)\s*+-?[0-9](?![0-9])|[²³])?"
 # Products and quotients of unit names; the first factor may be 1, as in 1/s.
-UNIT = rf"(?:1\s*+/\s*+)?+{NAME}(?:(?:\s*+[*/·]\s*+|\s++){NAME})*+"
+UNIT = rf"(?:1\s*+/\s*+)?{NAME}(?:(?:\s*+[*/·]\s*+|\s++){NAME})*"
 QUANTITY = re.compile(rf"\s*+({NUMBER})\s*+({UNIT}|°)\s*+")
 PERCENT = re.compile(rf"\s*+({NUMBER})\s*+%\s*+")
 # Largest relative difference of numbers that is only a rounding error.

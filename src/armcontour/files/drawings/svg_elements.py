@@ -204,8 +204,8 @@ LENGTHS = WIDTH_KEYS | HEIGHT_KEYS | {"r"}
 SQRT2 = math.sqrt(2)
 # Default font size of browsers [CSS pixels].
 DEFAULT_FONT_SIZE = 16.0
-NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
-NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*+[\s,]*+")
+NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?"
+NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*[\s,]*+")
 EACH_NUMBER = re.compile(NUMBER)
 _LENGTH = re.compile(rf"({NUMBER})\s*([A-Za-z]*|%)")
 _TRANSFORM = re.compile(r"[\s,]*+([A-Za-z]++)\s*+\(([^()]*+)\)")
