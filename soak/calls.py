@@ -269,7 +269,11 @@ def calls() -> tuple[Call, ...]:
             continue
         kinds.add(kind)
         cases.append(Call(kind.__name__, kind, made_of(x)))
-        for name, method in inspect.getmembers(x, inspect.ismethod):
+        # Before Python 3.11.3, reading `__weakref__` fails.
+        members = {y: getattr(x, y) for y in dir(x) if y != "__weakref__"}
+        for name, method in members.items():
+            if not inspect.ismethod(method):
+                continue
             inner = {name, f"{kind.__name__}.{name}"} & INNER
             if (name != "__call__" and name.startswith("_")) or inner or method.__func__ in kinds:
                 continue
