@@ -70,7 +70,7 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
         t: Time at which the stop begins [s].
 
     Returns:
-            The laws until the stop begins and a law that ends at rest, without spans and events. If
+        The laws until the stop begins and a law that ends at rest, without spans and events. If
         the limits allow no earlier stop, the plan until it is at rest.
 
     Raises:
