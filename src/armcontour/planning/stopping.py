@@ -23,6 +23,7 @@ from armcontour.planning.constraints import (
     OnGrid,
     ToolAcceleration,
 )
+from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
 from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
@@ -49,10 +50,7 @@ INTERVALS = 200
 # duration that is tried [s]
 CHECKED_STATES = (40, 500)
 FIRST_DURATION = 0.02
-# Nodes and weights of Gauss-Legendre integration on [0, 1], number of iterations of Newton's
-# method, and rounding error of dtau/dt
-NODES = np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5])
-WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
+# Number of iterations of Newton's method, and rounding error of dtau/dt
 NEWTON = 2
 ROUNDING = 1e-6
 
