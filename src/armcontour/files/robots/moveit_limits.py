@@ -85,7 +85,7 @@ def override_limits(table: Table, joints: Sequence[str], file: FilePath) -> None
 
 
 def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
-    """`Limits` of a table; checks the ranges, and that no joint lacks a limit of other joints."""
+    """`Limits` of a table, infinite where a joint has no limit; checks values and ranges."""
     limits: dict[str, Any] = {}
     for name in JOINT_LIMITS:
         if any(x is not None for x in table[name]):
@@ -109,25 +109,18 @@ def _check_values(
     name: str, values: Sequence[Any], joints: Sequence[str], source: str
 ) -> Sequence[Any]:
     """Checked values of a limit, one per joint; two bounds per joint if any joint has two."""
-    # Unlike other limits, jerk may be limited for only some joints.
-    some = name == "joint_jerk"
     for joint, value in zip(joints, values, strict=True):
-        if value is None and not some:
+        if isinstance(value, int | float) and not value > 0:
             raise InvalidInput(
-                f"{source}: joint {joint} has no {name}, but other joints have one. Specify it for "
-                "all joints or for none, in the file or with joint_limits."
-            )
-        endless = some and value == math.inf
-        if isinstance(value, int | float) and not (0 < value < math.inf or endless):
-            raise InvalidInput(
-                f"{source}: the {name} of joint {joint} must be positive and finite, but is "
+                f"{source}: the {name} of joint {joint} must be positive, but is "
                 f"{value:g} {UNITS[name]}. Specify the correct value in the file or with "
                 "joint_limits.",
                 limit=name,
             )
-    if any(isinstance(x, list) for x in values):
-        return [x if isinstance(x, list) else [-x, x] for x in values]
-    return [math.inf if x is None else x for x in values]
+    limited = [math.inf if x is None else x for x in values]
+    if any(isinstance(x, list) for x in limited):
+        return [x if isinstance(x, list) else [-x, x] for x in limited]
+    return limited
 
 
 def _override_joint(table: Table, k: int, location: str, entry: Any) -> None:

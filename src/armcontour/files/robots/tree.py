@@ -15,6 +15,14 @@ from armcontour.files.robots.arm_options import MAX_CHARACTERS
 # Types of revolute joints, whose position is one angle.
 REVOLUTE_TYPES = ("revolute", "continuous")
 JOINT_TYPES = (*REVOLUTE_TYPES, "fixed", "prismatic", "planar", "floating")
+# Attributes of the elements that determine the motion of an arm (URDF 1.2), by tag. `dont_collapse`
+# is an extension of simulators that merge links.
+ATTRIBUTES = {
+    "joint": {"name", "type", "dont_collapse"},
+    "origin": {"xyz", "rpy", "quat_xyzw"},
+    "axis": {"xyz"},
+    "limit": {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"},
+}
 # Maximum depth of nested elements; the format needs 6.
 MAX_DEPTH = 100
 # Maximum number of links; robots have about 100 links.
@@ -130,6 +138,9 @@ def read_tree(file: str, content: bytes | str) -> Tree:
             "execution with --trust-xacro if you trust it."
         )
     links: dict[str, ET.Element] = {}
+    version = robot.get("version", "1.0")
+    for element in (*robot.findall("link"), *robot.findall("joint")):
+        _check_attributes(file, element, version)
     for element in robot.findall("link"):
         name = _required_name(file, element)
         if name in links:
@@ -150,6 +161,23 @@ def read_tree(file: str, content: bytes | str) -> Tree:
     if not roots or len(tree.below(roots[0])) < len(joints):
         raise InvalidInput(f"The links of {file} must form a tree, but some joints form a loop.")
     return tree
+
+
+def _check_attributes(file: str, element: ET.Element, version: str) -> None:
+    """Check the names of the attributes in a link or joint, because unknown ones are ignored."""
+    owner = f"{file}: the {element.tag} {show(element.get('name'))}"
+    for part in element.iter():
+        unknown = set(part.attrib) - ATTRIBUTES.get(part.tag, set(part.attrib))
+        if unknown:
+            raise InvalidInput(
+                f"{owner} has the unknown attribute {sorted(unknown)[0]} of <{part.tag}>. Correct "
+                f"or remove it. The attributes are {', '.join(sorted(ATTRIBUTES[part.tag]))}."
+            )
+        if "quat_xyzw" in part.attrib and version == "1.0":
+            raise InvalidInput(
+                f"{owner} has an origin with quat_xyzw, which ROS ignores before URDF 1.1. Specify "
+                'the version of the file, <robot version="1.1">, or use rpy.'
+            )
 
 
 def _joints(
