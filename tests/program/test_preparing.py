@@ -327,7 +327,9 @@ def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
 def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
     events = (Event(name="on", s=0.0), Event(name="off", s=0.2), Event(name="mid", s=0.06))
     process = Process(begin=0.05, overlap=0.03, lead_in=Lead(length=0.01))
-    prepared_contour = only(program(Event(name="mid"), Contour(path=SQUARE, events=events)), process)
+    prepared_contour = only(
+        program(Event(name="mid"), Contour(path=SQUARE, events=events)), process
+    )
     places = {x.name: x.s for x in prepared_contour.events}
     assert places == pytest.approx({"on": 0.01, "mid": 0.02, "off": 0.24}, abs=1e-12)
     process = Process(lead_in=Lead(length=0.01), events=(Event(name="glue", s=0.05),))

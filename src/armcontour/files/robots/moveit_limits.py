@@ -86,41 +86,27 @@ def override_limits(table: Table, joints: Sequence[str], file: FilePath) -> None
 
 def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
     """`Limits` of a table, infinite where a joint has no limit; checks values and ranges."""
-    limits: dict[str, Any] = {}
-    for name in JOINT_LIMITS:
-        if any(x is not None for x in table[name]):
-            limits[name] = _check_values(name, table[name], joints, source)
-    for name, none in zip(JOINT_RANGE, (-np.inf, np.inf), strict=True):
-        ends = [none if value is None else value for value in table[name]]
-        if np.isfinite(ends).any():
-            limits[name] = ends
-    lower, upper = (limits.get(name) for name in JOINT_RANGE)
-    if lower is not None and upper is not None:
-        for joint, low, high in zip(joints, lower, upper, strict=True):
-            if low >= high:
+    limits: dict[str, list[Any]] = {}
+    for name, values in table.items():
+        none = -math.inf if name == JOINT_RANGE[0] else math.inf
+        limits[name] = [none if x is None else x for x in values]
+        for joint, value in zip(joints, limits[name], strict=True):
+            if name in JOINT_LIMITS and isinstance(value, int | float) and not value > 0:
                 raise InvalidInput(
-                    f"{source}: the lower end of the range of joint {joint} must be less than the "
-                    f"upper end, but the range is from {low:g} to {high:g} rad."
+                    f"{source}: the {name} of joint {joint} must be positive, but is "
+                    f"{value:g} {UNITS[name]}. Specify the correct value in the file or with "
+                    "joint_limits.",
+                    limit=name,
                 )
-    return Limits(**limits)
-
-
-def _check_values(
-    name: str, values: Sequence[Any], joints: Sequence[str], source: str
-) -> Sequence[Any]:
-    """Checked values of a limit, one per joint; two bounds per joint if any joint has two."""
-    for joint, value in zip(joints, values, strict=True):
-        if isinstance(value, int | float) and not value > 0:
+        if any(isinstance(x, list) for x in values):
+            limits[name] = [x if isinstance(x, list) else [-x, x] for x in limits[name]]
+    for joint, low, high in zip(joints, *(limits[x] for x in JOINT_RANGE), strict=True):
+        if low >= high:
             raise InvalidInput(
-                f"{source}: the {name} of joint {joint} must be positive, but is "
-                f"{value:g} {UNITS[name]}. Specify the correct value in the file or with "
-                "joint_limits.",
-                limit=name,
+                f"{source}: the lower end of the range of joint {joint} must be less than the "
+                f"upper end, but the range is from {low:g} to {high:g} rad."
             )
-    limited = [math.inf if x is None else x for x in values]
-    if any(isinstance(x, list) for x in limited):
-        return [x if isinstance(x, list) else [-x, x] for x in limited]
-    return limited
+    return Limits(**{name: x for name, x in limits.items() if np.isfinite(x).any()})
 
 
 def _override_joint(table: Table, k: int, location: str, entry: Any) -> None:

@@ -164,19 +164,18 @@ def read_tree(file: str, content: bytes | str) -> Tree:
 
 
 def _check_attributes(file: str, element: ET.Element, version: str) -> None:
-    """Check the names of the attributes in a link or joint, because unknown ones are ignored."""
-    owner = f"{file}: the {element.tag} {show(element.get('name'))}"
+    """Check that URDF has the attributes of a link or joint, because others have no effect."""
     for part in element.iter():
-        unknown = set(part.attrib) - ATTRIBUTES.get(part.tag, set(part.attrib))
+        known = ATTRIBUTES.get(part.tag, set(part.attrib))
+        # ROS ignores quaternions in files of version 1.0.
+        unknown = sorted(part.attrib.keys() - (known - {"quat_xyzw"} if version < "1.1" else known))
         if unknown:
+            fix = "Correct or remove it"
+            if unknown[0] in known:
+                fix = f'Specify <robot version="1.1">, which has {unknown[0]}'
             raise InvalidInput(
-                f"{owner} has the unknown attribute {sorted(unknown)[0]} of <{part.tag}>. Correct "
-                f"or remove it. The attributes are {', '.join(sorted(ATTRIBUTES[part.tag]))}."
-            )
-        if "quat_xyzw" in part.attrib and version == "1.0":
-            raise InvalidInput(
-                f"{owner} has an origin with quat_xyzw, which ROS ignores before URDF 1.1. Specify "
-                'the version of the file, <robot version="1.1">, or use rpy.'
+                f"{file}: <{part.tag}> of the {element.tag} {show(element.get('name'))} has the "
+                f"attribute {unknown[0]}, which URDF {version} does not have. {fix}."
             )
 
 

@@ -283,13 +283,13 @@ def origin_of(element: ET.Element, where: str) -> Frame:
     origin = element.find("origin")
     words = {} if origin is None else origin.attrib
     position = read_numbers(where, "xyz", words.get("xyz", "0 0 0"))
-    if "quat_xyzw" not in words:
-        rpy = read_numbers(where, "rpy", words.get("rpy", "0 0 0"))
-        return Frame(position=position, rotation=from_rpy(rpy))
-    if "rpy" in words:
-        raise InvalidInput(f"{where} has an origin with rpy and quat_xyzw. Remove one of them.")
-    quaternion = read_numbers(where, "quat_xyzw", words["quat_xyzw"], 4)
-    return Frame(position=position, rotation=rotations(f"{where}: quat_xyzw", quaternion))
+    rotation = from_rpy(read_numbers(where, "rpy", words.get("rpy", "0 0 0")))
+    if "quat_xyzw" in words:
+        if "rpy" in words:
+            raise InvalidInput(f"{where} has an origin with rpy and quat_xyzw. Remove one of them.")
+        quaternion = read_numbers(where, "quat_xyzw", words["quat_xyzw"], 4)
+        rotation = rotations(f"{where}: quat_xyzw", quaternion)
+    return Frame(position=position, rotation=rotation)
 
 
 def read_attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
