@@ -86,7 +86,7 @@ def override_limits(table: Table, joints: Sequence[str], file: FilePath) -> None
 
 def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
     """`Limits` of a table, infinite where a joint has no limit; checks values and ranges."""
-    limits: dict[str, list[Any]] = {}
+    limits: dict[str, Any] = {}
     for name, values in table.items():
         none = -math.inf if name == JOINT_RANGE[0] else math.inf
         limits[name] = [none if x is None else x for x in values]

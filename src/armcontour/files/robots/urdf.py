@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -299,13 +299,15 @@ def _missing_limits_note(limits: Limits, moving: list[Joint], *, has_bodies: boo
 
 def _implausible_note(limits: Limits, chain: Chain) -> str:
     """Note on values that are too large for an arm of this size; empty if there are none."""
-    n = len(chain)
-    reach = max(1.0, np.linalg.norm([*chain.positions, chain.tip.position], axis=1).sum())
-    largest = [("velocity", or_unlimited(limits.joint_velocity, n), MAX_VELOCITY, "rad/s")]
-    if chain.masses is not None:
+    lengths = np.linalg.norm([*chain.positions, chain.tip.position], axis=1)
+    reach = max(1.0, float(lengths.sum()))
+    velocity = or_unlimited(limits.joint_velocity, len(chain))
+    largest: list[Any] = [("velocity", velocity, MAX_VELOCITY, "rad/s")]
+    if chain.masses is not None and chain.inertias is not None:
+        torque = or_unlimited(limits.joint_torque, len(chain))
         holding = MAX_HOLDING * reach * chain.masses.sum() * np.linalg.norm(chain.gravity)
-        largest.append(("effort", or_unlimited(limits.joint_torque, n), holding, "N m"))
         moments = np.linalg.eigvalsh(chain.inertias)[:, -1]
+        largest.append(("effort", torque, holding, "N m"))
         largest.append(("inertia of the link", moments, chain.masses * reach**2, "kg m²"))
     found = []
     for kind, values, limit, unit in largest:
