@@ -319,7 +319,7 @@ class Limits(Checked):
     def same_both_ways(self) -> bool:
         """True if the acceleration limits of all joints are symmetric."""
         values = self.joint_acceleration
-        return values is None or values.ndim < 2 or bool((values.sum(axis=1) == 0).all())
+        return values is None or values.ndim < 2 or bool((values[:, 0] == -values[:, 1]).all())
 
 
 # Unit of each limit; units of the limits with values per joint; names of the tool limits; names of
