@@ -279,14 +279,11 @@ def whole_number(value: float, word: str) -> int:
 def _explain_syntax_error(text: str, position: int) -> str:
     """Explain why no word or comment can be read at a position."""
     character = text[position]
+    shown = ascii(text[position : position + SHOWN_CHARACTERS])
     if FANUC_FLOW.match(text, position) is not None:
-        return (
-            f"flow control ({ascii(text[position : position + SHOWN_CHARACTERS])}) is not "
-            f"supported: {PLAIN_MOVES}"
-        )
+        return f"flow control ({shown}) is not supported: {PLAIN_MOVES}"
     if (match := COMPUTED.match(text, position)) is not None:
         kind = "a parameter #" if match[0].endswith("#") else "an expression [ ]"
-        shown = ascii(text[position : position + SHOWN_CHARACTERS])
         return f"{kind} ({shown}) is not supported: {PLAIN_MOVES}"
     if character == "(":
         inner = text.find("(", position + 1)
@@ -300,7 +297,6 @@ def _explain_syntax_error(text: str, position: int) -> str:
             "in ( ) or after ;"
         )
     if FOREIGN.match(text, position) is not None:
-        shown = ascii(text[position : position + SHOWN_CHARACTERS])
         return (
             f"{shown} is a word of another dialect, such as Sinumerik: post-process the program "
             "in the CAM system for LinuxCNC or Fanuc"
