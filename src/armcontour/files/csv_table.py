@@ -26,7 +26,7 @@ _DIGIT_PATTERN = str.maketrans("23456789", "11111111")
 # A comma between digits, as in 0,125.
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
 # Matches comments, and blank lines, also of a spreadsheet, which writes separators for empty cells.
-_IGNORED = re.compile(r'\s*(?:#|[\s,;"]*$)')
+_IGNORED = re.compile(r'\s*#|[\s,;"]*$')
 # The start of a date or of a time of day, as in 2024-03-01T12:00:00 and 1.3.2024.
 _CLOCK = re.compile(r"\d+[-/:]\d|\d+\.\d+\.\d")
 # A title with a unit in brackets. A number in brackets, as in q[0], is an index, not a unit.
