@@ -86,7 +86,7 @@ def test_kept_limits_end_with_0(folder, check):
     assert uses["joint_acceleration"]["ratio"] == pytest.approx(0.72 / 0.722, abs=2e-3)
     assert data["path_deviation"]["distance"] < 1e-6
     assert data["rounding"]["q"] == pytest.approx(5e-10)
-    assert data["end_speeds"] == [None, None]
+    assert data["end_speeds"] == [0, 0] and "at rest" not in outcome.out
 
 
 def test_a_violation_ends_with_1_and_its_place(folder, check):
@@ -148,7 +148,7 @@ def test_wrong_files_and_options_are_refused(folder, refused):
     rows = [
         (f"none.csv {arm}", ["no trajectory file"]),
         (f"bare.csv {arm}", []),
-        ("planned.csv --arm ur5e", ["positions of 2 joints ('joint 1 [rad]'", "UR5e has 6"]),
+        ("planned.csv --arm ur5e", ["2 joints ('joint 1 [rad]'", "the arm has 6", "Add the other"]),
         (f"planned.csv {arm} --limits limits.yaml", ["with --path"]),
         (f"planned.csv {arm} --columns t,q1", ["--columns has 2 names"]),
         (
@@ -224,6 +224,34 @@ def test_a_measured_motion(folder, mac, check):
     # What is computed has no noise to declare.
     rough = check(folder, "planned.csv", *options[1:])
     assert rough.code == 1 and "scatter" not in rough.out
+
+
+def test_a_wrapped_angle_is_no_noise(folder, check):
+    t, *q = np.loadtxt(folder / "planned.csv", delimiter=",", skiprows=1).T
+    wrapped = np.mod(q[0] - q[0].mean(), 2 * np.pi)
+    write(folder / "wrapped.csv", "t,q1,q2", t, wrapped, q[1])
+    outcome = check(folder, "wrapped.csv", "--arm", "pmk3s")
+    assert outcome.code == 1 and "q1 jumps by about a turn" in outcome.out
+    assert "scatter" not in outcome.out
+    write(folder / "wrapped.csv", "t,q1,q2", t, np.unwrap(wrapped), q[1])
+    assert "turn" not in check(folder, "wrapped.csv", "--arm", "pmk3s").out
+
+
+def test_a_motion_that_does_not_end_at_rest(folder, check):
+    t, *q = np.loadtxt(folder / "planned.csv", delimiter=",", skiprows=1).T
+    dq = np.gradient(q, t, axis=1)
+    middle = len(t) // 2
+    speed = np.abs(dq[:, middle]).max()
+    for titles, *columns in (("t,q1,q2", t, *q), ("t,q1,q2,dq1,dq2", t, *q, *dq)):
+        parts = {"end": slice(middle), "start": slice(middle, None), "": slice(None)}
+        for end, part in parts.items():
+            write(folder / "part.csv", titles, *(x[part] for x in columns))
+            outcome = check(folder, "part.csv", "--arm", "pmk3s")
+            for word in ("start", "end"):
+                assert (f"does not {word} at rest" in outcome.out) == (word == end), titles
+            data = json.loads(check(folder, "part.csv", "--arm", "pmk3s", "--json").out)
+            speeds = dict(zip(("start", "end"), data["end_speeds"], strict=True))
+            assert speeds.get(end, speed) == pytest.approx(speed, rel=0.02)
 
 
 SWEEP = """t,q1,q2,q3,q4,q5,q6

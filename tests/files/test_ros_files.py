@@ -89,7 +89,7 @@ def test_exports_come_back(tmp_path, mac, arm, form):
     turned = read_trajectory(file, ["elbow", "shoulder"])
     np.testing.assert_array_equal(turned.q, trajectory.q[:, ::-1])
     assert read_trajectory(file, ["elbow"]).q.shape == (6, 1)
-    wrist = [(["wrist"], "the joints 'shoulder', 'elbow', but 'wrist'")]
+    wrist = [(["wrist"], "2 joints ('shoulder', 'elbow'), but the arm has 1 ('wrist')")]
     refusals(lambda x: read_trajectory(file, x), wrist)
     # A whole plan with its digits.
     x = mac.sample(4e-3)
@@ -239,6 +239,18 @@ def test_names_with_a_prefix_and_new_names(tmp_path):
     assert len(trajectory.notes) == 1
     log = _bag(tmp_path / "log", {"/c": _controller("reference", "feedback")}, {CONTROLLER: NEW})
     assert read_log(log, columns="*_joint=*").joint_names == tuple(f"{x}_joint" for x in NAMES)
+
+
+def test_joints_that_the_arm_does_not_have(read, tmp_path):
+    text = f"joint_names: [a, c]\npoints: [{{positions: [1, 2], {AT_ONCE}]"
+    (tmp_path / "a.yaml").write_text(text)
+    (tmp_path / "a.csv").write_text("t,q_a [rad],q_c [rad]\n0,1,2\n1,1,2\n")
+    files = {"a.yaml": "c", "a.csv": "q_c [rad]"}
+    for name, spare in files.items():
+        # A joint is not renamed to itself, and one that is missing cannot be renamed.
+        table = [(["a", "b", "c"], "2 joints ... has 3 ... Add the other joints")]
+        table.append((["a", "b"], f"--columns 'b={spare}'"))
+        refusals(lambda x, y=name: read_trajectory(tmp_path / y, x), table, name)
 
 
 OTHERS = f"""

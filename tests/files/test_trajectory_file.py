@@ -107,6 +107,28 @@ def test_anything_else_is_refused_with_its_line():
     tokens = ("nan", "", "1_0", "\u0663", "Infinity", "1e999", "0x10")
     words = "log.csv, line 3, column 'q1': '{}' is not a finite number"
     refusals(parse, [(f"t,q1/0,1/1,{x}/", words.format(x)) for x in tokens])
+    clocks = ("2024-03-01T12:00:00.000", "1.3.2024", "12:00:00.008", "2024/03/01 12:00")
+    rows = [f"t,q1\n{x},1\n" for x in clocks]
+    refusals(parse_trajectory, [(x, "dates or times of day ... to seconds") for x in rows])
+
+
+def test_rows_of_empty_cells_are_blank_lines():
+    for blank in (",,", ";;", "\t\t", ' , "" ,'):
+        separator = next(x for x in ",;\t" if x in blank)
+        rows = [separator.join(x) for x in (("t", "q1", "q2"), "012", "134")]
+        trajectory = parse_trajectory("\n".join([blank, *rows[:2], blank, rows[2], blank, ""]))
+        np.testing.assert_array_equal(trajectory.q, [[1, 2], [3, 4]])
+
+
+def test_velocities_that_are_no_numbers_are_not_measured():
+    for cells in ("nan,nan", "NaN,", ",", "5,nan"):
+        trajectory = parse_trajectory(f"t,q1,q2,dq1,dq2\n0,1,2,{cells}\n1,3,4,{cells}\n")
+        np.testing.assert_array_equal(trajectory.q, [[1, 2], [3, 4]])
+        assert trajectory.dq is None and trajectory.left_out == ("dq1", "dq2")
+        (note,) = trajectory.notes
+        assert f"joint {2 if cells[0] == '5' else 1} of trajectory has no joint velocity" in note
+    # A gap is a fault.
+    refusals(parse_trajectory, [("t,q1,dq1\n0,1,5\n1,1,nan\n", "line 3, column 'dq1': 'nan'")])
 
 
 def test_a_file_that_is_not_there_or_no_text(tmp_path, read):

@@ -33,7 +33,7 @@ def test_refusals(refuses):
         ({"measured": np.where(T > 0.05, np.nan, U)}, "measured"),
         ({"joint_names": ("a", "b")}, "1 different joint names"),
         ({"interpolation": "cubic"},),
-        ({"measured": WRAPPED}, "measured", "wrapped"),
+        ({"measured": WRAPPED}, "measured", "wrapped", "--unwrap"),
         ({"command": WRAPPED}, "command", "wrapped"),
     ):
         refuses(lambda x=changes: _log(**x), InvalidInput, *words)

@@ -309,6 +309,30 @@ def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
     assert durations[0] == durations[1]
 
 
+@pytest.mark.filterwarnings("ignore:Limits are above those of the arm")
+@pytest.mark.parametrize("options", [ac.Optimal(), ac.Paper(knots=50), ac.Conventional()])
+def test_an_infinite_limit_of_one_joint_is_one_that_is_never_reached(arm, rounded, limits, options):
+    slow = limits.replace(speed=0.04)
+    acceleration = float(np.max(slow.joint_acceleration))
+    for name, value in (("joint_velocity", 0.3), ("joint_acceleration", acceleration)):
+        durations = []
+        for missing in (np.inf, 1e4):
+            for values in ([value, missing], [[-value, value], [-missing, missing]]):
+                changed = slow.replace(**{name: values})
+                durations.append(ac.plan(rounded, arm, changed, options).duration)
+        assert durations == pytest.approx([durations[0]] * 4, rel=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:Limits are above those of the arm")
+def test_shapes_with_an_infinite_limit_of_one_joint(arm, objective, limits):
+    options = ac.Shaped(tolerance=5e-3)
+    for values in ([0.7, np.inf], [np.inf, 0.7]):
+        changed = limits.replace(joint_acceleration=values)
+        durations = ac.shape(objective, arm, changed, options).outcome.durations
+        # The search gains more than the rounded corners that it starts from.
+        assert durations["shaped"] < 0.97 * min(x for y, x in durations.items() if y != "shaped")
+
+
 def test_a_constraint_with_two_rows_has_one_name(arm, limits):
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
 

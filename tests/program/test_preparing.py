@@ -1,5 +1,7 @@
 """What a process adds around contours, against arithmetic of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -238,7 +240,10 @@ SWITCHED = [
     ([(True, 0.02), (False, 0.15)], False),
     ([(True, 0.02), (False, 0.04)], True),
     ([(True, 0.07), (False, 0.15)], True),
-    ([(True, 0.02)], True),
+    ([(True, 0.02)], False),
+    ([(True, 0.07)], False),
+    ([(False, 0.02)], False),
+    ([(False, 0.02), (True, 0.04)], True),
     ([(10.0, 0.0), (50.0, 0.04)], False),
     ([(True, 0.0), (False, 0.2)], True),
 ]
@@ -254,6 +259,20 @@ def test_a_contour_does_not_begin_where_something_would_not_be_switched_as_drawn
         only(square, process)
     else:
         refused((lambda: only(square, process), "contour E7", "laser", "0.05 m"))
+
+
+def test_a_moved_start_keeps_the_values_that_the_program_has_set_before():
+    on, off, again = (Event("laser", x, s=s) for x, s in ((True, 0.0), (False, 0.06), (True, 0.1)))
+    process = Process(begin=0.05)
+
+    def start(before, *events):
+        moves = (replace(before, s=0.0), Rapid(), Contour(path=SQUARE, name="E7", events=events))
+        return only(program(*moves), process).events
+
+    assert [x.s for x in start(on, off, again)] == pytest.approx([0.01, 0.05])
+    assert [x.s for x in start(on, again)] == pytest.approx([0.05])
+    for before, *events in ((on, off), (off, off, again), (Event("laser", 0.3), off, again)):
+        refused((lambda x=before, y=events: start(x, *y), "E7", "laser", "Remove begin"))
 
 
 # ----------------------------------------------------------------------------------------- events
@@ -275,7 +294,9 @@ def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
     lead = Lead(length=lead, shape=shape) if lead > 1e-6 else None
     ends = {"lead_in": lead, "lead_out": lead, "switch": Switch()}
     process = Process(begin=begin, overlap=overlap, resume_at=resume_at, **ends)
-    prepared_contour = only(Contour(path=SQUARE, events=events), process)
+    # Outputs that are on already can be switched on from any start point.
+    before = [replace(x, s=0.0) for x in events]
+    prepared_contour = only(program(*before, Contour(path=SQUARE, events=events)), process)
     on, switch_off = (x for x in prepared_contour.events if x.name == "tool")
     assert (on.value, switch_off.value) == (True, False)
     assert (on.s, switch_off.s) == pytest.approx(prepared_contour.work, abs=1e-12)
@@ -306,7 +327,9 @@ def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
 def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
     events = (Event(name="on", s=0.0), Event(name="off", s=0.2), Event(name="mid", s=0.06))
     process = Process(begin=0.05, overlap=0.03, lead_in=Lead(length=0.01))
-    prepared_contour = only(Contour(path=SQUARE, events=events), process)
+    prepared_contour = only(
+        program(Event(name="mid"), Contour(path=SQUARE, events=events)), process
+    )
     places = {x.name: x.s for x in prepared_contour.events}
     assert places == pytest.approx({"on": 0.01, "mid": 0.02, "off": 0.24}, abs=1e-12)
     process = Process(lead_in=Lead(length=0.01), events=(Event(name="glue", s=0.05),))

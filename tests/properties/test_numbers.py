@@ -88,8 +88,11 @@ def check_field(place, words, folder):
                 yield f"{shown(place)}: {word}: {message}"
         # What is no finite number is refused in any field, but for text where that may stand; and
         # infinity where it lifts a limit, or stands for a loop without a delay. An end of a range
-        # that is infinite is no end, whatever its sign.
-        elif word == "-inf" and set(place) & {"joint_lower", "joint_upper"}:
+        # that is infinite is no end, whatever its sign, and a lower bound may be no bound.
+        elif word == "-inf" and (
+            set(place) & {"joint_lower", "joint_upper"}
+            or (set(place) & MAY_BE_ENDLESS and place[-2:] == (0, 0))
+        ):
             continue
         elif word in ("nan", "-inf") or (word == "inf" and not set(place) & MAY_BE_ENDLESS):
             yield f"{shown(place)}: {word} is read"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armcontour.cli.console import Console
-from armcontour.core.text import digits, joint_label, list_some, show
+from armcontour.core.text import clock, digits, joint_label, list_some, show
 
 if TYPE_CHECKING:
     from armcontour.cli.options import CheckOptions, DescriptionOptions
@@ -215,20 +215,14 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
 
 def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> TrajectoryFile:
     """Read a trajectory file, check its joints and ranges, and apply `--noise`."""
-    from armcontour.core.errors import InvalidInput
     from armcontour.files import read_trajectory
-    from armcontour.motion.log_checks import check_range_of_log
+    from armcontour.motion.log_checks import check_range_of_log, raise_other_joints
 
     samples = read_trajectory(
         trajectory, arm.joint_names, columns=options.columns, topic=options.topic
     )
     if samples.q.shape[1] != arm.dof:
-        raise InvalidInput(
-            f"{samples.source} has positions of {samples.q.shape[1]} joints "
-            f"({', '.join(map(show, samples.joints))}), but the arm {arm.name} has {arm.dof} "
-            f"({', '.join(arm.joint_names)}). Use a file with all joints, or specify the arm of "
-            "the file with --arm."
-        )
+        raise_other_joints(samples.source, samples.joints, arm.joint_names)
     check_range_of_log(
         samples.source, samples.t, {"position": samples.q}, samples.joints, arm,
         margin=2 * math.pi, degrees_only=True,
@@ -261,6 +255,8 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
 
 def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> list[str]:
     """Lines with the ignored columns, the notes of the file, and a note about undeclared noise."""
+    from armcontour.motion.log import find_wrap
+
     lines = []
     if samples.left_out:
         lines.append(
@@ -268,12 +264,17 @@ def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> li
             f"{list_some([show(x) for x in samples.left_out], MAX_TITLES)}."
         )
     lines += [f"Note: {x}" for x in samples.notes]
+    for positions, joint in zip(samples.q.T, samples.joints, strict=True):
+        if (i := find_wrap(positions)) is not None:
+            lines.append(
+                f"The position of {joint} jumps by about a turn at t = {clock(samples.t[i])} s, "
+                "like a wrapped angle. If the joint does not jump, unwrap the positions "
+                "(numpy.unwrap)."
+            )
+            return lines
     noise = _noise(samples.q)
-    if (
-        result.violated
-        and not declared
-        and noise > max(samples.resolution.get("q", 0.0), MIN_NOISE)
-    ):
+    is_noisy = noise > max(samples.resolution.get("q", 0.0), MIN_NOISE)
+    if result.violated and not declared and is_noisy:
         lines.append(
             f"The positions scatter by {digits(noise * 1e3, 2)} mrad from sample to sample, like "
             "measured positions, and the check treats this noise as motion. If the positions are "

@@ -25,6 +25,10 @@ NUMBER = re.compile(
 _DIGIT_PATTERN = str.maketrans("23456789", "11111111")
 # A comma between digits, as in 0,125.
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
+# Matches comments, and blank lines, also of a spreadsheet, which writes separators for empty cells.
+_IGNORED = re.compile(r'\s*#|[\s,;"]*$')
+# The start of a date or of a time of day, as in 2024-03-01T12:00:00 and 1.3.2024.
+_CLOCK = re.compile(r"\d+[-/:]\d|\d+\.\d+\.\d")
 # A title with a unit in brackets. A number in brackets, as in q[0], is an index, not a unit.
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>(?!\d*[\])])[^\])]*)[\])]")
 # A unit must contain one of these to be a unit of angle. pint alone would accept "1/s" as "rad/s",
@@ -160,6 +164,10 @@ class CsvTable(Generic[Key]):
         """Text of the cell in a row and the column of a quantity."""
         return self.cells(row)[self.columns[key].index]
 
+    def is_empty(self, key: Key) -> bool:
+        """True if no cell in the column of a quantity has a number: all are empty or NaN."""
+        return all(self.cell(i, key).lower() in ("", "nan") for i in range(len(self.lines)))
+
     def cell_blocks(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
         """Yield blocks of rows: the index of the first row, and the cells of each given column."""
         indices, count = [self.columns[x].index for x in keys], len(self.lines)
@@ -200,10 +208,11 @@ class CsvTable(Generic[Key]):
 
     def raise_cell_error(self, row: int, key: Key) -> NoReturn:
         """Raise the error for a cell that is not a finite number."""
+        text, fix = self.cell(row, key), "Correct the value, or remove the line"
+        if _CLOCK.match(text):
+            fix = "Convert the dates or times of day in this column to seconds"
         raise InvalidInput(
-            f"{self.place(row, key)}: {show(self.cell(row, key))} is not a finite number. Correct "
-            "the value, or remove the line.",
-            index=row,
+            f"{self.place(row, key)}: {show(text)} is not a finite number. {fix}.", index=row
         )
 
 
@@ -223,7 +232,7 @@ def read_table(
     # if they are quoted.
     # `splitlines` would also split at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    numbered = [(k, x) for k, x in enumerate(lines, start=1) if x.lstrip()[:1] not in ("", "#")]
+    numbered = [(k, x) for k, x in enumerate(lines, start=1) if not _IGNORED.match(x)]
     if not numbered:
         raise InvalidInput(
             f"{source} is empty, but must have a line with column names, and rows with numbers."

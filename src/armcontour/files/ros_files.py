@@ -21,7 +21,7 @@ from armcontour.core.file_access import LARGE, MEGABYTE, SMALL, read_text
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import Digits, last_digit, rename
 from armcontour.files.joint_table import TrajectoryFile, tidy_times
-from armcontour.motion.log_checks import describe_match, match_joints
+from armcontour.motion.log_checks import describe_match, match_joints, raise_other_joints
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 # Message types of action goals, as ROS 1 and 2 record them.
@@ -87,7 +87,7 @@ def read_ros_motion(
     requested = tuple(joint_names) or every[0]
     orders = [match_joints(x, requested, file.name) for x in every]
     if not any(orders):
-        raise InvalidInput(_describe_missing(file.name, every[0], requested))
+        raise_other_joints(file.name, every[0], requested, every[0])
     some = [i for i, x in enumerate(orders) if x]
     return _make_motion(
         file.name,
@@ -302,18 +302,8 @@ def _joint_indices(source: str, names: Sequence[str], requested: Sequence[str]) 
     """Index in `names` of each requested joint; InvalidInput if one is missing."""
     order = match_joints(list(names), requested, source)
     if not order:
-        raise InvalidInput(_describe_missing(source, names, requested))
+        raise_other_joints(source, names, requested, names)
     return order
-
-
-def _describe_missing(source: str, names: Sequence[str], requested: Sequence[str]) -> str:
-    """Message for a file that does not have the requested joints."""
-    return (
-        f"{source} has the joints {', '.join(map(show, names))}, but "
-        f"{', '.join(map(show, requested)) or 'the names of joints'} are required. Specify the arm "
-        "of the file (--arm), or rename the joints (for example with --columns "
-        f"'{requested[0] if requested else 'NAME'}={next(iter(names), 'NAME')}')."
-    )
 
 
 def _read_bag(

@@ -15,8 +15,8 @@ from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
-from armcontour.core.text import count_noun, list_some, show
-from armcontour.files.csv_table import MAX_NAMED, CsvTable, last_digit, read_table
+from armcontour.core.text import list_some, show
+from armcontour.files.csv_table import CsvTable, last_digit, read_table
 from armcontour.files.exports.table import (
     EVENT_KEYS,
     SetPointTable,
@@ -39,7 +39,7 @@ from armcontour.files.joint_table import (
 from armcontour.files.result_folder import SUMMARY, verify_file
 from armcontour.files.ros_files import is_ros_file, read_ros_motion
 from armcontour.motion import Samples, TimedEvent
-from armcontour.motion.log_checks import describe_match, match_joints
+from armcontour.motion.log_checks import describe_match, match_joints, raise_other_joints
 
 # Beginnings of the titles of export columns that are ignored without a note.
 IGNORED = ("events", "torque ")
@@ -140,8 +140,8 @@ def _select_columns(
         joints = joints_of(table, "q", role)
         if joints and not joints[0].isdigit():
             if joint_names:
-                title = table.columns[Key("q", role, joints[0])].title
-                _raise_other_joints(table.heading, joints, joint_names, title)
+                titles = [table.columns[Key("q", role, x)].title for x in joints]
+                raise_other_joints(table.heading, joints, joint_names, titles)
         else:
             joints = _joint_numbers(table, role)
     if len(roles) > 1:
@@ -153,13 +153,14 @@ def _select_columns(
     keys = [Key("q", role, x) for x in joints]
     for kind in ("dq", "ddq"):
         needed = [Key(kind, role, x) for x in joints]
-        present = [x for x in needed if x in table.columns]
+        columns = [x for x in needed if x in table.columns]
+        present = [x for x in columns if not table.is_empty(x)]
         if len(present) == len(needed):
             keys += present
-        elif present:
-            lacking = next(x.joint for x in needed if x not in table.columns)
+        elif columns:
+            lacking = next(x.joint for x in needed if x not in present)
             notes.append(
-                f"Columns such as {show(table.columns[present[0]].title)} are ignored, because "
+                f"Columns such as {show(table.columns[columns[0]].title)} are ignored, because "
                 f"joint {lacking} of {table.source} has no {QUANTITIES[kind]}."
             )
     return keys, notes
@@ -176,25 +177,6 @@ def _joint_numbers(table: CsvTable[Key], role: str) -> list[str]:
         table.require_columns(Key("q", role, str(k)))
         joints.append(str(k))
     return joints
-
-
-def _raise_other_joints(
-    heading: str, joints: Sequence[str], joint_names: Sequence[str], title: str
-) -> None:
-    """Raise the error for a file whose joint names the arm does not have."""
-    have, arm = (list_some([show(x) for x in y], MAX_NAMED) for y in (joints, joint_names))
-    fix = "Specify the arm of the file (--arm)"
-    if len(joints) >= len(joint_names):
-        fix = (
-            "Rename its columns to the arm's joints (for example with --columns "
-            f"'{joint_names[0]}={title}'), or specify its arm (--arm)"
-        )
-    raise InvalidInput(
-        f"{heading}: the file has positions of {count_noun(len(joints), 'joint')} ({have}), but "
-        f"the arm has {len(joint_names)} ({arm}). {fix}.",
-        needed=len(joints),
-        allowed=len(joint_names),
-    )
 
 
 # Times are equal if they differ by at most this [cycles]; times are printed with 12 digits.

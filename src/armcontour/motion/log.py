@@ -169,18 +169,26 @@ class Log(Checked):
     def _check_wrapping(self, name: str, j: int) -> None:
         """Raise InvalidInput if positions of joint j jump by a whole turn."""
         values = getattr(self, name)[:, j]
-        steps = np.diff(values)
-        i = int(np.argmax(np.abs(steps)))
-        # A joint that really moves by a turn between two samples has a range above one turn.
-        if abs(abs(steps[i]) - 2 * math.pi) < NEAR_A_TURN and np.ptp(values) < 2 * math.pi + 1e-3:
+        i = find_wrap(values)
+        if i is not None:
             raise InvalidInput(
                 f"{self.source}: the {name} position of {self.joint_names[j]} jumps by "
-                f"{steps[i]:.4g} rad at t = {clock(self.t[i])} s, which is a wrapped angle. Unwrap "
-                "the positions first.",
+                f"{values[i + 1] - values[i]:.4g} rad at t = {clock(self.t[i])} s, which is a "
+                "wrapped angle. Unwrap the positions, such as with --unwrap (in Python, "
+                "unwrap=True).",
                 index=i,
                 t=float(self.t[i]),
                 joint=j,
             )
+
+
+def find_wrap(values: FloatArray) -> int | None:
+    """Index of the sample before a jump by a whole turn, as of a wrapped angle; or None."""
+    steps = np.diff(values)
+    i = int(np.argmax(np.abs(steps)))
+    # A joint that really moves by a turn between two samples has a range above one turn.
+    wraps = abs(abs(steps[i]) - 2 * math.pi) < NEAR_A_TURN and np.ptp(values) < 2 * math.pi + 1e-3
+    return i if wraps else None
 
 
 def cut_log(

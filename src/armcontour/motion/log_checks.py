@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 
@@ -81,6 +82,29 @@ def _is_prefixed(long: str, short: str) -> bool:
     return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None
 
 
+def raise_other_joints(
+    source: str,
+    names: Sequence[str],
+    joint_names: Sequence[str],
+    titles: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> NoReturn:
+    """Raise InvalidInput for joints that an arm does not have; `titles` are names for --columns."""
+    have, arm = (list_some([show(x) for x in y], MAX_NAMED) for y in (names, joint_names))
+    fix = "Add the other joints to the file"
+    if len(names) >= len(joint_names):
+        fix = "Name the joints in the file like those of the arm"
+        missing = [x for x in joint_names if x not in names]
+        spare = [title for x, title in zip(names, titles, strict=False) if x not in joint_names]
+        if missing and spare:
+            fix = f"{fix} (for example with --columns '{missing[0]}={spare[0]}')"
+    sentence = (
+        f"{source} has {count_noun(len(names), 'joint')} ({have}), but the arm has "
+        f"{len(joint_names)} ({arm}). {fix}, or specify the arm of the file (--arm)."
+    )
+    raise InvalidInput(" ".join((sentence, *notes)), needed=len(names), allowed=len(joint_names))
+
+
 def describe_match(
     names: Sequence[str], requested: Sequence[str], order: Sequence[int]
 ) -> list[str]:
@@ -100,20 +124,10 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
     order = match_joints(names, joint_names, source)
     if order is None or (numbered and len(names) != len(joint_names)):
-        log_names, other = (list_some(x, MAX_NAMED) for x in (names, joint_names))
-        if len(names) != len(joint_names):
-            raise InvalidInput(
-                f"{source} has {count_noun(len(names), 'joint')} ({log_names}), but the arm has "
-                f"{len(joint_names)} ({other}). Name the columns like the arm's joints, or specify "
-                f"the arm of the log. {' '.join(log.notes)}".rstrip()
-            )
-        pairs = zip(names, joint_names, strict=True)
-        if not numbered and any(x != y and x in joint_names for x, y in pairs):
-            unknown = next(x for x in names if x not in joint_names)
-            raise InvalidInput(
-                f"{source} has a joint {unknown}, but the joints of the arm are {other}. Name all "
-                "joints like those of the arm, or specify the arm of the log."
-            )
+        pairs = list(zip(names, joint_names, strict=False))
+        mixed = not numbered and any(x != y and x in joint_names for x, y in pairs)
+        if mixed or len(names) != len(joint_names):
+            raise_other_joints(source, names, joint_names, notes=log.notes)
         return log
     notes = describe_match(names, joint_names, order)
     if spare := [x for i, x in enumerate(names) if i not in order]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -17,7 +17,7 @@ from armcontour.core.text import count_noun
 from armcontour.geometry import Path
 from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
-from armcontour.program.moves import Contour, Event, Program, contour_called
+from armcontour.program.moves import Contour, Event, Program, Value, contour_called
 from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 
 # A function that makes the contour of an option, and its first and last point [m], (2, dimension).
@@ -298,7 +298,7 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
 
 def _fix_start(contour: Contour, start: float) -> Contour:
     """A closed contour that starts at an arc length [m], and keeps this start."""
-    return replace(move_start(contour, start), keep_start=True)
+    return replace(move_start(contour, start, {}), keep_start=True)
 
 
 def _reverse_contour(contour: Contour) -> Contour:
@@ -328,18 +328,20 @@ def find_start_candidates(path: Path, count: int) -> FloatArray:
     return np.concatenate(starts) % length
 
 
-def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
+def close_contour(
+    contour: Contour, process: Process, *, led: bool, outputs: Mapping[str, Value]
+) -> Contour:
     """A closed contour with the start point, the laps and the overlap of the process."""
     # An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
     # dwell or event leads to the contour, the contour has events, or its end orientations differ.
     # `contour`: the contour, which ends at its start point; `led`: true if a rapid, dwell or event
-    # of the program leads to the start of the contour.
+    # of the program leads to the start of the contour; `outputs`: values before the contour.
     start = find_start(contour, process, led=led)
     lap = contour.path.length
     extra_length = (process.passes - 1) * lap + process.overlap
     if extra_length > REPEATED_POINT:
         _check_end_orientations(contour)
-    contour = move_start(contour, start)
+    contour = move_start(contour, start, outputs)
     longer = _add_overlap(contour.path, extra_length)
     # Events at the drawn end move to the end of the overlap. Events between both ends are repeated
     # in every lap.
@@ -367,13 +369,13 @@ def find_start(contour: Contour, process: Process, *, led: bool) -> float:
     return _find_start(contour.path, DRAWN if keeps else process.begin)
 
 
-def move_start(contour: Contour, start: float) -> Contour:
+def move_start(contour: Contour, start: float, outputs: Mapping[str, Value]) -> Contour:
     """Move the start point of a closed contour to an arc length of the drawn contour [m]."""
     path = contour.path
     if start <= REPEATED_POINT or path.length - start <= REPEATED_POINT:
         return contour
     _check_end_orientations(contour)
-    _check_switching(contour, start)
+    _check_switching(contour, start, outputs)
     return replace(
         contour,
         path=join_paths([cut_path(path, start, path.length), cut_path(path, 0.0, start)]),
@@ -425,20 +427,21 @@ def _add_overlap(path: Path, overlap: float) -> Path:
     return join_paths(parts)
 
 
-def _check_switching(contour: Contour, start: float) -> None:
+def _check_switching(contour: Contour, start: float, outputs: Mapping[str, Value]) -> None:
     """Raise InvalidInput if an output differs between the new start point and the drawn ends."""
     inner = {x.name for x in contour.events if 0 < x.s < contour.path.length - REPEATED_POINT}
     for name in sorted(inner):
         events = [x for x in contour.events if x.name == name]
-        before = [x for x in events if x.s <= start]
-        # Events that set the values at the drawn end, the drawn start and the new start.
-        at_ends = [events[-1], *(x for x in events[:1] if x.s <= REPEATED_POINT), *before[-1:]]
-        if any(x.value != events[-1].value for x in at_ends):
+        # An output that the program has not switched before is off, unless it is switched off.
+        initial = outputs.get(name, not events[0].value)
+        values = {events[-1].value}
+        for s in (REPEATED_POINT, start):
+            values.add(next((x.value for x in reversed(events) if x.s <= s), initial))
+        if len(values) > 1:
             raise InvalidInput(
                 f"{contour_called(contour, 0) if contour.name else 'A closed contour'} switches "
-                f"{name} along its path, and would switch it at other points than drawn if it "
-                f"started at {start:g} m. Remove begin, or choose a start point where {name} has "
-                "the same value as at the end.",
+                f"{name} along its path, and would run parts of it with another value of {name} "
+                f"than drawn if it started at {start:g} m. Remove begin.",
                 s=start,
             )
 

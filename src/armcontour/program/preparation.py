@@ -26,6 +26,7 @@ from armcontour.program.moves import (
     Move,
     Program,
     Rapid,
+    Value,
     contour_called,
     find_departing_rapids,
     has_intended_start,
@@ -266,7 +267,7 @@ def _start_contour(
         contour = replace(contour, path=path)
     closed, lap = contour.closed, contour.path.length
     if closed:
-        contour = close_contour(contour, process, led=led)
+        contour = close_contour(contour, process, led=led, outputs=output_states.values)
     path = contour.path
     for event in process.events:
         if event.s > path.length + REPEATED_POINT:
@@ -441,6 +442,8 @@ class OutputStates:
         # Contours of a drawing can be reordered, so outputs have no state from contour to contour.
         self.in_order = any(not isinstance(x, Contour) for x in moves)
         self.states: dict[str, Event] = {}
+        # Current values of all outputs that the program switches.
+        self.values: dict[str, Value] = {}
         names: set[str] = set()
         for move in moves if self.in_order else ():
             if isinstance(move, Event) and move.changes_tool:
@@ -454,6 +457,7 @@ class OutputStates:
 
     def record_event(self, event: Event) -> bool:
         """Record an event between contours; true if it applies from the next contour's start on."""
+        self.values[event.name] = event.value
         if event.name in self.names:
             self.states[event.name] = event
         return event.name in self.names
@@ -463,6 +467,7 @@ class OutputStates:
         # `contour`: the contour from its start point, with laps and overlap; `events`: events of
         # the process for the contour.
         merged = sorted((*contour.events, *events), key=lambda x: x.s)
+        self.values |= {x.name: x.value for x in merged}
         layer = self.process.of_layer(contour.layer).switch
         confined: list[Event] = []
         for name in self.names:

@@ -44,8 +44,8 @@ JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
 class Limits(Checked):
     """Limits of the joints and of the tool.
 
-    Limits replace those of an arm value by value: None keeps the arm's limit, infinity lifts it. A
-    lifted limit has the value None, too, and its name is in `lifted`.
+    Limits replace those of an arm value by value: None keeps the arm's limit, infinity lifts it,
+    also for single joints. A lifted limit has the value None, too, and its name is in `lifted`.
 
     >>> limits.replace(speed=0.05).speed
     0.05
@@ -99,11 +99,6 @@ class Limits(Checked):
         Checked.__post_init__(self)
 
     def _check_together(self) -> None:
-        # An infinite jerk limit of a joint is valid, because files may specify jerk for some
-        # joints.
-        for name in JOINT_LIMITS:
-            if name != "joint_jerk" and getattr(self, name) is not None:
-                checks.freeze_numbers(name, getattr(self, name))
         # Infinity of either sign means that the range has no end.
         for name, end in (("joint_lower", -np.inf), ("joint_upper", np.inf)):
             values = getattr(self, name)
@@ -324,7 +319,7 @@ class Limits(Checked):
     def same_both_ways(self) -> bool:
         """True if the acceleration limits of all joints are symmetric."""
         values = self.joint_acceleration
-        return values is None or values.ndim < 2 or bool((values.sum(axis=1) == 0).all())
+        return values is None or values.ndim < 2 or bool((values[:, 0] == -values[:, 1]).all())
 
 
 # Unit of each limit; units of the limits with values per joint; names of the tool limits; names of

@@ -621,7 +621,8 @@ def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArr
     if limits.joint_torque is not None:
         return limits.joint_torque
     dof = len(chain)
-    if limits.joint_acceleration is None:
+    fastest = limits.acceleration_bounds(dof)[1]
+    if np.isinf(fastest).any():
         return np.full(dof, np.inf)
     if not limits.same_both_ways():
         raise InvalidInput(
@@ -632,7 +633,7 @@ def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArr
     shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
     model = mujoco_model.build_model(chain.replace(payload=None), DEFAULT_STEP, friction=False)
     matrices = np.abs(mujoco_model.mass_matrices(model, lower + shares * (upper - lower)))
-    return np.asarray(np.max([x @ limits.acceleration_bounds(dof)[1] for x in matrices], axis=0))
+    return np.asarray(np.max([x @ fastest for x in matrices], axis=0))
 
 
 def _steps_per_result(steps: int, span: float, resolution: float) -> int:

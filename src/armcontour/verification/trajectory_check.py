@@ -49,6 +49,8 @@ ULPS = 4
 # the grid.
 ON_GRID = 1e-3
 UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
+# Largest joint velocity that counts as rest at an end [rad/s]; measured velocities have noise.
+AT_REST = 0.01
 # Number of tool points between two breaks of a law.
 POINTS_PER_INTERVAL = 4
 
@@ -87,7 +89,8 @@ class Check(Result):
         states: Number of checked times.
         start: First time [s].
         end: Last time [s].
-        end_speeds: Largest joint velocity at the first and the last time [rad/s]; NaN if unknown.
+        end_speeds: Largest joint velocity at the first and the last time [rad/s]; if only positions
+            are known, the smallest one that the acceleration limits allow.
         path_deviation: Largest distance from the path; None without a path.
         rounding: Assumed bound on the error of "t", "q", "dq", "ddq" [SI].
     """
@@ -162,6 +165,13 @@ class Check(Result):
             yield f"Not judged, since a limit or the necessary samples are missing: {names}."
         if "path_jerk" in self.not_judged:
             yield "Jerk along the path is checked only for plans: samples have no arc length."
+        for end, speed in zip(("start", "end"), self.end_speeds, strict=True):
+            if speed > AT_REST:
+                yield (
+                    f"The motion does not {end} at rest: at its {end} a joint moves at "
+                    f"{number(speed, 'rad/s')}, so the robot can execute it only as a part of a "
+                    "longer motion."
+                )
 
     @property
     def worst(self) -> LimitUse | None:
@@ -377,7 +387,6 @@ def _judge_law(
 def _judge_log(log: SampledMotion, tally: LimitUseAccumulator) -> dict[str, Any]:
     """Check samples; returns the fields of `Check` that the accumulator does not have."""
     record_samples(log, tally)
-    speeds = None if log.dq is None else np.abs(log.dq).max(axis=1)
     rounding = {"t": float(log.t_error.max())} | {
         name: float(error.max())
         for name, error in zip(("q", "dq", "ddq"), log.errors, strict=True)
@@ -388,9 +397,24 @@ def _judge_log(log: SampledMotion, tally: LimitUseAccumulator) -> dict[str, Any]
         "states": len(log.t),
         "start": float(log.t[0]),
         "end": float(log.t[-1]),
-        "end_speeds": (np.nan, np.nan) if speeds is None else (float(speeds[0]), float(speeds[-1])),
+        "end_speeds": _end_speeds(log, tally.limits),
         "rounding": rounding,
     }
+
+
+def _end_speeds(log: SampledMotion, limits: Limits) -> tuple[float, float]:
+    """Largest joint velocity at both ends [rad/s], or its lower bound."""
+    if log.dq is not None:
+        speeds = np.abs(log.dq[[0, -1]])
+    else:
+        # At the acceleration a, the velocity at an end of an interval h differs from the mean
+        # velocity by at most h a / 2.
+        span = np.diff(log.t)[[0, -1], None]
+        mean = (np.abs(np.diff(log.q, axis=0)[[0, -1]]) - 2 * log.errors[0]) / span
+        low, high = limits.acceleration_bounds(log.q.shape[1])
+        speeds = np.maximum(mean - span * np.maximum(-low, high) / 2, 0.0)
+    first, last = speeds.max(axis=1).tolist()
+    return first, last
 
 
 def _check_path(

@@ -146,6 +146,10 @@ events/on_only_once => spindle speed=500.0, spindle=True, cut spindle speed=600.
 M5|G1 X1 F60 => spindle=False, cut
 M3 S60 I|G1 X1 F60|X2 S50|M5 I => spindle speed=60.0, spindle=True, cut spindle speed=50.0@1 \
 spindle=False@2
+M3 $0 S1|G1 X1 F60|X2|M5 $0|X3 => spindle speed=1.0, spindle=True, cut spindle=False@2
+M3 $0|S200 $1|$1 M4|G1 X1 F60|M5$-1|X2 => spindle=True, spindle 1 speed=200.0, \
+spindle 1=reverse, cut spindle=False@1 spindle 1=False@1
+M3 $2|G1 X1 F60|M2 => spindle 2=True, cut spindle 2=False@1
 G1 X1 F60|G0 X2|M5|G0 X3|G1 X4 => cut, rapid, spindle=False, rapid, cut
 events/dwell => cut, dwell 0.5, cut, cut
 events/pause => cut, pause=True, cut, pause=optional, cut
@@ -328,6 +332,17 @@ WRONG = f"""
 M83|G1 X1 E1 F60|G28 X0|G1 Y180 E1 => line 4
 G1 X1 F60|G28 X0|G1 Y180 => line 3
 G1 X1 F60|G28.2 X0 Y5|X2 => line 2 ... --skip G28.2
+F60|G1 X=10 Y=20 => line 2: 'X=10Y=20' is a word of another dialect
+F60|G2 X1 Y1 CR=10 => line 2: 'CR=10' ... dialect
+G1 X1 F60|MSG("end") => line 2: 'MSG("END")' ... dialect
+G1 X1 F60|CYCLE800(1) => line 2: 'CYCLE800(1)' ... dialect
+R1=5 => line 1: '=5' ... dialect
+G1 X Y5 F60 => line 1: the letter X is not followed by a number
+G1 X1 F60|$H => line 2: $ is a command of a sender
+$10=1 => line 1: $ is a command of a sender
+G1 X1 F60 $1 => line 1: no code on this line uses the word $
+M3 $-2 => line 1: the number of a spindle $ must not be below -1
+M3 $.5 => line 1: the number of a spindle $ must be a whole number
 G1 X1 F60|G93 X2 F2|G94 X3 => line 3 ... no feed rate
 G1 X1 F60|G92 => line 2: G92 needs
 G1 X1 F60|G50 X2 => line 2: G50 with coordinates

@@ -156,6 +156,25 @@ def test_lines_polylines_polygons_and_rectangles():
             np.testing.assert_allclose(path.lengths[1::2], math.pi * 1e-3, rtol=1e-9)
 
 
+def test_lengths_in_the_attribute_style():
+    rectangle = read('<rect style="x:5px; y:5px; width:20px; height:10px" width="7"/>').path
+    plain = read('<rect x="5" y="5" width="20" height="10"/>').path
+    np.testing.assert_array_equal(rectangle.vertices, plain.vertices)
+    for styled, plain in (
+        ('<circle style="r:10px;cx:50px;cy:40px"/>', '<circle r="10" cx="50" cy="40"/>'),
+        (
+            '<ellipse cy="40" style="rx:1cm;ry:5;cx:50%"/>',
+            '<ellipse rx="37.795" ry="5" cx="50" cy="40"/>',
+        ),
+    ):
+        paths = [read(x).path for x in (styled, plain)]
+        s = np.linspace(0, 1, 50)
+        points = [x(s * x.length) for x in paths]
+        np.testing.assert_allclose(*points, atol=2e-6)
+    sheet = "<style>circle {r: 3px}</style><circle cx='9' cy='9'/>"
+    refusals(read, [(sheet, "style sheets that set r are not supported")])
+
+
 def test_a_circle_is_one_arc():
     for body in (
         '<circle cx="50" cy="30" r="10"/>',

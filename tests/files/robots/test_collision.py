@@ -108,13 +108,13 @@ def test_meshes_are_found_by_path_and_by_package(tmp_path):
 
 
 BAD = r"""
-<box size="1 1"/> => link beam ... size must be three numbers
+<box size="1 1"/> => link beam ... size must be 3 numbers
 <torus/> => link beam ... must be a box ... 'torus'
 => link beam ... exactly one geometry
 <mesh filename="http://example.org/a.stl"/> => http://example.org/a.stl ... does not exist
 <mesh filename="package://[/a.stl"/> => package://[/a.stl ... does not exist
 <mesh filename="small.dae"/> => small.dae ... convert it to .stl or .obj
-<mesh filename="small.obj" scale="1 x 1"/> => scale must be three numbers
+<mesh filename="small.obj" scale="1 x 1"/> => scale must be 3 numbers
 <mesh filename="large.obj"/> => large.obj would be 200 m large ... unit: mm
 """
 

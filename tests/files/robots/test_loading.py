@@ -484,6 +484,12 @@ def test_a_file_of_joint_limits_completes_the_description(tmp_path):
     ).limits
     np.testing.assert_array_equal(limits.joint_velocity, [1, 1.5, 2.5, 4])
     np.testing.assert_array_equal(limits.joint_torque, [10, 70, 40, 15])
+    # Accelerations of the other joints are assumed; a joint may have no velocity limit.
+    file.write_text("joint_limits: {pan: {max_acceleration: 9, has_velocity_limits: false}}")
+    arm = ac.load_arm(ROBOT, ac.ArmOptions(base="base_link", tip="tcp", joint_limits=file))
+    np.testing.assert_array_equal(arm.limits.joint_velocity, [np.inf, 1.5, 2.5, 4])
+    np.testing.assert_array_equal(arm.limits.joint_acceleration, [9, 1.5, 2.5, 4])
+    assert any("no acceleration limits of tilt, elbow, roll" in x for x in arm.notes)
 
 
 BAD = r"""
@@ -498,7 +504,6 @@ joint_limits: {pan: {max_velocity: true}} => must be a number, but is True
 joint_limits: {pan: {has_velocity_limits: 1, max_velocity: 1}} => has_velocity_limits must ... is 1
 joint_limits: {pan: {has_velocity_limits: true}} => no max_velocity. Add max_velocity
 joint_limits: {pan: {max_velocity: -1}} => joint_velocity of joint pan ... positive ... -1 rad/s
-joint_limits: {pan: {max_acceleration: 1}} => joint tilt has no joint_acceleration
 joint_limits: {pan: {max_deceleration: -1}} => joint pan has max_deceleration but no max_accel
 joint_limits: {tilt: {min_position: 2, max_position: 1}} => range of joint tilt ... from 2 to 1 rad
 """

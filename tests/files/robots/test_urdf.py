@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 from tests.dynamics_extra import pinocchio
 from tests.files.tables import refusals, rows
 
@@ -210,6 +211,81 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path):
     np.testing.assert_allclose(moved, points + rotations @ tool.position)
 
 
+QUATERNIONS = """
+0.5 0.5 -0.5 => must be 4 numbers ... '0.5 0.5 -0.5'
+0 0 0 0 => length 1 within 0.001, but has 0
+0 0 1 1 => length 1 within 0.001, but has 1.41421
+0 0 nan 1 => must be 4 numbers ... nan
+"""
+
+
+def test_quaternions_of_origins(tmp_path):
+    first, last = '<robot name="lifter">', 'rpy="1.2 0 0.3"'
+    place = Frame.rpy((0, 0, 0), (1.2, 0, 0.3))
+    version = (first, '<robot name="lifter" version="1.2">')
+    # Four printed digits of a quaternion are enough.
+    for number, error in (("{:.17g}", 1e-15), ("{:.4f}", 1e-4)):
+        words = " ".join(number.format(x) for x in Rotation.from_matrix(place.rotation).as_quat())
+        arm = load(tmp_path, version, (last, f'quat_xyzw="{words}"'))
+        q = np.random.default_rng(2).normal(size=(20, 4))
+        np.testing.assert_allclose(
+            arm.tool_position(q), original_arm().tool_position(q), rtol=0, atol=error
+        )
+    table = [(f'quat_xyzw="{x}"', f"quat_xyzw ... {words}") for x, words in rows(QUATERNIONS)]
+    table.append((f'{last} quat_xyzw="0 0 0 1"', "rpy and quat_xyzw. Remove one"))
+    refusals(lambda x: load(tmp_path, version, (last, x)), table, "oint tilt")
+    # ROS ignores a quaternion in a file of URDF 1.0.
+    for old in (first, '<robot name="lifter" version="1.0">'):
+        change = ((first, old), (last, 'quat_xyzw="0 0 0 1"'))
+        refusals(lambda x: load(tmp_path, *x), [(change, "'tilt' ... version=\"1.1\"")])
+
+
+UNKNOWN = """
+<axis xyz="0 1 1"/> => <axis xyz="0 1 1" rpy="1 0 0"/> => <axis> of ... 'tilt' ... rpy
+effort="40" velocity="2.5" => effort="40" max_velocity="2.5" => <limit> of ... max_v
+name="elbow" type="revolute" => name="elbow" type="revolute" offset="1" => <joint> of ... offset,
+<origin xyz="0.4 0 0.02" => <origin quat="0 0 0 1" xyz="0.4 0 0.02" => <origin> of ... quat,
+<origin xyz="0.15 0 0.03"/> => <origin xyz="0.15 0 0.03" yaw="1"/> => link 'upper' ... yaw
+"""
+
+
+def test_unknown_attributes_are_refused(tmp_path):
+    table = [((old, new), words) for old, new, words in rows(UNKNOWN)]
+    refusals(lambda x: load(tmp_path, x), table, "robot.urdf", "URDF 1.0 does not have")
+    kind = 'name="elbow" type="revolute"'
+    assert load(tmp_path, (kind, f'{kind} dont_collapse="true"')).dof == 4
+
+
+def test_accelerations_and_jerks_of_a_description(tmp_path):
+    elbow = 'effort="40" velocity="2.5"'
+    more = 'acceleration="8" deceleration="6" jerk="50"'
+    arm = load(tmp_path, (elbow, f"{elbow} {more}"))
+    # Accelerations of the other joints are assumed from their velocities.
+    np.testing.assert_array_equal(arm.limits.joint_acceleration, [2, 1.5, 6, 4])
+    np.testing.assert_array_equal(arm.limits.joint_jerk, [np.inf, np.inf, 50, np.inf])
+    assert any("no acceleration limits of pan, tilt, roll" in x for x in arm.notes)
+    assert any("no jerk of pan, tilt, roll" in x for x in arm.notes)
+    only = load(tmp_path, (elbow, f'{elbow} deceleration="6"'))
+    assert only.limits.joint_acceleration[2] == 6
+    text = re.sub('velocity="', 'acceleration="8" jerk="50" velocity="', TEXT)
+    arm = load(tmp_path, (TEXT, text))
+    np.testing.assert_array_equal(arm.limits.joint_acceleration, [8] * 4)
+    np.testing.assert_array_equal(arm.limits.joint_jerk, [50] * 4)
+    assert not any("acceleration" in x or "jerk" in x for x in arm.notes)
+
+
+def test_implausible_values_are_noted(tmp_path):
+    inertia = 'ixx="0.003" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"'
+    assert not any("implausibly" in x for x in original_arm().notes)
+    for old, new, words in (
+        ('velocity="2.5"', 'velocity="100"', "velocity of elbow, up to 100 rad/s"),
+        ('effort="40"', 'effort="5000"', "effort of elbow, up to 5000 N m"),
+        (inertia, inertia.replace('"0.', '"300.'), "inertia of the link of elbow"),
+    ):
+        arm = load(tmp_path, (old, new))
+        assert any("implausibly large" in x and words in x for x in arm.notes), arm.notes
+
+
 BAD = """
 link name="cover" => link => a link without a name
 joint name="elbow" => joint name="tilt" => two joints ... tilt
@@ -221,6 +297,8 @@ name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is pr
 <limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... locked=
 effort="40" velocity="2.5" => effort="40" velocity="fast" => velocity ... joint elbow ... 'fast'
 lower="-2.5" upper="2.5" => => lower end of the range of joint elbow
+lower="-2.5" upper="2.5" => lower="2.5" upper="-2.5" => range of joint elbow ... from 2.5 to -2.5
+lower="-1" upper="1" effort="1" => lower="1" upper="-1" effort="1" => joint hinge ... 1 to -1 rad
 <mass value="2"/> => <mass/> => link lower of ... value of the mass
 <axis xyz="0 1 1"/> => <axis xyz="0 0 0"/> => Joint tilt of ... zero axis
 <dynamics damping="0.1"/> => <dynamics damping="-0.1"/> => elbow ... damping of joint elbow
@@ -307,9 +385,12 @@ def test_zero_and_less_count_as_not_given(tmp_path):
         arm = load(tmp_path, change)
         (note,) = (x for x in arm.notes if "values of at most 0 are ignored" in x)
         assert note.startswith(f"robot.urdf: it has no {lacking} of elbow")
-        assert (arm.limits.joint_torque is None) == ("no effort" in note)
-        assert (arm.limits.joint_velocity is None) == ("no velocity" in note)
-        # Without speeds no accelerations are assumed.
+        # The limits of the other joints remain.
+        torque = np.inf if "no effort" in note else 40
+        speed = np.inf if "no velocity" in note else 2.5
+        np.testing.assert_array_equal(arm.limits.joint_torque, [80, 70, torque, 15])
+        np.testing.assert_array_equal(arm.limits.joint_velocity, [2, 1.5, speed, 4])
+        # Without the speed of a joint no accelerations are assumed.
         assert (arm.limits.joint_acceleration is None) == ("no velocity" in note)
     # With the values from elsewhere nothing is lacking.
     (tmp_path / "joint_limits.yaml").write_text(LIMITS)
@@ -317,17 +398,16 @@ def test_zero_and_less_count_as_not_given(tmp_path):
     np.testing.assert_array_equal(arm.limits.joint_torque, [80, 70, 33, 15])
     np.testing.assert_array_equal(arm.limits.joint_velocity, [2, 1.5, 1.25, 4])
     assert not any("ignored" in x for x in arm.notes)
-    # Those of some joints only are not enough.
     change = ('effort="80" velocity="2"', 'effort="0" velocity="2"')
-    words = "joint pan has no joint_torque ... joint_limits"
-    file = tmp_path / "joint_limits.yaml"
-    refusals(lambda x: load(tmp_path, x, joint_limits=file), [(change, words)])
+    arm = load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml")
+    np.testing.assert_array_equal(arm.limits.joint_torque, [np.inf, 70, 33, 15])
+    assert any("no effort of pan (" in x for x in arm.notes)
 
 
 def test_joints_without_a_limit_element(tmp_path):
     arm = load(tmp_path, ('<limit effort="80" velocity="2"/>', ""))
-    assert arm.limits.joint_velocity is None and arm.limits.joint_torque is None
-    assert arm.limits.joint_upper[0] == np.inf
+    np.testing.assert_array_equal(arm.limits.joint_velocity, [np.inf, 1.5, 2.5, 4])
+    assert arm.limits.joint_torque[0] == arm.limits.joint_upper[0] == np.inf
     limit = '<limit lower="-2.5" upper="2.5" effort="40" velocity="2.5"/>'
     arm = load(tmp_path, (limit, ""))
     assert arm.limits.joint_upper[2] == np.inf and arm.limits.joint_upper[1] == 1.5
@@ -466,7 +546,7 @@ NAMES = [
 NUMBERS = """
 velocity="2.5" => velocity="N" => must be one finite number
 <mass value="2"/> => <mass value="N"/> => value of the mass must be a number
-<origin xyz="0.4 0 0.02"/> => <origin xyz="N 0 0"/> => xyz must be three numbers
+<origin xyz="0.4 0 0.02"/> => <origin xyz="N 0 0"/> => xyz must be 3 numbers
 """
 TOO_LARGE = """
 xyz="0.4 0 0.02" => xyz="1e300 0 0.02" => elbow ... at most 1e+09 ... 1e300

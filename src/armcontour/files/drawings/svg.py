@@ -76,7 +76,9 @@ NO_OUTLINE = ("text", "image", "foreignObject")
 MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 # Matches declarations of style sheets that can change the contours. Style sheets are not evaluated,
 # so these declarations are refused unless their value is in HARMLESS; `display: none` is refused.
-_SHEET = re.compile(r"(?<![\w-])(display|visibility|transform|clip-path|mask)\s*:\s*(\w+)")
+_SHEET = re.compile(
+    r"(?<![\w-])(display|visibility|transform|clip-path|mask|c[xy]|r[xy]?)\s*:\s*(\w+)"
+)
 MARKED = "Skipped the markers of"
 NOT_READ = "Skipped because they have no outline"
 HARMLESS = ("none", "inline", "block", "visible", "inherit")

@@ -166,6 +166,9 @@ class _Builder:
                 read[PREFIXES.get(owner, "") + bare] = value
         tag = local if space in ("", SVG) else ""
         element = Element(tag, read, self.source, line)
+        if tag in ("rect", "circle", "ellipse"):
+            # In SVG 2, lengths of shapes can also be properties of the attribute style.
+            read.update({x: value for x in LENGTHS if (value := element.style_property(x))})
         if self._open:
             self._open[-1].children.append(element)
         else:

@@ -12,11 +12,11 @@ from pathlib import Path as FilePath
 from armcontour.core import file_access
 from armcontour.core.checks import LONGEST_NAME, FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import Frame, from_rpy
+from armcontour.core.frames import Frame
 from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
 from armcontour.files.robots.tree import MAX_NAMED, Tree, parse_xml
-from armcontour.files.robots.urdf_chain import origin_of, read_attribute, read_three
+from armcontour.files.robots.urdf_chain import origin_of, read_attribute, read_numbers
 from armcontour.files.robots.xacro_file import find_near
 from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, Shape, Sphere
 
@@ -123,10 +123,8 @@ def collision_elements(tree: Tree, link: str) -> Iterator[CollisionElement]:
                 f"{location} must have exactly one geometry: a box, cylinder, capsule, sphere or "
                 "mesh."
             )
-        xyz, rpy = origin_of(element, location)
-        yield CollisionElement(
-            where=location, geometry=geometry[0], place=Frame(position=xyz, rotation=from_rpy(rpy))
-        )
+        place = origin_of(element, location)
+        yield CollisionElement(where=location, geometry=geometry[0], place=place)
 
 
 def shape_of(
@@ -138,7 +136,7 @@ def shape_of(
     """Shape of a collision element; `unit` is the unit of a mesh without a scale."""
     kind, element, location = collision.geometry.tag, collision.geometry, collision.where
     if kind == "box":
-        return Box(size=read_three(location, "size", element.get("size", "")))
+        return Box(size=read_numbers(location, "size", element.get("size", "")))
     if kind == "sphere":
         return Sphere(radius=read_attribute(location, element, kind, "radius"))
     if kind in ("cylinder", "capsule"):
@@ -151,7 +149,7 @@ def shape_of(
         )
     scale: FloatArray | None = None
     if "scale" in element.attrib:
-        scale = read_three(location, "scale", element.get("scale", ""))
+        scale = read_numbers(location, "scale", element.get("scale", ""))
         # Many programs always write scale factors of 1, so a factor of 1 does not confirm the unit
         # m.
         scale = None if (scale == 1).all() else scale

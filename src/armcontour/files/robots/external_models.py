@@ -263,8 +263,9 @@ def _make_arm(
         override_limits(table, chain.joints, options.limits_file)
     limits = limits_of(table, chain.joints, source)
     missing = [x for x in lacking if getattr(limits, x) is None]
-    note = f"it does not specify {' and '.join(missing)} for all joints" if missing else ""
-    limits, note = assume_accelerations(limits, note)
+    lack = f"it does not specify {' and '.join(missing)} for all joints" if missing else ""
+    limits, assumed = assume_accelerations(limits, chain.joints)
+    note = "; ".join(x for x in (lack, assumed) if x)
     return SerialArm(
         name=checks.check_name("name of a model", name),
         chain=chain,

@@ -85,49 +85,28 @@ def override_limits(table: Table, joints: Sequence[str], file: FilePath) -> None
 
 
 def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
-    """`Limits` of a table; checks the ranges, and that no joint lacks a limit of other joints."""
+    """`Limits` of a table, infinite where a joint has no limit; checks values and ranges."""
     limits: dict[str, Any] = {}
-    for name in JOINT_LIMITS:
-        if any(x is not None for x in table[name]):
-            limits[name] = _check_values(name, table[name], joints, source)
-    for name, none in zip(JOINT_RANGE, (-np.inf, np.inf), strict=True):
-        ends = [none if value is None else value for value in table[name]]
-        if np.isfinite(ends).any():
-            limits[name] = ends
-    lower, upper = (limits.get(name) for name in JOINT_RANGE)
-    if lower is not None and upper is not None:
-        for joint, low, high in zip(joints, lower, upper, strict=True):
-            if low >= high:
+    for name, values in table.items():
+        none = -math.inf if name == JOINT_RANGE[0] else math.inf
+        limits[name] = [none if x is None else x for x in values]
+        for joint, value in zip(joints, limits[name], strict=True):
+            if name in JOINT_LIMITS and isinstance(value, int | float) and not value > 0:
                 raise InvalidInput(
-                    f"{source}: the lower end of the range of joint {joint} must be less than the "
-                    f"upper end, but the range is from {low:g} to {high:g} rad."
+                    f"{source}: the {name} of joint {joint} must be positive, but is "
+                    f"{value:g} {UNITS[name]}. Specify the correct value in the file or with "
+                    "joint_limits.",
+                    limit=name,
                 )
-    return Limits(**limits)
-
-
-def _check_values(
-    name: str, values: Sequence[Any], joints: Sequence[str], source: str
-) -> Sequence[Any]:
-    """Checked values of a limit, one per joint; two bounds per joint if any joint has two."""
-    # Unlike other limits, jerk may be limited for only some joints.
-    some = name == "joint_jerk"
-    for joint, value in zip(joints, values, strict=True):
-        if value is None and not some:
+        if any(isinstance(x, list) for x in values):
+            limits[name] = [x if isinstance(x, list) else [-x, x] for x in limits[name]]
+    for joint, low, high in zip(joints, *(limits[x] for x in JOINT_RANGE), strict=True):
+        if low >= high:
             raise InvalidInput(
-                f"{source}: joint {joint} has no {name}, but other joints have one. Specify it for "
-                "all joints or for none, in the file or with joint_limits."
+                f"{source}: the lower end of the range of joint {joint} must be less than the "
+                f"upper end, but the range is from {low:g} to {high:g} rad."
             )
-        endless = some and value == math.inf
-        if isinstance(value, int | float) and not (0 < value < math.inf or endless):
-            raise InvalidInput(
-                f"{source}: the {name} of joint {joint} must be positive and finite, but is "
-                f"{value:g} {UNITS[name]}. Specify the correct value in the file or with "
-                "joint_limits.",
-                limit=name,
-            )
-    if any(isinstance(x, list) for x in values):
-        return [x if isinstance(x, list) else [-x, x] for x in values]
-    return [math.inf if x is None else x for x in values]
+    return Limits(**{name: x for name, x in limits.items() if np.isfinite(x).any()})
 
 
 def _override_joint(table: Table, k: int, location: str, entry: Any) -> None:

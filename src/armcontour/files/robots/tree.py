@@ -15,6 +15,14 @@ from armcontour.files.robots.arm_options import MAX_CHARACTERS
 # Types of revolute joints, whose position is one angle.
 REVOLUTE_TYPES = ("revolute", "continuous")
 JOINT_TYPES = (*REVOLUTE_TYPES, "fixed", "prismatic", "planar", "floating")
+# Attributes of the elements that determine the motion of an arm (URDF 1.2), by tag. `dont_collapse`
+# is an extension of simulators that merge links.
+ATTRIBUTES = {
+    "joint": {"name", "type", "dont_collapse"},
+    "origin": {"xyz", "rpy", "quat_xyzw"},
+    "axis": {"xyz"},
+    "limit": {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"},
+}
 # Maximum depth of nested elements; the format needs 6.
 MAX_DEPTH = 100
 # Maximum number of links; robots have about 100 links.
@@ -130,6 +138,9 @@ def read_tree(file: str, content: bytes | str) -> Tree:
             "execution with --trust-xacro if you trust it."
         )
     links: dict[str, ET.Element] = {}
+    version = robot.get("version", "1.0")
+    for element in (*robot.findall("link"), *robot.findall("joint")):
+        _check_attributes(file, element, version)
     for element in robot.findall("link"):
         name = _required_name(file, element)
         if name in links:
@@ -150,6 +161,22 @@ def read_tree(file: str, content: bytes | str) -> Tree:
     if not roots or len(tree.below(roots[0])) < len(joints):
         raise InvalidInput(f"The links of {file} must form a tree, but some joints form a loop.")
     return tree
+
+
+def _check_attributes(file: str, element: ET.Element, version: str) -> None:
+    """Check that URDF has the attributes of a link or joint, because others have no effect."""
+    for part in element.iter():
+        known = ATTRIBUTES.get(part.tag, set(part.attrib))
+        # ROS ignores quaternions in files of version 1.0.
+        unknown = sorted(part.attrib.keys() - (known - {"quat_xyzw"} if version < "1.1" else known))
+        if unknown:
+            fix = "Correct or remove it"
+            if unknown[0] in known:
+                fix = f'Specify <robot version="1.1">, which has {unknown[0]}'
+            raise InvalidInput(
+                f"{file}: <{part.tag}> of the {element.tag} {show(element.get('name'))} has the "
+                f"attribute {unknown[0]}, which URDF {version} does not have. {fix}."
+            )
 
 
 def _joints(

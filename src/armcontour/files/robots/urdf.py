@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
@@ -21,7 +24,8 @@ from armcontour.files.robots.moveit_limits import (
     override_limits,
 )
 from armcontour.files.robots.tree import MAX_NAMED, REVOLUTE_TYPES, Joint, Tree, read_tree
-from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
+from armcontour.robot.chain import Chain
+from armcontour.robot.limits import JOINT_RANGE, Limits, or_unlimited
 from armcontour.robot.scene import ArmShapes
 from armcontour.robot.serial import SerialArm
 
@@ -36,18 +40,29 @@ HINT = (
     "with has_acceleration_limits and max_acceleration for every joint, or set "
     "limits.joint_acceleration"
 )
-# Limits of descriptions by name: the attribute of the limit element, which is also the name of the
-# kind of limit in joint_limits.yaml.
-DESCRIBED_LIMITS = {"joint_velocity": "velocity", "joint_torque": "effort"}
+# Limits of descriptions by name: the attributes of the limit element. The first is also the kind of
+# limit in joint_limits.yaml. The smallest value applies, in both directions.
+DESCRIBED_LIMITS = {
+    "joint_velocity": ("velocity",),
+    "joint_torque": ("effort",),
+    "joint_acceleration": ("acceleration", "deceleration"),
+    "joint_jerk": ("jerk",),
+}
 # Ranges whose ends are between these values [rad] are rejected, because they are probably in
 # degrees. Usual arms turn by at most 2.5 turns.
 MAX_RADIANS = 16.0
 MAX_DEGREES = 3601.0
+# Largest plausible velocity [rad/s]: wrists of the fastest arms turn at about 25 rad/s. Many
+# exporters of CAD programs write 100.
+MAX_VELOCITY = 30.0
+# Largest plausible torque, relative to the torque that holds all masses at the whole length of the
+# arm; known arms have at most about 1.
+MAX_HOLDING = 5.0
 # Assumed time from rest to the largest speed of a joint if acceleration limits are missing [s]. The
 # joint_limits.yaml of Universal Robots has 180 deg/s and 180 deg/s², "for planning".
 ASSUMED_RISE_TIME = 1.0
 ASSUMED_NOTE = (
-    f"it has no acceleration limits, so each joint is assumed to reach its largest speed in "
+    f"it has no acceleration limits{{}}, so each joint is assumed to reach its largest speed in "
     f"{ASSUMED_RISE_TIME:g} s; specify the manufacturer's values with joint_limits or "
     "limits.joint_acceleration"
 )
@@ -81,7 +96,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         tree, moving, options.limits_file, has_bodies=chain.masses is not None
     )
     missing = missing_meshes(tree, options.packages)
-    notes = (chosen, *description.notes, lacking, missing)
+    notes = (chosen, *description.notes, lacking, _implausible_note(limits, chain), missing)
     arm = SerialArm(
         name=tree.name,
         chain=chain,
@@ -178,32 +193,29 @@ def _limits(
     soft = _apply_soft_limits(table, moving, tree.file)
     stated: Table = {**table, **{name: [None] * len(moving) for name in JOINT_RANGE}}
     stated = {name: list(values) for name, values in stated.items()}
-    described = {name: list(table[name]) for name in DESCRIBED_LIMITS}
     if file is not None:
         override_limits(table, names, file)
         override_limits(stated, names, file)
-    _check_radians(table, stated, moving, tree.file)
-    lacking = {}
-    for name, key in DESCRIBED_LIMITS.items():
-        lacking_joints = [x for x, value in zip(names, table[name], strict=True) if value is None]
-        # A limit that the description has for only some joints is removed. If the file changes this
-        # limit but not for all joints that lack it, `limits_of` raises an error.
-        if lacking_joints and table[name] == described[name]:
-            table[name] = [None] * len(moving)
-            lacking[key] = f"no {key} of {list_some(lacking_joints, MAX_NAMED)}"
     if not has_bodies:
         table["joint_torque"] = [None] * len(moving)
-        lacking.pop("effort", None)
-    note = "; ".join(x for x in (soft, _missing_limits_note(lacking, moving)) if x)
-    return assume_accelerations(limits_of(table, names, tree.file), note)
+    limits = limits_of(table, names, tree.file)
+    _check_radians(table, stated, moving, tree.file)
+    limits, assumed = assume_accelerations(limits, names)
+    missing = _missing_limits_note(limits, moving, has_bodies=has_bodies)
+    return limits, "; ".join(x for x in (soft, missing, assumed) if x)
 
 
-def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
-    """Limits with accelerations derived from velocities if they are missing, and the new note."""
-    if limits.joint_acceleration is None and limits.joint_velocity is not None:
-        limits = limits.replace(joint_acceleration=limits.joint_velocity / ASSUMED_RISE_TIME)
-        note = f"{note}; {ASSUMED_NOTE}" if note else ASSUMED_NOTE
-    return limits, note
+def assume_accelerations(limits: Limits, joints: Sequence[str]) -> tuple[Limits, str]:
+    """Limits with accelerations derived from velocities where they are missing, and a note."""
+    current = or_unlimited(limits.joint_acceleration, len(joints))
+    missing = np.isinf(current)
+    fastest = or_unlimited(limits.joint_velocity, len(joints))
+    assumed = np.where(missing, fastest / ASSUMED_RISE_TIME, current)
+    if not missing.any() or np.isinf(assumed).any():
+        return limits, ""
+    lacking = [name for name, x in zip(joints, missing, strict=True) if x]
+    some = "" if missing.all() else f" of {list_some(lacking, MAX_NAMED)}"
+    return limits.replace(joint_acceleration=assumed), ASSUMED_NOTE.format(some)
 
 
 def _hint(limits: Limits, *, has_bodies: bool) -> str:
@@ -216,13 +228,12 @@ def _hint(limits: Limits, *, has_bodies: bool) -> str:
 
 
 def _table(tree: Tree, moving: list[Joint]) -> Table:
-    """Table of the limits in a description; a velocity or effort of at most 0 counts as missing."""
-    table: Table = {name: [] for name in (*JOINT_LIMITS, *JOINT_RANGE)}
+    """Table of the limits in a description; limits of at most 0 count as missing."""
+    table: Table = {name: [] for name in (*DESCRIBED_LIMITS, *JOINT_RANGE)}
     for joint in moving:
-        for name in JOINT_LIMITS:
-            key = DESCRIBED_LIMITS.get(name)
-            value = None if key is None else joint.number("limit", key, tree.file)
-            table[name].append(None if value is None or value <= 0 else value)
+        for name, keys in DESCRIBED_LIMITS.items():
+            values = (joint.number("limit", key, tree.file) for key in keys)
+            table[name].append(min((x for x in values if x is not None and x > 0), default=None))
         for name, key in zip(JOINT_RANGE, ("lower", "upper"), strict=True):
             value = None
             if joint.kind != "continuous" and joint.element.find("limit") is not None:
@@ -265,16 +276,43 @@ def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) 
             )
 
 
-def _missing_limits_note(lacking: dict[str, str], moving: list[Joint]) -> str:
-    """Note on the kinds of limits that a description does not have; empty if it has all."""
+def _missing_limits_note(limits: Limits, moving: list[Joint], *, has_bodies: bool) -> str:
+    """Note on the limits that joints of a description do not have; empty if it has all."""
+    lacking = {}
+    for name, (kind, *_) in DESCRIBED_LIMITS.items():
+        unlimited = np.isinf(or_unlimited(getattr(limits, name), len(moving)))
+        expected = name == "joint_velocity" or has_bodies and name == "joint_torque"
+        if unlimited.any() and (expected or not unlimited.all()):
+            joints = [x.name for x, none in zip(moving, unlimited, strict=True) if none]
+            lacking[kind] = f"no {kind} of {list_some(joints, MAX_NAMED)}"
     endless = [x.name for x in moving if x.kind == "revolute" and x.element.find("limit") is None]
     if endless:
-        lacking = {**lacking, "position": f"no range of {list_some(endless, MAX_NAMED)}"}
+        lacking["position"] = f"no range of {list_some(endless, MAX_NAMED)}"
     if not lacking:
         return ""
     keys = ", ".join(f"has_{kind}_limits and {'/'.join(KINDS[kind])}" for kind in lacking)
     return (
-        f"it has {' and '.join(lacking.values())} (values of at most 0 are ignored), so the joints "
-        f"have no limits of {' and '.join(lacking)}; specify them for every joint with "
-        f"joint_limits ({keys}) or with limits"
+        f"it has {' and '.join(lacking.values())} (values of at most 0 are ignored), so these "
+        f"joints have no such limits; specify them with joint_limits ({keys}) or with limits"
     )
+
+
+def _implausible_note(limits: Limits, chain: Chain) -> str:
+    """Note on values that are too large for an arm of this size; empty if there are none."""
+    lengths = np.linalg.norm([*chain.positions, chain.tip.position], axis=1)
+    reach = max(1.0, float(lengths.sum()))
+    velocity = or_unlimited(limits.joint_velocity, len(chain))
+    largest: list[Any] = [("velocity", velocity, MAX_VELOCITY, "rad/s")]
+    if chain.masses is not None and chain.inertias is not None:
+        torque = or_unlimited(limits.joint_torque, len(chain))
+        holding = MAX_HOLDING * reach * chain.masses.sum() * np.linalg.norm(chain.gravity)
+        moments = np.linalg.eigvalsh(chain.inertias)[:, -1]
+        largest.append(("effort", torque, holding, "N m"))
+        largest.append(("inertia of the link", moments, chain.masses * reach**2, "kg m²"))
+    found = []
+    for kind, values, limit, unit in largest:
+        large = np.flatnonzero((values > limit) & np.isfinite(values))
+        if len(large):
+            joints = list_some([chain.joints[k] for k in large], MAX_NAMED)
+            found.append(f"{kind} of {joints}, up to {values[large].max():.4g} {unit}")
+    return f"implausibly large values, check them: {'; '.join(found)}" if found else ""

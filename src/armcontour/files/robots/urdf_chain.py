@@ -11,7 +11,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import Frame, exp, from_rpy
+from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.tree import Joint, Tree
 from armcontour.robot.chain import Chain, check_inertia, merge_bodies
@@ -96,8 +96,7 @@ class Description:
 
     def _joint_frame(self, joint: Joint) -> Frame:
         """Frame of the child link in the parent link, at position 0 or at the locked position."""
-        xyz, rpy = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
-        place = Frame(position=xyz, rotation=from_rpy(rpy))
+        place = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
         value = 0.0 if joint.name in self._names else self._locked_position(joint, ())
         if not abs(value) <= LARGEST:
             raise InvalidInput(
@@ -130,14 +129,18 @@ class Description:
         )
         lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
         if joint.kind != "continuous" and lower is not None and upper is not None:
-            if specified is None and lower <= upper:
-                return min(max(value, lower), upper)
-            if specified is not None and not lower <= value <= upper:
-                unit = _unit(joint)
+            if lower > upper:
                 raise InvalidInput(
-                    f"Joint {joint.name} of {file} is locked at {value:g} {unit}, outside its "
-                    f"range from {lower:g} to {upper:g} {unit}. Specify a position in this range "
-                    f"with locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
+                    f"{file}: the lower end of the range of joint {joint.name} must be at most the "
+                    f"upper end, but the range is from {lower:g} to {upper:g} {_unit(joint)}."
+                )
+            if specified is None:
+                return min(max(value, lower), upper)
+            if not lower <= value <= upper:
+                raise InvalidInput(
+                    f"Joint {joint.name} of {file} is locked at {value:g} {_unit(joint)}, outside "
+                    f"its range from {lower:g} to {upper:g} {_unit(joint)}. Specify a position in "
+                    f"this range with locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
                 )
         return value
 
@@ -245,17 +248,15 @@ class Description:
         mass = read_attribute(where, inertial.find("mass"), "mass", "value")
         tensor = inertial.find("inertia")
         xx, xy, xz, yy, yz, zz = (read_attribute(where, tensor, "inertia", key) for key in TENSOR)
-        xyz, rpy = origin_of(inertial, where)
-        frame = Frame(position=xyz, rotation=from_rpy(rpy))
-        return mass, frame, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return mass, origin_of(inertial, where), inertia
 
     def _axis(self, joint: Joint) -> FloatArray:
         """Unit vector of a joint axis, (3,)."""
         where = f"Joint {joint.name} of {self.tree.file}"
         element = joint.element.find("axis")
-        axis = read_three(
-            where, "axis", "1 0 0" if element is None else element.get("xyz", "1 0 0")
-        )
+        words = "1 0 0" if element is None else element.get("xyz", "1 0 0")
+        axis = read_numbers(where, "axis", words)
         size = float(np.linalg.norm(axis))
         if size == 0:
             raise InvalidInput(f"{where} has a zero axis. Specify a direction.")
@@ -277,11 +278,18 @@ def _unit(joint: Joint) -> str:
     return "m" if joint.kind == "prismatic" else "rad"
 
 
-def origin_of(element: ET.Element, where: str) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and roll, pitch, yaw [rad] of the origin of an element, (3,) each."""
+def origin_of(element: ET.Element, where: str) -> Frame:
+    """Frame of the origin of an element."""
     origin = element.find("origin")
-    words = ["0 0 0"] * 2 if origin is None else [origin.get(x, "0 0 0") for x in ("xyz", "rpy")]
-    return read_three(where, "xyz", words[0]), read_three(where, "rpy", words[1])
+    words = {} if origin is None else origin.attrib
+    position = read_numbers(where, "xyz", words.get("xyz", "0 0 0"))
+    rotation = from_rpy(read_numbers(where, "rpy", words.get("rpy", "0 0 0")))
+    if "quat_xyzw" in words:
+        if "rpy" in words:
+            raise InvalidInput(f"{where} has an origin with rpy and quat_xyzw. Remove one of them.")
+        quaternion = read_numbers(where, "quat_xyzw", words["quat_xyzw"], 4)
+        rotation = rotations(f"{where}: quat_xyzw", quaternion)
+    return Frame(position=position, rotation=rotation)
 
 
 def read_attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
@@ -296,11 +304,11 @@ def read_attribute(where: str, element: ET.Element | None, tag: str, key: str) -
     return value
 
 
-def read_three(where: str, name: str, words: str) -> FloatArray:
-    """The three numbers in the text of an attribute, (3,); `where` and `name` are for messages."""
+def read_numbers(where: str, name: str, words: str, count: int = 3) -> FloatArray:
+    """The numbers in the text of an attribute, (count,); `where` and `name` are for messages."""
     numbers = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
-    if numbers.shape != (3,) or not (np.abs(numbers) <= LARGEST).all():
+    if numbers.shape != (count,) or not (np.abs(numbers) <= LARGEST).all():
         raise InvalidInput(
-            f"{where}: {name} must be three numbers of at most {LARGEST:g}, but is {show(words)}."
+            f"{where}: {name} must be {count} numbers of at most {LARGEST:g}, but is {show(words)}."
         )
     return numbers

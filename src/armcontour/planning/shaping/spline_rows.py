@@ -21,6 +21,8 @@ from armcontour.robot.limit_use import States
 DIRECTIONS = 8
 # (speed - limit) / limit below which a speed is ignored, because one step cannot reach the limit
 FAR = -0.6
+# Finite bound for joints without a limit, which is never active [SI].
+NEVER = 1e6
 # Largest relative decrease of a span time in one step.
 LEAST_SPAN = 0.5
 
@@ -112,14 +114,14 @@ def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray)
 
 def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, limit: FloatArray) -> SpanRows:
     """Rows `±(e_i - e_{i-1}) <= limit h_i`; the rows of positive accelerations come first."""
-    bound = np.broadcast_to(limit, both.shape[:2])
+    bound = np.broadcast_to(np.minimum(limit, NEVER), both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, np.diff(e, axis=0)) - bound * h[:, None]
     return SpanRows(value, -both, both, -bound, bound * h[:, None])
 
 
 def _velocity(both: FloatArray, e: FloatArray, limit: FloatArray) -> SpanRows:
     """Rows `±e_i <= limit` of the joint velocities."""
-    bound = np.broadcast_to(limit, both.shape[:2])
+    bound = np.broadcast_to(np.minimum(limit, NEVER), both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
     after = np.where((value > FAR * bound)[..., None], both, 0.0)
     return SpanRows(value, np.zeros_like(both), after, np.zeros_like(value), bound)
@@ -215,7 +217,7 @@ def _torque(
     still = dynamics.torque(end.q, zero, zero)
     drag = dynamics.friction(end.dq)
     bias = dynamics.torque(end.q, end.dq, zero) + drag
-    bound = np.broadcast_to(np.tile(limit, 2), both.shape[:2])
+    bound = np.broadcast_to(np.tile(np.minimum(limit, NEVER), 2), both.shape[:2])
     torque = np.einsum("nij,nj->ni", mass, end.ddq) + bias
     value = (np.einsum("nrj,nj->nr", both, torque) - bound) * h[:, None]
     by_joints = np.einsum("nri,nij->nrj", both, mass)

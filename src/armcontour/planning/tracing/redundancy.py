@@ -212,6 +212,8 @@ class _Cost:
         pace = np.ones(arm.dof)
         if arm.limits.joint_velocity is not None:
             slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
+            # A joint without a limit counts as the fastest one.
+            slowest = np.minimum(slowest, slowest[np.isfinite(slowest)].max())
             pace = np.min(slowest) / slowest
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
         whole, share = steps.sum(axis=1, keepdims=True), np.diff(s) / (s[-1] - s[0])

@@ -301,7 +301,9 @@ def derate_contour(
         """Derating with ds² reduced to a share in the cells with a use above 1."""
         return derating.with_cap(np.where(use > 1, speed * share, np.inf), cause)
 
-    over = margins.joints * np.maximum(1.0, margins.peak / margins.joints.max(axis=0))
+    # A joint without a limit has margins of 0.
+    sampled = np.maximum(margins.joints.max(axis=0), 1e-12)
+    over = margins.joints * np.maximum(1.0, margins.peak / sampled)
     shares = np.ones_like(derating.share)
     for j in range(shares.shape[1]):
         use = largest(over[:, j], 0.0) / tight["acceleration"]

@@ -214,16 +214,19 @@ class Switches:
     def __init__(self, draft: Compensation, dialect: Dialect) -> None:
         self.draft, self.dialect = draft, dialect
         self.states: dict[str, Value] = {}
+        self.spindles = {0: "spindle"}
         self.selected: int | None = None
         self.tool = 0
 
     def apply(self, block: Block) -> None:
         """Switch outputs as a line commands, in the order of the manual; removes the words used."""
+        spindles = self._spindles(block)
         speed = block.words.pop("S", None)
         if speed is not None:
             if speed < 0:
                 raise Fault(f"the spindle speed S must not be negative, but is {speed:g}")
-            self.set("spindle speed", speed)
+            for name in spindles:
+                self.set(f"{name} speed", speed)
         self._select_tool(block)
         for code in block.m:
             if code in DIGITAL:
@@ -234,12 +237,23 @@ class Switches:
         if TOOL_CHANGE in block.m:
             self._change_tool()
         for code in block.m:
-            if code in SPINDLE:
-                self.set("spindle", SPINDLE[code])
+            for name in spindles if code in SPINDLE else ():
+                self.set(name, SPINDLE[code])
         for code in block.m:
             if code in COOLANT:
                 value, current = COOLANT[code], self.states.get("coolant")
                 self.set("coolant", BOTH if value and current and current != value else value)
+
+    def _spindles(self, block: Block) -> list[str]:
+        """Names of the spindles that M3, M4, M5 and S address with $; $-1 addresses all."""
+        if "S" not in block.words and SPINDLE.keys().isdisjoint(block.m):
+            return []
+        number = whole_number(block.words.pop("$", 0.0), "the number of a spindle $")
+        if number < -1:
+            raise Fault(f"the number of a spindle $ must not be below -1, but is {number}")
+        if number == -1:
+            return list(self.spindles.values())
+        return [self.spindles.setdefault(number, f"spindle {number}")]
 
     def _select_tool(self, block: Block) -> None:
         if "T" not in block.words:
@@ -263,7 +277,7 @@ class Switches:
 
         Source: LinuxCNC manual, M Codes, "M2, M30".
         """
-        for name in ("extruder", "spindle", "coolant"):
+        for name in ("extruder", *self.spindles.values(), "coolant"):
             if self.states.get(name):
                 self.set(name, False)
 

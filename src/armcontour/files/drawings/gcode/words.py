@@ -91,7 +91,10 @@ FIRST_WITH_DECIMALS = 100
 # (LinuxCNC manual, "Numbers").
 WHOLE_TOLERANCE = 1e-4
 
-TOKEN = re.compile(r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL)
+# $ selects a spindle (LinuxCNC), unless it sets a parameter of grbl, as in $10=1.
+TOKEN = re.compile(
+    r"([A-Z]|\$(?![0-9]+=))([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL
+)
 EXPONENT = re.compile(r"[0-9.][eE]")
 COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
 # Matches the start of an O word.
@@ -102,6 +105,8 @@ PROGRAM_NUMBER = re.compile(r"(?:N[0-9]+)?O[0-9]+(?:\.0*)?")
 FANUC_FLOW = re.compile(r"IF|WHILE|GOTO|END|DO|ELSE|THEN")
 # Matches parameters, and words with parameters or expressions as values: #1=2, X#1, ZSIN[30].
 COMPUTED = re.compile(r"[A-Z]?[-+]*(?:#|[A-Z]*\[)")
+# Matches assignments and calls of other dialects, such as X=10, CR=5, MSG("end") and CYCLE800.
+FOREIGN = re.compile(r"=|[A-Z]+[0-9]*=|[A-Z]{2,}\(|[A-Z]{3,}")
 # Matches a letter without a value and quoted text, as in programs of 3D printers: G28 X Y,
 # M84 X Y E, M862.3 P "MK3S".
 BARE_LETTER = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
@@ -274,14 +279,11 @@ def whole_number(value: float, word: str) -> int:
 def _explain_syntax_error(text: str, position: int) -> str:
     """Explain why no word or comment can be read at a position."""
     character = text[position]
+    shown = ascii(text[position : position + SHOWN_CHARACTERS])
     if FANUC_FLOW.match(text, position) is not None:
-        return (
-            f"flow control ({ascii(text[position : position + SHOWN_CHARACTERS])}) is not "
-            f"supported: {PLAIN_MOVES}"
-        )
+        return f"flow control ({shown}) is not supported: {PLAIN_MOVES}"
     if (match := COMPUTED.match(text, position)) is not None:
         kind = "a parameter #" if match[0].endswith("#") else "an expression [ ]"
-        shown = ascii(text[position : position + SHOWN_CHARACTERS])
         return f"{kind} ({shown}) is not supported: {PLAIN_MOVES}"
     if character == "(":
         inner = text.find("(", position + 1)
@@ -293,6 +295,11 @@ def _explain_syntax_error(text: str, position: int) -> str:
         return (
             f"{text[position : position + 2]} does not start a comment in G-code: write comments "
             "in ( ) or after ;"
+        )
+    if FOREIGN.match(text, position) is not None:
+        return (
+            f"{shown} is a word of another dialect, such as Sinumerik: post-process the program "
+            "in the CAM system for LinuxCNC or Fanuc"
         )
     if character.isascii() and character.isalpha():
         return f"the letter {character} is not followed by a number"
