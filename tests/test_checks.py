@@ -19,7 +19,7 @@ from tests.geometry.tables import refused
 import armcontour as ac
 from armcontour import InvalidInput, controllers
 from armcontour.core import checks, errors
-from armcontour.core.checks import FloatArray, check_name, kernel_array
+from armcontour.core.checks import BoolArray, FloatArray, IntArray, check_name, kernel_array
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import (
     Frame,
@@ -492,6 +492,33 @@ def test_checked_fields_are_converted_locked_and_shared():
     assert gear.places is not array and not gear.places.flags.writeable and array.flags.writeable
     assert replace(gear, teeth=5).places is gear.places
     assert gear.rates == np.inf and gear.speed == np.inf and gear.times is None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Columns(Checked):
+    """A dataclass with arrays that have no quantity."""
+
+    values: FloatArray
+    numbers: IntArray | None = None
+    flags: BoolArray | None = None
+    pairs: Annotated[FloatArray, Axes("n", 2)] | None = None
+
+
+def test_arrays_without_a_quantity_are_checked_copied_and_locked(refuses):
+    """With each version of NumPy, whose aliases of annotations differ."""
+    values, numbers, pairs = np.zeros(2), np.zeros(2, dtype=np.intp), np.zeros((3, 2))
+    for wrong in ("text", [0.0, "text"], None):
+        refuses(lambda x=wrong: Columns(values=x), InvalidInput, "values of columns")
+    refuses(lambda: Columns(values=values, numbers=[0.5]), InvalidInput, "numbers")
+    refuses(lambda: Columns(values=values, flags=[0.0]), InvalidInput, "flags")
+    refuses(lambda: Columns(values=values, pairs=values), InvalidInput, "pairs", "(n, 2)")
+    refuses(lambda: ac.JointPath(breaks="abc", coefficients=5), InvalidInput, "breaks")
+    columns = Columns(values=values, numbers=numbers, flags=numbers > 0, pairs=pairs)
+    for name, original in (("values", values), ("numbers", numbers), ("pairs", pairs)):
+        array = getattr(columns, name)
+        assert array is not original and original.flags.writeable
+        assert array.flags.owndata and not array.flags.writeable
+    assert not columns.flags.flags.writeable
 
 
 def test_arguments_are_read_by_their_annotations():

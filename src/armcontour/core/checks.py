@@ -22,7 +22,12 @@ R = TypeVar("R")
 C = TypeVar("C")
 # Longest name [characters]; names appear in lines of robot programs, tables and terminals.
 LONGEST_NAME = 80
-FloatArray = npt.NDArray[np.float64]
+# Fields are checked by these annotations. They name the class, because `npt.NDArray` is an alias
+# that hides it in newer versions of NumPy.
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+IntArray = np.ndarray[Any, np.dtype[np.intp]]
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+ObjectArray = np.ndarray[Any, np.dtype[np.object_]]
 # Largest number in SI units, above any length, time, speed or torque of a robot. Its powers up to
 # the twenty-fifth are finite, so products of squares and cubes do not overflow.
 LARGEST = 1e12
@@ -36,8 +41,6 @@ MAX_JOINTS = 1000
 MAX_VALUES = 5e7
 # Largest whole number, for values such as seeds that have no other upper bound.
 MAX_WHOLE = 2**63 - 1
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
 # Attributes of a copied object by name, and names of the attributes with read-only arrays.
 State = tuple[dict[str, Any], tuple[str, ...]]
 

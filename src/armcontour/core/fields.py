@@ -207,6 +207,8 @@ def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
 def _reader(hint: Any, field: _Field) -> Reader | None:
     """Reader of values with an annotation; None if all values are valid."""
     kinds, origin, parts = checks.kinds_of(hint), get_origin(hint), get_args(hint)
+    # Type aliases, such as `npt.NDArray` in newer versions of NumPy, hide the class.
+    assert not hasattr(origin, "__value__"), f"{field.who}: {hint} is an alias"
     if origin in (dict, Mapping):
         return _read_mapping(parts[1], field)
     if kinds and (Mapping not in kinds or hint is Mapping):

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray, ObjectArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.render import number
@@ -100,7 +100,7 @@ class Corners(Checked):
     shrunk: BoolArray
     speed: FloatArray
     angular_error: FloatArray
-    reason: npt.NDArray[np.object_]
+    reason: ObjectArray
 
     def __len__(self) -> int:
         """Number of corners."""

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray, IntArray, Value
+from armcontour.core.checks import BoolArray, FloatArray, IntArray, ObjectArray, Value
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import evaluate, rescale
 
@@ -66,7 +66,7 @@ class Segments(Value):
     lengths: FloatArray
     speeds: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     tolerances: FloatArray = field(default_factory=lambda: NOT_GIVEN)
-    tags: npt.NDArray[np.object_] = field(default_factory=lambda: NO_TAGS)
+    tags: ObjectArray = field(default_factory=lambda: NO_TAGS)
     quintics: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     checked: bool = False
 
