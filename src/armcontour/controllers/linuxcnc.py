@@ -122,10 +122,6 @@ class LinuxCNC(Controller):
         return [Row("drive_accelerations", list(drives), "rad/s²", "accelerations of the drives")]
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
-        if shutil.which("halcmd") is None:
-            raise ControllerRefused(
-                "LinuxCNC is not installed: apt-get install --no-install-recommends linuxcnc-uspace"
-            )
         file = folder / "servo.hal"
         if self.hal_file is None:
             assert self.servo is not None
@@ -135,6 +131,10 @@ class LinuxCNC(Controller):
             file.write_text("\n".join(lines) + "\n")
         else:
             shutil.copy(self.hal_file, file)
+        if shutil.which("halcmd") is None:
+            raise ControllerRefused(
+                "LinuxCNC is not installed: apt-get install --no-install-recommends linuxcnc-uspace"
+            )
         environment = {"RTAPI_FIFO_PATH": str(folder / "rtapi"), "HOME": str(folder)}
         environment["PYTHONPATH"] = str(SOURCE)
         if os.geteuid() == 0:
