@@ -63,7 +63,8 @@ def identify_and_play(job: ac.Job) -> tuple[float, float]:
 
 def learn_runs(job: ac.Job, on: LinuxCNC, reserve: float) -> tuple[list[float], str]:
     """RMS contour error of each run [m], and why learning ended."""
-    result = learn_on(job, on, execute=True, reserve=reserve)
+    # The first run without reserve leaves the default band.
+    result = learn_on(job, on, execute=True, reserve=reserve, band=0.2)
     end = result.plan.trajectory.duration - result.plan.set_points.start_time
     return [error(x.measured, end) for x in result.logs], result.ended
 

@@ -26,19 +26,21 @@ class Simulated(Controller):
         noise: Standard deviation of measured positions [rad].
         at: Joint positions at the begin [rad]; by default those of the first motion.
         cycle: Cycle of set-points and loops [s].
+        trip: Cycle of each motion from which on the drives are off.
     """
 
     name = "simulated"
+    simulates = True
 
     def __init__(
         self, kp: float = 25.0, kv: float = 150.0, *, ki: float = 0.0, friction: float = 0.0,
         acceleration: float = 0.72, late: bool = True, noise: float = 0.0,
-        at: FloatArray | None = None, cycle: float = 1e-3,
+        at: FloatArray | None = None, cycle: float = 1e-3, trip: float = np.inf,
     ) -> None:  # fmt: skip
         super().__init__()
         self.kp, self.kv, self.ki, self.friction = kp, kv, ki, friction
         self.acceleration, self.late, self.noise = acceleration, late, noise
-        self.at, self.cycle = at, cycle
+        self.at, self.cycle, self.trip = at, cycle, trip
         self.rng = np.random.default_rng(1)
         self.motions: list[Motion] = []
 
@@ -67,10 +69,11 @@ class Simulated(Controller):
         while k < len(command):
             u = command[k]
             measured.append(q + self.noise * self.rng.standard_normal(len(q)))
-            far = (
-                motion.predicted is not None
-                and np.abs(measured[-1] - motion.predicted[min(k, len(motion.predicted) - 1)]).max()
-                > motion.band
+            far = motion.band is not None and bool(
+                (
+                    np.abs(measured[-1] - motion.predicted[min(k, len(motion.predicted) - 1)])
+                    > motion.band
+                ).any()
             )
             if asked is None and motion.next_stop is not None and (far or stop_requested()):
                 asked = motion.next_stop(k + 100)
@@ -85,7 +88,7 @@ class Simulated(Controller):
             a = np.clip(demand, -self.acceleration, self.acceleration)
             clipped = np.sign(demand - a)
             a = a - np.clip(500 * speed, -self.friction, self.friction)
-            speed = speed + a * dt
+            speed = speed + a * dt if k < self.trip else 0 * speed
             q = q + speed * dt
             u_before, w_before, k = u, w, k + 1
         self.held = command[-1]
@@ -94,6 +97,7 @@ class Simulated(Controller):
             command=command,
             measured=np.array(measured),
             stopped=stopped,
+            deviated=bool(notes),
             notes=notes,
         )
 

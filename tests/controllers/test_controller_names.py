@@ -33,11 +33,11 @@ def test_a_robot_is_named_by_its_address():
 @pytest.mark.parametrize(
     ("name", "address", "hal", "reason"),
     [
-        ("franka", None, None, "--on franka requires the address of the robot"),
-        ("ur", None, None, "--on ur requires the address of the robot"),
+        ("franka", None, None, "--on franka requires the robot's address"),
+        ("ur", None, None, "--on ur requires the robot's address"),
         ("ur", "192.0.2.7", "a.hal", "--hal is only allowed with --on linuxcnc"),
         ("linuxcnc", "192.0.2.7", None, "--address is only allowed with --on franka or ur"),
-        ("kuka", "192.0.2.7", None, "must be linuxcnc, franka or ur"),
+        ("kuka", "192.0.2.7", None, "--on must be one of linuxcnc, franka, ur"),
     ],
 )
 def test_no_address_is_assumed(name, address, hal, reason):

@@ -6,6 +6,7 @@ Every motion takes its time, so there are few of them: `python -m soak playing` 
 import json
 import os
 import pty
+import shlex
 import shutil
 import subprocess
 import sys
@@ -160,15 +161,36 @@ def test_limits_above_those_of_the_drives_are_refused(job, refuses):
         ("cfg=fff\n", "cfg=ffff\n", ["streamer", "4 floats", "cfg=fff"]),
         ("cfg=fffff\n", "cfg=ffffff\n", ["sampler", "6 floats"]),
         ("armcontour-enable", "enable", ["armcontour-enable"]),
+        ("net armcontour-enable", "newsig armcontour-enable bit #", ["armcontour-enable"]),
+        ("period1=1000000", "period1=500000", ["500000 ns", "1000000 ns"]),
+        ("period1=1000000", "period1=2000000", ["2000000 ns", "1000000 ns"]),
+        # HAL makes 900000 ns of it.
+        (
+            "name1=servo period1=1000000",
+            "name1=base period1=300000 name2=servo period2=1000000",
+            ["900000 ns", "multiple"],
+        ),
+        ("addf sampler.0 servo", "addf sampler.0 slow", ["sampler.0", "addf sampler.0 servo"]),
+        ("loadrt threads", "loadrt motmod", ["line 2", "motmod", "complete HAL file"]),
+        ("pid-1.Pgain 25", "pid-1.Pgain [JOINT_0]P", ["[JOINT_0]P", "INI", "complete HAL file"]),
     ],
 )
-def test_a_hal_file_of_other_joints_is_refused(job, tmp_path, refuses, old, new, words):
+def test_a_hal_file_that_does_not_fit_is_refused(job, tmp_path, refuses, old, new, words):
+    """Before LinuxCNC is looked for."""
     file = tmp_path / "machine.hal"
-    file.write_text(HAL, encoding="utf-8")
-    played = play(job, LinuxCNC(file), speed_factor=1.0)
-    assert played.record is None and played.distance is None
+    assert old in HAL
     file.write_text(HAL.replace(old, new), encoding="utf-8")
     refuses(lambda: play(job, LinuxCNC(file), speed_factor=1.0), ControllerRefused, *words)
+
+
+def test_a_faster_thread_of_the_file_is_accepted(job, tmp_path, refuses):
+    """The next refusal is about the set-points, which is also before LinuxCNC is looked for."""
+    file = tmp_path / "machine.hal"
+    threads = "name1=base period1=250000 name2=servo period2=1000000"
+    file.write_text(HAL.replace("name1=servo period1=1000000", threads), encoding="utf-8")
+    refuses(
+        lambda: play(job, LinuxCNC(file), speed_factor=1.0), ControllerRefused, "not identified"
+    )
 
 
 @pytest.mark.parametrize("servo", [{"dead_time": 2e-3}, {"velocity_feedforward": 1.0}])
@@ -228,34 +250,71 @@ def test_ctrl_c_on_a_terminal_stops(tmp_path):
     assert summary["completed"] in (False, None)
 
 
-# Stand-ins for drives, which follow their command when they are enabled.
-DRIVES = {"pos-cmd": "in", "pos-fb": "out", "enable": "enable"}
+# A HAL of its own, for files of a machine.
+APART = ["unshare", "--ipc", sys.executable]
+needs_own_hal = pytest.mark.skipif(
+    os.geteuid() != 0, reason="needs a HAL apart from that of the machine"
+)
+LINE, COMMANDS = (
+    next(x.text for x in blocks(PAGE) if word in (x.marks.get("file"), x.text.split(" ")[-1]))
+    for word in ("line.yaml", "identified\n")
+)
+# Plays the job of the page without compensation at full speed, and prints what happened.
 OWN_FILE = """
-import sys
-import numpy as np
+import json, sys
+from dataclasses import replace
 import armcontour as ac
-from armcontour.controllers import LinuxCNC, Motion
+from armcontour.control.compensation import NoCompensation
+from armcontour.controllers import LinuxCNC, play
 
-t = np.linspace(0.0, 1.0, 500)[:, None]
-q = np.concatenate([t**3 * (10 - t * (15 - 6 * t)), np.ones((300, 1))]) * [0.3, -0.2]
-with LinuxCNC(sys.argv[1]) as on:
-    on.connect(ac.load_arm("pmk3s"), q[0] + 1.0)
-    assert np.array_equal(on.position(), [0.0, 0.0]), "the measured position is commanded"
-    record = on.stream(Motion(q=q))
-assert np.array_equal(record.measured[1:], record.command[:-1]), record.notes
+job = ac.read_job("line.yaml")
+job = replace(job, runs=(replace(job.runs[0], compensation=NoCompensation()),))
+try:
+    played = play(job, LinuxCNC(sys.argv[1]), execute=True, speed_factor=1.0)
+    print(json.dumps([played.kept, *played.record.notes]))
+except ac.ArmContourError as error:
+    print(json.dumps([type(error).__name__, str(error)]))
 """
 
 
-@needs_linuxcnc
-@pytest.mark.skipif(os.geteuid() != 0, reason="needs a HAL apart from that of the machine")
-def test_the_hal_file_of_the_page_plays(tmp_path):
-    text = "loadrt limit3 names=drive0,drive1\n" + HAL.replace("addf DRIVE.read servo", "")
-    text = text.replace("addf DRIVE.write servo", "addf drive0 servo\naddf drive1 servo")
-    for j in range(2):
-        for pin, other in DRIVES.items():
-            text = text.replace(f"DRIVE.{j}.{pin}", f"drive{j}.{other}")
-    file = tmp_path / "machine.hal"
-    file.write_text(text, encoding="utf-8")
-    words = ["unshare", "--ipc", sys.executable, "-c", OWN_FILE, str(file)]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
+def play_own_file(folder, text):
+    """Verdict or class of the error, and its notes or message."""
+    (folder / "line.yaml").write_text(LINE, encoding="utf-8")
+    (folder / "machine.hal").write_text(text, encoding="utf-8")
+    words = [*APART, "-c", OWN_FILE, "machine.hal"]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     assert not done.returncode, done.stderr
+    return json.loads(done.stdout)
+
+
+@needs_linuxcnc
+@needs_own_hal
+def test_dry_runs_of_the_page_work_and_typing_errors_are_named(tmp_path):
+    (tmp_path / "line.yaml").write_text(LINE, encoding="utf-8")
+    (tmp_path / "machine.hal").write_text(HAL, encoding="utf-8")
+    (line,) = (x for x in COMMANDS.splitlines() if "--execute" not in x)
+    words = [*APART, "-m", *shlex.split(line)]
+
+    def run():
+        return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+
+    done = run()
+    assert done.returncode == 0, done.stderr
+    assert "joint 1, joint 2" in done.stdout and "2.357 deg" in done.stdout
+    wrong = HAL.replace("setp pid-1.Pgain", "setp pid-1.Again")
+    (tmp_path / "machine.hal").write_text(wrong, encoding="utf-8")
+    done = run()
+    number = wrong.splitlines().index("setp pid-1.Again 25") + 1
+    assert done.returncode == 10
+    assert f"reached: machine.hal:{number}: " in done.stderr and "pid-1.Again" in done.stderr
+
+
+@needs_linuxcnc
+@needs_own_hal
+def test_drives_of_a_hal_file_that_are_off_are_refused(tmp_path):
+    off = HAL.replace(" => pid-1.enable pid-2.enable", "")
+    assert off != HAL
+    kind, message = play_own_file(tmp_path, off)
+    # A late set-point can stop the motion to the start before the drives should have moved.
+    assert kind == "ControllerRefused"
+    assert "have not moved" in message or "motion to the start" in message

@@ -68,9 +68,15 @@ def test_dry_runs_move_nothing(job):
     assert robot.motions == []
 
 
-def test_saturated_log_is_not_identified(job):
-    with pytest.raises(ac.InvalidInput, match="saturate"):
-        identify_on(job, Simulated(acceleration=0.4, cycle=4e-3), execute=True, options=SECOND)
+def test_saturation_is_judged_as_in_a_log(job):
+    """The same fit as of the logs alone, with the limit of the drives."""
+    robot = Simulated(acceleration=0.55, cycle=4e-3)
+    found = identify_on(job, robot, execute=True, options=SECOND).fit
+    again = ac.identify(list(found.logs), SECOND)
+    for here, there in zip(found.joints, again.joints, strict=True):
+        assert here.servo == there.servo and here.saturation == there.saturation
+    assert "saturates at 0.55" in found.joints[0].saturation
+    np.testing.assert_allclose(found.servo_model().acceleration_limit, 0.55, rtol=1e-3)
 
 
 def test_excitation_judges_on_two_programs(job):
@@ -133,7 +139,7 @@ def test_log_of_other_set_points_is_refused(job, learned):
 def test_learning_goes_back_after_a_worse_run(job):
     # Without a reserve the servo of this robot saturates, and does not respond as learning expects.
     robot = Simulated(ki=4.0, friction=0.03)
-    result = learn_on(job, robot, reserve=0.02, execute=True)
+    result = learn_on(job, robot, reserve=0.02, execute=True, band=0.2)
     assert len(robot.motions) < 4 and result.lesson.finished
     assert "worse than" in result.ended or "stopped on its path" in result.ended
     best = int(np.argmin(errors(result)))

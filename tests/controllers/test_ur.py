@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -97,9 +98,13 @@ def test_every_row_is_used_in_its_cycle_and_recorded(arm, double):
 
 def test_a_dry_run_compares_and_sends_no_program(double):
     address, process = double()
-    played = play(parse_job(JOB), Ur(address), speed_factor=1.0)
+    job = parse_job(JOB)
+    with pytest.raises(ControllerRefused, match="a servo that was not identified"):
+        play(job, Ur(address), speed_factor=1.0)
+    known = replace(job, servo=job.servo.replace(contour_ratio=0.01))
+    played = play(known, Ur(address), speed_factor=1.0)
     assert played.record is None and played.distance > 0.1
-    assert {x.name for x in played.checks} == {"ur.speed"}
+    assert {x.name for x in played.checks} == {"ur.speed", "command_use"}
     process.stdin.close()
     assert process.stdout.read() == ""
 

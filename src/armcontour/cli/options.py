@@ -531,7 +531,8 @@ class LearnOptions(ControllerOptions, WindowOptions):
         runs: With --on, number of runs.
         reserve: With --on, minimum reserve of the plan, because corrections need acceleration.
         band: With --on, largest deviation of a joint from the plan before a motion is stopped, such
-            as '5 mrad'; by default 3 times the largest one of the best run.
+            as '5 mrad'; by default 3 times the largest one of the best run, in the first run as
+            for play.
         set_points: Executed set-points: set_points.csv of run or of the previous learn, or the
             folder of that result.
         log: Log of that run: CSV of positions over time, or a bag.
@@ -565,7 +566,8 @@ class PlayOptions(ControllerOptions):
         on: Controller: linuxcnc, franka or ur. The adapter for ur has never run on a robot.
         speed_factor: Share of the job's speed.
         band: Largest difference of a joint from its simulated position before the motion is
-            stopped, such as '5 mrad'; by default unlimited.
+            stopped, such as '5 mrad'; by default 2 mrad and the distance that it moves in 50 ms at
+            its largest speed.
         set_points: Learned set-points: set_points.csv of learn, or its folder; with
             --speed-factor '100 %'.
         out: Folder for the log.

@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Mapping
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path as FilePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from armcontour.cli.console import Console
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interrupts import on_interrupt
 from armcontour.cli.progress_bars import search_progress
+from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from armcontour.files import ResultFolder
     from armcontour.jobs import Job
 
-# Exit codes. DONE: the motion was completed, or dry run. STOPPED: the motion was stopped.
+# Exit codes. DONE: the motion was as simulated, or dry run. STOPPED: it was stopped or differs.
 DONE, STOPPED = 0, 1
 DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
 # Options that require --on, by field of `ControllerOptions`.
@@ -34,17 +36,13 @@ OF_CONTROLLER = {x: f"--{x}" for x in ("execute", "drives", "hal", "address")}
 def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> int:
     """Play a run of a job, print and write the record, and return the exit code."""
     from armcontour.controllers.player import Player, check_speed, plan_played, play_planned
-    from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, Factor
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
     from armcontour.files.set_point_file import read_set_points
 
     if options.out is not None and not options.execute:
-        raise InvalidInput(
-            "--out requires --execute, because only a motion has a log. Add --execute, or remove "
-            "--out."
-        )
+        raise InvalidInput("--out requires --execute too, because only a motion has a log.")
     refuse_without_terminal(options)
     speed_factor = read_option("--speed-factor", options.speed_factor, Factor)
     band = read_option("--band", options.band, AngularDistance)
@@ -63,66 +61,50 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
             set_points = None
             if options.set_points is not None:
                 set_points = read_set_points(options.set_points, job, plan)
-        if options.execute:
-            confirm(job, controller)
-        with on_interrupt(stop.set), search_progress("playing") as progress:
-            played = play_planned(
-                Player(controller, options.execute, stop.is_set, progress),
-                job,
-                plan,
+            play_once = partial(
+                play_planned,
+                job=job,
+                planned=plan,
                 speed_factor=speed_factor,
                 band=band,
                 set_points=set_points,
             )
+            played = play_once(Player(controller, False, stop.is_set, progress))
+        if options.execute:
+            confirm(played)
+            with on_interrupt(stop.set), search_progress("playing") as progress:
+                played = play_once(Player(controller, True, stop.is_set, progress))
         if folder is not None:
             _write(played, folder)
     if options.as_json:
         print(data_json(played.to_data()), end="")
     else:
         _print_played(played, options)
-    if played.record is None:
-        return STOPPED if options.execute else DONE
-    return DONE if played.record.stopped is None else STOPPED
+    return DONE if played.kept or not options.execute else STOPPED
 
 
 def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller:
     """Controller with the name of `--on`; joints of linuxcnc are simulated without `--hal`."""
     from armcontour.controllers import Franka, LinuxCNC, Ur
-    from armcontour.core.errors import InvalidInput
+    from armcontour.core.checks import check_choice, raise_if
     from armcontour.files.robot_file import read_servo
 
-    if name not in ("linuxcnc", "franka", "ur"):
-        raise InvalidInput(f"--on must be linuxcnc, franka or ur, but is {name}.")
-    if options.hal is not None and name != "linuxcnc":
-        raise InvalidInput(f"--hal is only allowed with --on linuxcnc, but --on is {name}.")
-    if name != "linuxcnc":
-        if options.address is None:
-            raise InvalidInput(
-                f"--on {name} requires the address of the robot. Specify it with --address."
-            )
-        if options.drives is not None:
-            raise InvalidInput(
-                "--drives is only allowed for the simulated joints of linuxcnc. Remove --drives."
-            )
-        if name == "ur":
-            return Ur(options.address)
-        return Franka(options.address, model="panda" if job.arm.name == "Panda" else "fr3")
-    if options.address is not None:
-        raise InvalidInput(
-            "--address is only allowed with --on franka or ur, because linuxcnc runs on this "
-            "machine. Remove --address."
-        )
-    if options.hal is None:
-        servo = job.plant_servo
-        if options.drives is not None:
-            servo = read_servo(options.drives, job.arm.dof)
+    check_choice("--on", name, ("linuxcnc", "franka", "ur"))
+    hal, address, drives = options.hal, options.address, options.drives
+    if name == "linuxcnc":
+        raise_if(address is not None, "--address is only allowed with --on franka or ur.")
+        raise_if(None not in (hal, drives), "--drives is only allowed without --hal.")
+        if hal is not None:
+            return LinuxCNC(hal)
+        servo = job.plant_servo if drives is None else read_servo(drives, job.arm.dof)
         return LinuxCNC.simulated(servo, job.arm)
-    if options.drives is not None:
-        raise InvalidInput(
-            "--drives is only allowed for simulated joints, but --hal specifies a machine. Remove "
-            "--drives or --hal."
-        )
-    return LinuxCNC(options.hal)
+    raise_if(hal is not None, f"--hal is only allowed with --on linuxcnc, but --on is {name}.")
+    raise_if(drives is not None, "--drives is only allowed with --on linuxcnc.")
+    if address is None:
+        raise InvalidInput(f"--on {name} requires the robot's address. Specify it with --address.")
+    if name == "ur":
+        return Ur(address)
+    return Franka(address, model="panda" if job.arm.name == "Panda" else "fr3")
 
 
 def refuse_without_controller(
@@ -138,8 +120,6 @@ def refuse_without_controller(
 
 def refuse_without_terminal(options: ControllerOptions) -> None:
     """Raise ControllerRefused if a robot is to move but no terminal exists for the confirmation."""
-    from armcontour.core.errors import ControllerRefused
-
     if options.execute and not sys.stdin.isatty():
         raise ControllerRefused(
             "--execute requires a terminal on which the motion is confirmed, but the input is not "
@@ -147,13 +127,15 @@ def refuse_without_terminal(options: ControllerOptions) -> None:
         )
 
 
-def confirm(job: Job, controller: Controller) -> None:
+def confirm(dry: Played) -> None:
     """Raise ControllerRefused unless the user confirms the motion by typing the arm's name."""
-    from armcontour.core.errors import ControllerRefused
+    from armcontour.core.render import number
 
-    name = job.arm.name
+    name = dry.job.arm.name
     answer = typer.prompt(
-        f"{name} will move on {controller.name}. Type {name} to continue", default=""
+        f"{name} will move on {dry.controller}, first by up to {number(dry.distance, 'rad')} to "
+        f"the start. Type {name} to continue",
+        default="",
     )
     if answer.strip() != name:
         raise ControllerRefused(
@@ -177,7 +159,7 @@ def _print_played(played: Played, options: PlayOptions) -> None:
     console.show(played.to_data())
     if not options.execute:
         console.print(DRY)
-    elif played.record is None:
+    elif played.record is None and not played.approach:
         console.print("Stopped before the motion.")
     elif options.out is not None:
         console.print(f"Log: {options.out / 'log.csv'}")

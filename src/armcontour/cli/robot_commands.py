@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -55,21 +56,23 @@ def identify_robot(
     job_options = JobOptions(keys={}, sets=options.sets, trust_xacro=options.trust_xacro)
     with search_progress("identifying") as progress:
         job = open_job(file, job_options, subprogress(progress, "reading"))
-    controller = controller_of(job, options.on, options)
-    if options.execute:
-        confirm(job, controller)
-    with search_progress("identifying") as progress, on_interrupt(stop.set):
-        return identify_on(
+        controller = controller_of(job, options.on, options)
+        identify_once = partial(
+            identify_on,
             job,
             controller,
             run_name=options.run_name,
             reserve=reserve,
             excitation=options.excitation,
-            execute=options.execute,
             options=ServoFit(model=options.model, kinematics=job.arm, **fit_options),
             stop_requested=stop.is_set,
-            progress=progress,
         )
+        result = identify_once(progress=progress)
+    if not options.execute:
+        return result
+    confirm(result.played["run"])
+    with search_progress("identifying") as progress, on_interrupt(stop.set):
+        return identify_once(execute=True, progress=progress)
 
 
 def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) -> int:
@@ -102,8 +105,9 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
         )
         if options.out is not None and not options.force:
             learner.resume(_earlier_logs(options.out, job))
-    if options.execute and learner.goes_on:
-        confirm(job, controller)
+        dry = learner.rehearse() if options.execute and learner.goes_on else None
+    if dry is not None:
+        confirm(dry)
     with search_progress("learning") as progress, on_interrupt(stop.set):
         learner.player = dataclasses.replace(learner.player, progress=progress)
         while learner.goes_on:

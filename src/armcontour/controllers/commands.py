@@ -25,6 +25,9 @@ SAME = 1e-7
 FORESIGHT, LONGEST_FORESIGHT = 16, 256
 # Duration in which a stop reduces learned corrections to 0 [s].
 FADING = 0.2
+# Default band: a joint may differ from its prediction by LEAST [rad] and by the distance that it
+# moves in LAG [s] at its largest speed. UNKNOWN_LAG applies if the servo is unknown.
+LEAST, LAG, UNKNOWN_LAG = 2e-3, 0.05, 0.25
 
 
 def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> FloatArray:
@@ -120,4 +123,13 @@ def uncompensated_motion(trajectory: Trajectory, arm: Arm, cycle: float) -> Moti
     q = trajectory.sample(cycle).q
     set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
     stopper = Stopper(set_points, ServoModel(order="delay"), NoCompensation(), arm, cycle)
-    return Motion(q=stopper.q, next_stop=stopper)
+    return guarded_motion(stopper, stopper.q, UNKNOWN_LAG)
+
+
+def guarded_motion(
+    stopper: Stopper, predicted: FloatArray, lag: float, band: float | None = None
+) -> Motion:
+    """Motion that stops if a joint leaves a band around its predicted positions."""
+    speed = np.abs(np.diff(predicted, axis=0)).max(axis=0, initial=0.0) / stopper.cycle
+    allowed = LEAST + lag * speed if band is None else np.full_like(speed, band)
+    return Motion(q=stopper.q, next_stop=stopper, predicted=predicted, band=allowed)

@@ -12,7 +12,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Annotated, ClassVar, NamedTuple, Self
 
@@ -81,13 +81,14 @@ class Motion(Checked):
         next_stop: Computes the stop from a cycle on, or from a later one; None if the motion is so
             short that it is not stopped. Called by another thread while the motion is played.
         predicted: Measured positions that are expected at these cycles [rad], (n, dof).
-        band: Largest difference of a joint from `predicted` before the motion is stopped [rad].
+        band: Largest difference of each joint from `predicted` before the motion is stopped [rad],
+            (dof,); None if it is unlimited.
     """
 
     q: Positions
     next_stop: Callable[[int], Stop] | None = None
     predicted: Positions | None = None
-    band: float = np.inf
+    band: Annotated[FloatArray, Quantity("rad"), Axes("joints")] | None = None
 
 
 @checks.explain_calls
@@ -101,6 +102,7 @@ class PlayedMotion(Checked):
         measured: Measured positions [rad], (n, dof).
         stopped: Cycle from which on a stop replaced the motion; None if it was played to its end.
         faithful: Whether the controller used the set-points as they were sent, each in its cycle.
+        deviated: Whether it was stopped because a joint left the band around its prediction.
         notes: Sentences on what differs from the ideal: late rows, lost samples, following errors.
     """
 
@@ -109,6 +111,7 @@ class PlayedMotion(Checked):
     measured: Positions
     stopped: int | None = None
     faithful: bool = True
+    deviated: bool = False
     notes: tuple[str, ...] = ()
 
 
@@ -278,13 +281,13 @@ class Controller(ABC):
         name: Name of the controller.
         cycle: Its cycle [s].
         ahead: Number of rows that are sent before they are due, and can no longer be replaced.
-        observes: Whether a connection only reads until a motion starts, as for a dry run.
+        simulates: Whether it simulates the drives, so that no machine moves.
     """
 
     name: ClassVar[str]
     cycle: float = 1e-3
     ahead: int = 0
-    observes: bool = True
+    simulates: bool = False
 
     def __init__(self) -> None:
         self._channel: _Channel | None = None
@@ -368,7 +371,7 @@ class Controller(ABC):
             stops.start()
         channel.send(["G"])
         notes: list[str] = []
-        looked, stopping = begin, False
+        looked, stopping, deviation = begin, False, ""
         try:
             while channel.event("D") is None:
                 if not channel.alive:
@@ -381,19 +384,21 @@ class Controller(ABC):
                 looked += len(rows)
                 if rows:
                     stops.played = max(stops.played, int(rows[-1][1]))
-                reason = _following_error(rows, motion)
-                if not reason and stops.error is not None:
-                    reason = f"No further stop can be computed: {stops.error}"
                 # After a stop by the feeder itself, joints deviate from their predictions.
                 stopping = stopping or channel.event("X") is not None
-                if not stopping and (reason or stop_requested()):
-                    channel.send(["S"])
-                    stopping = True
-                    notes += [reason] if reason else []
+                if not stopping:
+                    reason = deviation = _deviation(rows, motion)
+                    if not reason and stops.error is not None:
+                        reason = f"No further stop can be computed: {stops.error}"
+                    if reason or stop_requested():
+                        channel.send(["S"])
+                        stopping = True
+                        notes += [reason] if reason else []
                 time.sleep(PAUSE)
         finally:
             stops.end()
-        return self._record(begin, motion, stops.sent, notes)
+        record = self._record(begin, motion, stops.sent, notes)
+        return replace(record, deviated=bool(deviation))
 
     def close(self) -> None:
         """End the connection; a motion that is played stops on its path first."""
@@ -483,20 +488,21 @@ def rows_as_lines(q: FloatArray) -> list[str]:
     return [*("P " + " ".join(map(repr, row)) for row in q[:n].tolist()), f"H {len(q) - n}"]
 
 
-def _following_error(rows: Sequence[Sequence[float]], motion: Motion) -> str:
-    """A sentence if the following error of a joint exceeds the band; else an empty text."""
-    if not rows or motion.predicted is None or not np.isfinite(motion.band):
+def _deviation(rows: Sequence[Sequence[float]], motion: Motion) -> str:
+    """A sentence if a joint left the band around its prediction; else an empty text."""
+    if not rows or motion.predicted is None or motion.band is None:
         return ""
     table = np.array(rows)
     table = table[table[:, 1] >= 0]
     k = np.minimum(table[:, 1].astype(int), len(motion.predicted) - 1)
     errors = np.abs(table[:, 2 + motion.q.shape[1] :] - motion.predicted[k])
-    if not errors.size or errors.max() <= motion.band:
+    if (errors <= motion.band).all():
         return ""
-    i, j = np.unravel_index(int(errors.argmax()), errors.shape)
+    i, j = np.unravel_index(int((errors - motion.band).argmax()), errors.shape)
     return (
         f"Joint {j + 1} was {number(errors[i, j], 'rad')} from its predicted position in cycle "
-        f"{k[i]}, above the allowed {number(motion.band, 'rad')}."
+        f"{k[i]}, above the allowed {number(motion.band[j], 'rad')}: check its drive, or identify "
+        "its servo."
     )
 
 

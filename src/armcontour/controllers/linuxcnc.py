@@ -31,6 +31,12 @@ RTAPI = "/usr/bin/rtapi_app"
 NOBODY = 65534
 # Parameters of servo models that simulated drives do not have.
 UNSUPPORTED = ("dead_time", "velocity_feedforward", "acceleration_feedforward", "drive_cycle")
+# Texts that a HAL file of LinuxCNC's own planner has, but not a file for `play`.
+FOREIGN = {
+    r"\bmotmod\b": "loads motmod, LinuxCNC's planner, which armcontour replaces",
+    r"\[\w+\]\(?\w+\)?": "uses {} of an INI file, which is not read: write its value",
+}
+SEE = "The page LinuxCNC of the documentation has a complete HAL file."
 # Signal of a HAL file that enables the drives after the measured position has been commanded.
 ENABLE = "armcontour-enable"
 # The dry friction of simulated joints increases with their speed by this slope, up to the full
@@ -50,8 +56,8 @@ class LinuxCNC(Controller):
         hal_file: HAL file of the machine. It loads a servo thread of the cycle, a `streamer` with a
             float for the cycle number and one per joint, and a `sampler` with the same and the
             measured positions [rad]. The signal of the command of a joint has the joint's name,
-            with `-` in place of spaces; the signal `armcontour-enable` enables the drives. By
-            default joints are simulated.
+            with `-` in place of spaces; the signal `armcontour-enable` enables the drives, which
+            ignore their command before. By default joints are simulated.
         servo: Simulated drives: position and velocity loops by HAL's `pid`, which integrate to
             positions; gains, integrators and dry friction of the model are used.
         accelerations: Largest acceleration of the simulated drives [rad/s²], one or one per joint.
@@ -77,9 +83,7 @@ class LinuxCNC(Controller):
         self.hal_file = None if hal_file is None else FilePath(hal_file)
         if (self.hal_file is None) == (servo is None):
             raise InvalidInput("LinuxCNC needs either a HAL file or a servo to simulate.")
-        # A dry run does not connect with a HAL file, because its threads write to drives as soon as
-        # they run.
-        self.observes = self.hal_file is None
+        self.simulates = self.hal_file is None
         self.servo, self.accelerations, self.late = servo, accelerations, late
         self.cycle, self.ahead = cycle, round(ahead / cycle)
 
@@ -104,7 +108,7 @@ class LinuxCNC(Controller):
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare limits with the simulated drives, or joints with the HAL file."""
         if self.hal_file is not None:
-            _check_file(self.hal_file, arm)
+            _check_file(self.hal_file, arm, round(self.cycle * 1e9))
             return [Row("joints", list(arm.joint_names), "", "joints of the HAL file")]
         drives = np.broadcast_to(np.asarray(self.accelerations, dtype=float), arm.dof)
         planned = or_unlimited(limits.joint_acceleration, arm.dof)
@@ -122,7 +126,7 @@ class LinuxCNC(Controller):
         return [Row("drive_accelerations", list(drives), "rad/s²", "accelerations of the drives")]
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
-        file = folder / "servo.hal"
+        file = folder / ("servo.hal" if self.hal_file is None else self.hal_file.name)
         if self.hal_file is None:
             assert self.servo is not None
             names = [signal_name(x) for x in arm.joint_names]
@@ -157,20 +161,37 @@ def _own_ipc() -> list[str]:
     return [] if failed else command
 
 
-def _check_file(file: FilePath, arm: Arm) -> None:
-    """Compare the joints of a HAL file with those of an arm.
+def _check_file(file: FilePath, arm: Arm, period: int) -> None:
+    """Compare the joints and the period [ns] of a HAL file with those of an arm and of `play`.
 
     Raises:
-        ControllerRefused: Their number or names differ.
+        ControllerRefused: They differ, or the file needs other programs of LinuxCNC.
     """
-    text = read_text(file, "HAL file")
+    text = re.sub(r"[ \t]+", " ", re.sub(r"#.*", "", read_text(file, "HAL file")))
+    for pattern, reason in FOREIGN.items():
+        if match := re.search(pattern, text):
+            line = text.count("\n", 0, match.start()) + 1
+            raise ControllerRefused(f"{file.name}, line {line}, {reason.format(match[0])}. {SEE}")
     floats = {x: len(y) for x, y in re.findall(r"^\s*loadrt (\w+) .*cfg=(f+)\b", text, re.M)}
+    numbers = {name: x for x, name in re.findall(r"\bname(\d)=(\S+)", text)}
+    periods = {x: int(y) for x, y in re.findall(r"\bperiod(\d)=(\d+)", text)}
+    threads = dict(re.findall(r"^\s*addf (streamer|sampler)\.0 (\S+)", text, re.M))
     for component, count in (("streamer", arm.dof + 1), ("sampler", 2 * arm.dof + 1)):
         if floats.get(component) != count:
             raise ControllerRefused(
                 f"In {file.name}, {component} has {count_noun(floats.get(component, 0), 'float')}, "
                 f"but the {count_noun(arm.dof, 'joint')} of {arm.name} need {count}, as in "
-                f"loadrt {component} cfg={'f' * count}."
+                f"loadrt {component} cfg={'f' * count}. {SEE}"
+            )
+        # HAL rounds each period to a multiple of the first one.
+        first, written = (periods.get(x, 0) for x in ("1", numbers.get(threads.get(component))))
+        actual = round(written / max(first, 1)) * first
+        if actual != period:
+            stated = f"a period of {actual} ns, a multiple of period1" if actual else "no period"
+            raise ControllerRefused(
+                f"In {file.name}, the thread of {component}.0 has {stated}, but set-points are "
+                f"sent every {period} ns, as in loadrt threads name1=servo period1={period} and "
+                f"addf {component}.0 servo."
             )
     pattern = r"^\s*net (\S+) .*\bstreamer\.0\.pin\.(\d+)"
     signals = {int(pin): name for name, pin in re.findall(pattern, text, re.M)}
@@ -182,10 +203,10 @@ def _check_file(file: FilePath, arm: Arm) -> None:
                 f"streamer.0.pin.{j}.",
                 joint=j - 1,
             )
-    if not re.search(rf"^\s*(net|newsig) {ENABLE}\s", text, re.M):
+    if not re.search(rf"^\s*net {ENABLE}\s+\S", text, re.M):
         raise ControllerRefused(
-            f"{file.name} has no signal {ENABLE}, which enables the drives once their measured "
-            "position is commanded."
+            f"{file.name} connects no pin to the signal {ENABLE}, which enables the drives once "
+            "their measured position is commanded."
         )
 
 

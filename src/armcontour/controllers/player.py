@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.controllers.commands import Stopper, uncompensated_motion
+from armcontour.controllers.commands import (
+    LAG,
+    LEAST,
+    Stopper,
+    guarded_motion,
+    uncompensated_motion,
+)
 from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
@@ -16,12 +21,14 @@ from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import AngularDistance, Factor
-from armcontour.core.render import Result
-from armcontour.core.result import FIRST, VERDICT, Data, Row
+from armcontour.core.render import Result, number
+from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.job_result import RunResult
+from armcontour.jobs.run_learning import measured_pieces
 from armcontour.jobs.study import run
+from armcontour.jobs.verdict import judge
 from armcontour.motion import JointPath, Log, SetPoints
 from armcontour.planning import plan
 from armcontour.planning.options import Optimal
@@ -32,6 +39,12 @@ SLOW = 0.1
 # Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
 # its model saturates, and a stop may be impossible where a limit is active.
 RESERVE = 0.02
+# Drives that execute a smaller fraction of a motion than this have not moved.
+STILL = 0.1
+# A whole turn [rad], which no joint moves to the start.
+TURN = 2 * np.pi
+# Relative excess of a limit that is ignored as a rounding error.
+ROUNDING = 1e-6
 # Maximum number of attempts to play a motion that late set-points disturb.
 ATTEMPTS = 3
 # Exponents of the speed factor with which limits are scaled; torques and ranges do not change.
@@ -53,9 +66,11 @@ class Played(Result):
         controller: Name of the controller.
         speed_factor: Share of the job's speed.
         checks: What was compared with the controller.
-        distance: Largest distance of a joint from the first set-point before the motion [rad];
-            None if it is unknown.
+        motion: Set-points and predicted positions at the cycles of the controller.
+        distance: Largest distance of a joint from the first set-point before the motion [rad].
+        approach: Largest distance that a joint has moved on the way to the start [rad].
         record: What the controller recorded; None in a dry run.
+        results: Verdict on the motion, and its differences from the simulation.
     """
 
     job: Job
@@ -63,32 +78,27 @@ class Played(Result):
     controller: str
     speed_factor: float
     checks: tuple[Row, ...]
-    distance: float | None
+    motion: Motion
+    distance: float = 0.0
+    approach: float = 0.0
     record: PlayedMotion | None = None
+    results: tuple[Row, ...] = ()
+
+    @property
+    def kept(self) -> bool | None:
+        """True if the robot completed the run as simulated; None if that was not judged."""
+        return next((x.value for x in self.results if x.name == "kept"), None)
 
     @property
     def log(self) -> Log:
-        """Log of the motion for `identify` and `learn`.
+        """Log of the motion for `identify` and `learn`, with the commands that the robot used.
 
         Raises:
-            InvalidInput: A dry run, or a controller that used other set-points than those sent.
+            InvalidInput: A dry run.
         """
         record = self.record
         if record is None:
             raise InvalidInput("A dry run has no log: set execute=True.")
-        if not record.faithful:
-            raise InvalidInput(
-                f"The robot did not execute the set-points as sent: {' '.join(record.notes)} "
-                "Play the motion again."
-            )
-        return self.log_of(record)
-
-    def log_of(self, record: PlayedMotion) -> Log:
-        """Log of the commands that the robot used, which may differ from the set-points.
-
-        Args:
-            record: The recorded motion.
-        """
         return Log(
             t=record.t,
             command=record.command,
@@ -104,7 +114,8 @@ class Played(Result):
         record = self.record
         moved = None if record is None else record.stopped is None
         rows = [
-            Row("executed", record is not None, "", "executed", level=VERDICT),
+            Row("executed", bool(record or self.approach), "", "executed", level=VERDICT),
+            *self.results,
             Row("controller", self.controller, "", "controller", level=FIRST),
             Row("run", self.plan.run.name, "", "run", level=FIRST),
             Row("speed_factor", self.speed_factor, "1", "share of the speed", level=FIRST),
@@ -114,6 +125,11 @@ class Played(Result):
             Row("completed", moved, "", "played to its end", level=FIRST),
         ]
         notes = () if record is None else record.notes
+        if record is None and self.approach:
+            notes = (
+                "Stopped on the way to the start: the joints have moved by up to "
+                f"{number(self.approach, 'rad')}.",
+            )
         return Data(f"Run {self.plan.run.name} on {self.controller}", tuple(rows), notes=notes)
 
 
@@ -134,7 +150,8 @@ def play(
 
     The run is planned again for the speed factor, with a reserve of at least 2 %, and compensated;
     set-points are never stretched in time. The robot moves to the start on a straight line in joint
-    space, with at most 10 % of its speed. A stop ends on the path and respects the limits.
+    space, with at most 10 % of its speed. A stop ends on the path and respects the limits. The
+    result compares the measured motion with the simulation.
 
     >>> from armcontour.controllers import LinuxCNC
     >>> ac.play(ac.read_job("job.yaml"), LinuxCNC("machine.hal")).record is None
@@ -148,14 +165,15 @@ def play(
             set-points and position.
         speed_factor: Share of the speed; accelerations change by its square, jerks by its cube.
         band: Largest difference of a joint from its simulated position before the motion is stopped
-            [rad]; by default unlimited.
+            [rad]; by default 2 mrad and the distance that it moves in 50 ms at its largest speed.
         set_points: Set-points of `learn` for this run, instead of those of the compensation; only
             with a speed_factor of 1.
         stop_requested: Called often during the motion; True stops it on its path.
         progress: Called with the steps.
 
     Raises:
-        ControllerRefused: The controller cannot be reached or differs from the plan; nothing moves.
+        ControllerRefused: The controller cannot be reached or differs from the plan, and nothing
+            moves; or the drives do not follow their commands.
         ControllerLost: The controller failed during the motion.
         ArmContourError: The run cannot be planned.
     """
@@ -192,10 +210,14 @@ def play_planned(
             f"The simulation of run {planned.run.name} is not within its limits or accuracy: see "
             "armcontour run."
         )
-    watch = None if band is None else (_predicted(planned, player.controller.cycle), band)
-    return player.play_plan(
-        job, planned, set_points=set_points, speed_factor=speed_factor, watch=watch
+    played = player.play_plan(
+        job, planned, set_points=set_points, speed_factor=speed_factor, band=band
     )
+    if played.record is None:
+        return played
+    begin = (set_points or planned.set_points).start_time
+    rows = _result_rows(played, begin, player.controller.cycle, band)
+    return replace(played, results=rows)
 
 
 def plan_played(
@@ -227,34 +249,61 @@ class Player:
         *,
         set_points: SetPoints | None = None,
         speed_factor: float = 1.0,
-        watch: tuple[FloatArray, float] | None = None,
+        band: float | None = None,
+        lag: float = LAG,
     ) -> Played:
         """Play learned set-points, or by default those of the plan; arguments as of `play`."""
-        # watch: expected positions at the cycles of the controller until rest [rad], (n, dof), and
-        # the largest difference of a joint from them before the motion is stopped [rad].
         points = planned.set_points if set_points is None else set_points
         controller, limits = self.controller, limits_of(job, planned)
         options = planned.run.compensation
         stopper = Stopper(points, job.servo, options, job.arm, controller.cycle)
-        motion = Motion(q=stopper.q, next_stop=stopper)
-        if watch is not None:
-            expected, band = watch
-            k = np.minimum(np.arange(len(stopper.q)), len(expected) - 1)
-            motion = replace(motion, predicted=expected[k], band=band)
+        t = points.times(len(stopper.q), controller.cycle)
+        if set_points is None:
+            assert planned.execution is not None
+            simulated = planned.execution
+            predicted = np.column_stack([np.interp(t, simulated.t, x) for x in simulated.q.T])
+        else:
+            predicted = planned.trajectory.with_rests(t)
+        rows = controller.check(job.arm, limits, stopper.q)
+        rows.append(self._check_accelerations(job, planned, points, speed_factor))
         played = Played(
             job=job,
             plan=planned,
             controller=controller.name,
             speed_factor=speed_factor,
-            checks=tuple(controller.check(job.arm, limits, stopper.q)),
-            distance=None,
+            checks=tuple(rows),
+            motion=guarded_motion(stopper, predicted, lag, band),
         )
-        return self.play_motion(played, motion)
+        return self.play_motion(played)
+
+    def _check_accelerations(
+        self, job: Job, planned: RunResult, points: SetPoints, speed_factor: float
+    ) -> Row:
+        """Ratio of the acceleration of set-points to the limits of each joint at full speed."""
+        q = np.pad(points.q, ((2, 2), (0, 0)), mode="edge")
+        demand = np.diff(q, 2, axis=0) / points.cycle**2
+        limits = _scaled(limits_of(job, planned), 1 / speed_factor)
+        low, high = limits.acceleration_bounds(job.arm.dof)
+        use = np.maximum(demand / low, demand / high)
+        i, j = divmod(int(use.argmax()), job.arm.dof)
+        needed = float(np.abs(demand[i, j]))
+        is_safe = self.controller.simulates or job.servo.contour_ratio is not None
+        if use[i, j] > 1 + ROUNDING and not is_safe:
+            name, allowed = planned.run.name, float(needed / use[i, j])
+            raise ControllerRefused(
+                f"The set-points of run {name} demand {number(needed, 'rad/s^2')} of joint "
+                f"{j + 1}, above its limit {number(allowed, 'rad/s^2')}, because they compensate a "
+                "servo that was not identified. Identify it (armcontour identify --on), and copy "
+                "the key servo of servo.yaml, with contour_ratio, to the job. Or play without "
+                f"compensation (--set runs.{name}.compensation.method=none).",
+                joint=j,
+                needed=needed,
+                allowed=allowed,
+            )
+        return Row("command_use", use.max(axis=0), "1", "set-point acceleration", "of the limit")
 
     def play_undisturbed(
-        self,
-        play_once: Callable[[], Played],
-        is_final: Callable[[PlayedMotion], bool],
+        self, play_once: Callable[[], Played], is_final: Callable[[PlayedMotion], bool]
     ) -> Played:
         """Play a motion, up to 3 times until a stop is requested or a record is final."""
         for _ in range(ATTEMPTS):
@@ -264,26 +313,45 @@ class Player:
                 break
         return played
 
-    def play_motion(self, played: Played, motion: Motion) -> Played:
+    def play_motion(self, played: Played) -> Played:
         """Connect, move to the start of a motion, and play it."""
         controller, stop_requested = self.controller, self.stop_requested
-        if not self.execute and not controller.observes:
-            return played
         job, tell = played.job, subprogress(self.progress, played.plan.run.name)
+        start = played.motion.q[0]
         with controller:
             tell(Step(("connecting",)))
-            controller.connect(job.arm, motion.q[0])
-            distance = float(np.abs(controller.position() - motion.q[0]).max())
+            controller.connect(job.arm, start)
+            position = controller.position()
+            distance = _measure_distance(job, limits_of(job, played.plan), position, start)
             played = replace(played, distance=distance)
             if not self.execute or stop_requested():
                 return played
             if distance > START:
                 tell(Step(("moving to the start",)))
-                self._move_to_start(played, motion.q[0])
+                self._move_to_start(played, start)
+                moved = float(np.abs(controller.position() - position).max())
+                played = replace(played, approach=moved)
                 if stop_requested():
                     return played
             tell(Step(("playing",)))
-            return replace(played, record=controller.stream(motion, stop_requested))
+            return replace(played, record=self._stream(played.motion))
+
+    def _stream(self, motion: Motion) -> PlayedMotion:
+        """Play a motion, and refuse drives that have not moved."""
+        record = self.controller.stream(motion, self.stop_requested)
+        if not len(record.t):
+            raise ControllerRefused(f"Nothing was recorded: {' '.join(record.notes)}")
+        commanded, moved = (np.ptp(x, axis=0) for x in (record.command, record.measured))
+        j = int(commanded.argmax())
+        if commanded[j] > LEAST and moved[j] < STILL * commanded[j]:
+            raise ControllerRefused(
+                f"The drives have not moved: joint {j + 1} was commanded to move by "
+                f"{number(commanded[j], 'rad')}, but has moved by {number(moved[j], 'rad')}. Check "
+                "that the drives are enabled, and that their positions are measured.",
+                joint=j,
+                needed=float(commanded[j]),
+            )
+        return record
 
     def _move_to_start(self, played: Played, start: FloatArray) -> None:
         """Move in joint space to the first set-point, again if set-points were late."""
@@ -291,12 +359,15 @@ class Player:
         limits = _scaled(limits_of(job, played.plan), min(SLOW / played.speed_factor, 1.0))
         for _ in range(ATTEMPTS):
             approach = approach_of(job, limits, controller.position(), start, controller.cycle)
-            notes = controller.stream(approach, self.stop_requested).notes
-            distance = np.abs(controller.position() - start).max()
-            if self.stop_requested() or distance <= START:
+            record = self._stream(approach)
+            distance = np.abs(record.measured[-1] - start).max()
+            if self.stop_requested() or (record.stopped is None and distance <= LEAST):
                 return
+            if record.stopped is None or record.deviated:
+                break
         raise ControllerRefused(
-            f"The motion to the start was stopped in each of {ATTEMPTS} attempts: {' '.join(notes)}"
+            f"The motion to the start ended {number(distance, 'rad')} from it. "
+            f"{' '.join(record.notes) or 'Check the drives.'}"
         )
 
 
@@ -360,10 +431,55 @@ def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
         )
 
 
-def _predicted(planned: RunResult, cycle: float) -> FloatArray:
-    """Simulated joint positions at the cycles of the controller [rad], (n, dof)."""
-    executed = planned.execution
-    assert executed is not None
-    begin = planned.set_points.start_time
-    t = begin + np.arange(math.ceil((executed.t[-1] - begin) / cycle) + 1) * cycle
-    return np.column_stack([np.interp(t, executed.t, x) for x in executed.q.T])
+def _measure_distance(job: Job, limits: Limits, position: FloatArray, start: FloatArray) -> float:
+    """Largest distance of a joint from the start [rad], if the robot can move there straight."""
+    low = -np.inf if limits.joint_lower is None else limits.joint_lower
+    high = np.inf if limits.joint_upper is None else limits.joint_upper
+    low, high, distance = np.broadcast_arrays(low, high, np.abs(position - start))
+    beyond = np.maximum(low - position, position - high) - START
+    j = int(np.maximum(beyond, distance - TURN).argmax())
+    if beyond[j] > 0 or distance[j] >= TURN:
+        where = f"{number(distance[j], 'rad')} from the start, at least a turn"
+        if beyond[j] > 0:
+            where = f"outside its range of {number(low[j], 'rad')} to {number(high[j], 'rad')}"
+        raise ControllerRefused(
+            f"Joint {j + 1} is at {number(position[j], 'rad')}, {where}. Check unit and zero of "
+            "its measured position, or move the joint by other means.",
+            joint=j,
+            needed=float(position[j]),
+        )
+    if distance.max() > START:
+        _check_clear(job, JointPath.spline(np.stack([position, start]), [0.0, 1.0]))
+    return float(distance.max())
+
+
+def _result_rows(played: Played, begin: float, cycle: float, band: float | None) -> tuple[Row, ...]:
+    """Verdict on a motion that began at a time [s], and its differences from the simulation."""
+    record, motion, planned, arm = played.record, played.motion, played.plan, played.job.arm
+    assert record is not None and motion.predicted is not None and planned.evaluation is not None
+    k = np.rint(record.t / cycle).astype(int)
+    if record.stopped is not None:
+        k = k[k < max(record.stopped, 1)]
+    measured, predicted = record.measured[: len(k)], motion.predicted[k.clip(0, len(motion.q) - 1)]
+    joints = np.abs(measured - predicted)
+    tool = np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1)
+    i, j = divmod(int(joints.argmax()), arm.dof)
+    where = f"from the simulation, joint {j + 1} at {number(record.t[i], 's')}"
+    when = f"from the simulation, at {number(record.t[tool.argmax()], 's')}"
+    kept: bool | None = False
+    reason = " ".join(record.notes) or "stopped on request"
+    rows = [
+        Row("difference.joints", joints.max(axis=0), "rad", "joint difference", where, FIRST),
+        Row("difference.tool", float(tool.max()), "m", "tool difference", when, FIRST),
+    ]
+    if record.stopped is None:
+        pieces = measured_pieces(played.job, planned, begin + record.t, record.measured)
+        errors = [x.contour_error.max for x in pieces]
+        note = f"simulated {number(planned.evaluation.contour_error.max, 'm')}"
+        rows.append(Row("contour_error.max", max(errors), "m", "contour error", note, FIRST))
+        kept, reason = judge(planned, errors)
+        j = int(joints[-1].argmax())
+        if joints[-1, j] > (LEAST if band is None else band):
+            kept = False
+            reason = f"joint {j + 1} rests {number(joints[-1, j], 'rad')} from its simulated end"
+    return (Row("kept", kept is not False, JUDGED, "verdict", reason, VERDICT), *rows)

@@ -9,10 +9,10 @@ import numpy as np
 
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
+from armcontour.controllers.commands import UNKNOWN_LAG
 from armcontour.controllers.controller import Controller, PlayedMotion
 from armcontour.controllers.excitation import excite
 from armcontour.controllers.player import Played, Player, limits_of, plan_played
-from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Reserve
@@ -52,7 +52,7 @@ class RobotIdentification(Result):
     def logs(self) -> dict[str, Log]:
         """Logs of the motions that were completed, by name."""
         return {
-            name: replace(x.log_of(x.record), source=name)
+            name: replace(x.log, source=name)
             for name, x in self.played.items()
             if x.record is not None and x.record.stopped is None
         }
@@ -117,8 +117,8 @@ def identify_on(
         progress: Called with the steps.
 
     Raises:
-        InvalidInput: The drives may have saturated.
-        ControllerRefused: The controller differs from the plan, or joints cannot be excited.
+        ControllerRefused: The controller differs from the plan, joints cannot be excited, or drives
+            do not move.
         ControllerLost: The controller failed during a motion.
     """
     player = Player(controller, execute, stop_requested, progress)
@@ -133,25 +133,22 @@ def identify_on(
 
     def is_complete(record: PlayedMotion) -> bool:
         # The log has the commands that the robot used, so late set-points do not matter.
-        return record.stopped is None
+        return record.stopped is None or record.deviated
 
     def play_run() -> Played:
-        return player.play_undisturbed(lambda: player.play_plan(played_job, planned), is_complete)
+        return player.play_undisturbed(
+            lambda: player.play_plan(played_job, planned, lag=UNKNOWN_LAG), is_complete
+        )
 
     def play_excitation() -> Played:
         motion = excite(played_job, limits, planned.trajectory, controller.cycle)
-        bare = replace(result.played[RUN], record=None)
-        return player.play_undisturbed(lambda: player.play_motion(bare, motion), is_complete)
+        bare = replace(result.played[RUN], record=None, motion=motion)
+        return player.play_undisturbed(lambda: player.play_motion(bare), is_complete)
 
-    def fit_of(logs: dict[str, Log]) -> Identification:
+    def fit_logs() -> Identification:
         tell(Step(("identifying",)))
-        fit = identify(
-            list(logs.values()),
-            ServoFit(kinematics=job.arm) if options is None else options,
-            progress=progress,
-        )
-        _refuse_saturated(fit, limits)
-        return fit
+        fit_options = options or ServoFit(kinematics=job.arm)
+        return identify(list(result.logs.values()), fit_options, progress=progress)
 
     motions = {RUN: play_run, EXCITATION: play_excitation}
     if not resting and not excitation:
@@ -162,14 +159,14 @@ def identify_on(
             return result
     if not execute:
         return result
-    fit = fit_of(result.logs)
+    fit = fit_logs()
     if EXCITATION not in motions and any(x.note or not x.kp.determined for x in fit.joints):
         names = tuple(x.name for x in fit.joints if x.note or not x.kp.determined)
         result = replace(result, resting=names)
         result = replace(result, played={**result.played, EXCITATION: play_excitation()})
         if result.stopped:
             return result
-        fit = fit_of(result.logs)
+        fit = fit_logs()
     return replace(result, fit=fit, prediction=fit.predict(result.logs[RUN]))
 
 
@@ -180,17 +177,3 @@ def _resting(planned: RunResult, limits: Limits, cycle: float) -> tuple[str, ...
     fastest = np.minimum(-low, high)
     names = planned.arm.joint_names
     return tuple(x for x, moves in zip(names, ddq >= ENOUGH * fastest, strict=True) if not moves)
-
-
-def _refuse_saturated(fit: Identification, limits: Limits) -> None:
-    """Refuse logs with possible saturation, because the identified model may be wrong."""
-    for j, joint in enumerate(fit.joints):
-        limit = joint.servo.acceleration_limit
-        if not joint.saturation and not np.isfinite(limit):
-            continue
-        said = joint.saturation or f"{joint.name} may saturate at {limit:.3g} rad/s²."
-        raise InvalidInput(
-            f"The drives saturate, so servos cannot be identified from this log: {said} Increase "
-            "the reserve, or reduce the limits of the run.",
-            joint=j,
-        )

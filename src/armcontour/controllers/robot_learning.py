@@ -11,7 +11,6 @@ from armcontour.control.learning import LearningResult
 from armcontour.controllers.commands import commands_at
 from armcontour.controllers.controller import Controller, PlayedMotion
 from armcontour.controllers.player import ATTEMPTS, Played, Player, plan_played
-from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -130,21 +129,21 @@ class RobotLearner:
             self._check_commands(log)
             self._learn_from(log)
 
+    def rehearse(self) -> Played:
+        """Compare the next run with the controller, and move nothing."""
+        player, result = replace(self.player, execute=False), self.result
+        return player.play_plan(result.job, result.plan, set_points=result.lesson)
+
     def run_next(self) -> None:
         """Play the next run, and learn from it."""
         player = self.player
         if player.stop_requested():
             self.result = replace(self.result, ended=STOPPED)
             return
-        watch = self._watch()
+        result, band = self.result, self._choose_band()
         played = player.play_undisturbed(
-            lambda: player.play_plan(
-                self.result.job, self.result.plan, set_points=self.set_points, watch=watch
-            ),
-            lambda record: (
-                (record.stopped is None and record.faithful)
-                or _ran_away(record, watch, player.controller.cycle)
-            ),
+            lambda: player.play_plan(result.job, result.plan, set_points=result.lesson, band=band),
+            lambda record: (record.stopped is None and record.faithful) or record.deviated,
         )
         record = played.record
         self.result = replace(self.result, played=played)
@@ -152,11 +151,11 @@ class RobotLearner:
             self.result = replace(self.result, ended="dry run")
         elif record is None or (record.stopped is not None and player.stop_requested()):
             self.result = replace(self.result, ended=STOPPED)
-        elif _ran_away(record, watch, player.controller.cycle):
+        elif record.deviated:
             self._go_back(record)
-        elif record.stopped is not None:
+        elif record.stopped is not None or not record.faithful:
             raise ControllerRefused(
-                f"The run was stopped in each of {ATTEMPTS} attempts: {_notes(record)}"
+                f"The run was disturbed in each of {ATTEMPTS} attempts: {_notes(record)}"
             )
         else:
             name = f"run {len(self.result.logs) + 1}"
@@ -181,20 +180,13 @@ class RobotLearner:
         ended = f"run {len(self.result.logs) + 1} was stopped on its path: {reason}"
         self.result = replace(self.result, lesson=_end(lesson, ended), ended=ended)
 
-    def _watch(self) -> tuple[FloatArray, float] | None:
-        """Expected positions, (n, dof), and largest deviation from them [rad]; None if no limit."""
-        points, plan = self.set_points, self.result.plan
+    def _choose_band(self) -> float | None:
+        """Largest deviation of the next run from its prediction [rad]; None for the default."""
         lesson = self.result.lesson
-        if lesson is None and self.band is None:
-            return None
-        band = np.inf if self.band is None else self.band
-        if lesson is not None:
-            largest = float(np.abs(lesson.runs[lesson.best].error).max())
-            band = min(band, max(RUNAWAY * largest, LEAST))
-        cycle = self.player.controller.cycle
-        end = plan.trajectory.duration - points.start_time
-        t = points.start_time + np.arange(round(end / cycle) + 1) * cycle
-        return plan.trajectory.with_rests(np.asarray(t, dtype=float)), band
+        if lesson is None:
+            return self.band
+        largest = float(np.abs(lesson.runs[lesson.best].error).max())
+        return min(np.inf if self.band is None else self.band, max(RUNAWAY * largest, LEAST))
 
     def _check_commands(self, log: Log) -> None:
         """Refuse a log whose commands differ from the set-points of the next run."""
@@ -215,16 +207,6 @@ class RobotLearner:
                 f"{len(self.result.logs) + 1}{by}: the job has changed since. Start again in "
                 "another folder."
             )
-
-
-def _ran_away(record: PlayedMotion, watch: tuple[FloatArray, float] | None, cycle: float) -> bool:
-    """True if a motion was stopped because a joint deviated from its expected position."""
-    if record.stopped is None or watch is None:
-        return False
-    expected, band = watch
-    k = np.rint(record.t / cycle).astype(int)
-    k = np.minimum(k[k < record.stopped], len(expected) - 1)
-    return bool(np.abs(record.measured[: len(k)] - expected[k]).max(initial=0.0) > band)
 
 
 def _notes(record: PlayedMotion) -> str:
@@ -266,7 +248,7 @@ def learn_on(
         execute: Whether the robot moves; otherwise the first run is compared only.
         logs: Logs of earlier runs, with which learning goes on.
         band: Largest deviation of a joint from the plan before a motion is stopped, also in the
-            first run [rad]; by default unlimited in the first run.
+            first run [rad]; in the first run by default as in `play`.
         stop_requested: Called often during a motion; True stops it on its path and ends learning.
         progress: Called with the steps.
 

@@ -8,7 +8,7 @@ ArmContourError
 ├── CompensationError                  the servo's delay cannot be compensated by this method
 ├── ExecutionError                     the simulated servo did not complete the motion
 ├── Collision                          a distance to the arm itself or to the cell is too small
-├── ControllerRefused                  a robot controller differs from the plan; nothing moved
+├── ControllerRefused                  a robot controller differs from the plan
 └── ControllerLost                     a robot controller failed during a motion
 ```
 
@@ -163,7 +163,7 @@ class Collision(ArmContourError):
 
 
 class ControllerRefused(ArmContourError):
-    """A robot controller cannot be reached or differs from the plan; nothing was moved."""
+    """A robot controller cannot be reached or differs from the plan, or drives do not follow."""
 
     exit_code = 10
 

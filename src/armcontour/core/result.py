@@ -21,8 +21,8 @@ class Row:
     # Key in JSON and column in batches; "contour_error.rms" is the key `rms` in the mapping
     # `contour_error`.
     name: str
-    # A number, text, True or False; or numbers per joint or per name, of which the largest is
-    # shown; None if unknown.
+    # A number, text, True or False; numbers per joint or per name, of which the largest is shown;
+    # or several texts; None if unknown.
     value: Any
     unit: str = ""  # SI unit, "1" for a fraction, "" for a count, `JUDGED` for a verdict
     label: str = ""  # Displayed name; "" for a value in files only
@@ -31,12 +31,14 @@ class Row:
 
     @property
     def figure(self) -> Any:
-        """The displayed value: the largest of several numbers; None if there is none."""
+        """The displayed value: the largest of several numbers, all texts; None if there is none."""
         value = self.value
         if isinstance(value, Mapping):
             value = list(value.values())
         if isinstance(value, str | bool) or not hasattr(value, "__len__"):
             return value
+        if len(value) and isinstance(value[0], str):
+            return ", ".join(value)
         return None if len(value) == 0 else float(np.max(value))
 
 

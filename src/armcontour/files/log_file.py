@@ -87,10 +87,11 @@ def read_log(
 
 
 def log_text(log: Log) -> str:
-    """CSV text of a log with all digits, which `read_log` can read."""
+    """CSV text of a log with all digits and its notes, which `read_log` can read."""
     text = io.StringIO()
     titles = [f"{kind} {j + 1} [rad]" for kind in ROLES for j in range(log.dof)]
-    comment = "" if log.interpolation is None else f"# interpolation: {log.interpolation}\n"
+    comments = [] if log.interpolation is None else [f"interpolation: {log.interpolation}"]
+    comment = "".join(f"# {x}\n" for x in (*comments, *log.notes))
     np.savetxt(
         text,
         np.column_stack([log.t, log.command, log.measured]),

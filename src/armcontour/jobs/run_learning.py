@@ -75,7 +75,7 @@ class LearningStudy:
         assert self.lesson.lifted is not None
         t = self.lesson.lifted.t
         q = self.planned(t) + self.lesson.runs[k].error
-        pieces = _measured_pieces(self.job, self.plan, t, q)
+        pieces = measured_pieces(self.job, self.plan, t, q)
         return ErrorProfile.join([x.contour_error for x in pieces])
 
     @property
@@ -206,7 +206,7 @@ class JudgedStudy:
         lifted, run = self.judged.lifted, self.judged.runs[0]
         assert lifted is not None
         q = lifted.planned + smooth_error(lifted, run.error, run.noise)
-        return _measured_pieces(self.job, self.plan, lifted.t, q)
+        return measured_pieces(self.job, self.plan, lifted.t, q)
 
     @property
     def notes(self) -> list[str]:
@@ -221,7 +221,7 @@ class JudgedStudy:
         return notes
 
 
-def _measured_pieces(
+def measured_pieces(
     job: Job, plan: RunResult, t: FloatArray, q: FloatArray
 ) -> Sequence[ContourExecution]:
     """Measured motion along each contour until the end of the plan; velocities and demand are 0."""

@@ -20,9 +20,13 @@ COMPONENT = "armcontour-play"
 ENABLE = "armcontour-enable"
 # Timeout of the servo thread: it counts as dead after this time without a sample [s].
 SILENCE = 1.0
+# Largest motion of a disabled joint between a connection and the first motion [rad].
+STILL = 1e-3
 # Number of equal readings of the FIFO that are required, and the time between them [s].
 AGREEING, LOOK = 5, 1.7e-3
 PROGRAM = "/usr/bin/rtapi_app"
+# Beginnings of lines that halcmd always prints.
+USUAL = ("Running with fallback_uid", "Note: Using POSIX")
 
 
 class LinuxCNCDevice:
@@ -38,18 +42,27 @@ class LinuxCNCDevice:
     """
 
     def __init__(self, file: str, ahead: int, dof: int) -> None:
-        self.file, self.ahead, self.dof, self.waiting = file, ahead, dof, False
+        self.file, self.ahead, self.dof = file, ahead, dof
+        self.waiting = self.enabled = self.is_used = False
 
     def connect(self) -> Row:
-        """Load the HAL file, start threads, command the measured position, and enable drives."""
+        """Load the HAL file, start threads, and command the measured position; drives are off."""
+        components = self.halcmd("list", "comp").split()
+        self.is_used = not all(x.startswith("halcmd") for x in components)
+        if self.is_used:
+            raise DeviceError("HAL is in use: end LinuxCNC first (halrun -U unloads its rest)")
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
         self.halcmd("start")
+        self.held = self.hold()
+        return self.held
+
+    def hold(self) -> Row:
+        """Command the measured position, and return it."""
         held = self.next_sample()[3]
         self.write(-1, held)
         while self.next_sample()[2] != held:
             pass
-        self.halcmd("sets", ENABLE, "1")
         return held
 
     def attach(self, name: str) -> None:
@@ -86,19 +99,28 @@ class LinuxCNCDevice:
         if time.monotonic() - self.heard > SILENCE:
             raise DeviceError(f"HAL's servo thread has written no sample for {SILENCE:g} s")
 
-    def halcmd(self, *words: str) -> None:
-        """Run halcmd, without a pipe: rtapi_app would inherit it and keep it open."""
+    def halcmd(self, *words: str) -> str:
+        """Run halcmd and return its output, without a pipe: rtapi_app would keep it open."""
         name = os.path.join(os.path.dirname(self.file), "halcmd.txt")
         with open(name, "w") as output:
             done = subprocess.run(
                 ["halcmd", *words], stdin=subprocess.DEVNULL, stdout=output, stderr=output
             )
+        with open(name, errors="replace") as output:
+            printed = "".join(x for x in output if not x.startswith(USUAL)).strip()
         if done.returncode:
-            with open(name) as output:
-                raise DeviceError(f"halcmd {' '.join(words)}: {output.read().strip()}")
+            raise DeviceError(printed.replace(f"{os.path.dirname(self.file)}/", ""))
+        return printed
 
     def start(self) -> None:
-        """Disable the streamer until the FIFO is filled."""
+        """Enable the drives, and disable the streamer until the FIFO is filled."""
+        if not self.enabled:
+            # Disabled joints may have moved since the connection.
+            moved = max(abs(a - b) for a, b in zip(self.hold(), self.held, strict=True))
+            if moved > STILL:
+                raise DeviceError(f"a joint has moved by {moved:.4f} rad while drives were off")
+            self.halcmd("sets", ENABLE, "1")
+            self.enabled = True
         hal.set_p("streamer.0.enable", "0")
         self.waiting = True
 
@@ -141,7 +163,9 @@ class LinuxCNCDevice:
         time.sleep(PAUSE)
 
     def close(self) -> None:
-        """Stop the threads and unload HAL."""
+        """Stop the threads and unload HAL, unless another program uses it."""
+        if self.is_used:
+            return
         for name in ("out", "back"):
             self.__dict__.pop(name, None)
         if hasattr(self, "component"):

@@ -1,0 +1,242 @@
+"""Verdict, bands and refusals of `play`, on a controller that simulates loops without a clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from docs.pages import run_command
+from tests.controllers.simulated import Simulated
+
+import armcontour as ac
+from armcontour.cli import play_command
+from armcontour.control.compensation import NoCompensation
+from armcontour.controllers import play
+from armcontour.core.errors import ControllerRefused
+from armcontour.core.result import Row
+from armcontour.files import parse_job
+from armcontour.files.log_file import log_text
+
+JOB = """
+name: line
+arm: pmk3s
+path: {points: [[0.350, 0.100], [0.410, 0.150], [0.350, 0.200]]}
+corners: {tolerance: 5 mm}
+limits: {speed: 0.15 m/s, centripetal_acceleration: 0.09 m/s²}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {only: {cycle: 1 ms, compensation: {method: inverse}}}
+"""
+START = np.array([2.0483, -2.0810])
+
+
+class Machine(Simulated):
+    """A machine, whose drives set-points can overload."""
+
+    simulates = False
+
+
+def simulated(**changes) -> Simulated:
+    """Loops as the job describes them, but for some parameters."""
+    return Simulated(**{"late": False, **changes})
+
+
+@pytest.fixture(scope="module")
+def job() -> ac.Job:
+    return parse_job(JOB)
+
+
+@pytest.fixture(scope="module")
+def plain(job) -> ac.Job:
+    return uncompensated(job)
+
+
+def uncompensated(job: ac.Job) -> ac.Job:
+    return replace(job, runs=(replace(job.runs[0], compensation=NoCompensation()),))
+
+
+def run_at(job, robot, speed=1.0, **options):
+    return play(job, robot, execute=True, speed_factor=speed, **options)
+
+
+def test_a_robot_as_simulated_is_kept(job):
+    played = run_at(job, simulated())
+    data = played.to_data()
+    assert played.kept and data["kept"].value and data["completed"].value
+    assert max(data["difference.joints"].value) < 2e-5
+    assert data["difference.tool"].value < 1e-5
+    assert data["contour_error.max"].value < 3e-6
+    # A wrong gain of all joints delays the tool along its path.
+    slower = run_at(job, simulated(kp=20.0))
+    assert slower.kept and max(slower.to_data()["difference.joints"].value) > 3e-3
+
+
+def test_figures_are_those_of_the_log(job):
+    """Differences by the record, and the contour error by the path."""
+    played = run_at(job, simulated(kp=20.0, friction=3e-3))
+    execution, record, begin = played.plan.execution, played.record, played.plan.set_points
+    t = begin.start_time + record.t
+    expected = np.column_stack([np.interp(t, execution.t, x) for x in execution.q.T])
+    data, arm = played.to_data(), played.job.arm
+    joints = np.abs(record.measured - expected).max(axis=0)
+    np.testing.assert_allclose(data["difference.joints"].value, joints, rtol=1e-9)
+    tools = arm.tool_position(record.measured) - arm.tool_position(expected)
+    largest = np.linalg.norm(tools, axis=1).max()
+    assert data["difference.tool"].value == pytest.approx(largest, rel=1e-9)
+    points = [(0.350, 0.100), (0.410, 0.150), (0.350, 0.200)]
+    path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
+    distance = path.project(arm.tool_position(record.measured)).distance.max()
+    assert data["contour_error.max"].value == pytest.approx(distance, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("robot", "stops"),
+    [
+        ({"acceleration": 0.3}, True),
+        ({"trip": 900}, True),
+        ({"kp": 8.0}, True),
+        ({"kp": 100.0, "kv": 600.0}, True),
+        ({"friction": 0.03}, False),
+    ],
+)
+def test_a_robot_that_moves_otherwise_is_not_kept(job, robot, stops):
+    played = run_at(job, simulated(**robot))
+    assert played.kept is False
+    assert (played.record.stopped is not None) == played.record.deviated == stops
+    assert ("contour_error.max" in [x.name for x in played.results]) != stops
+    assert played.to_data()["kept"].note
+
+
+def test_joints_that_rest_elsewhere_are_not_kept(plain):
+    """A drive that is off for the last 3 mrad leaves the tool on its path."""
+    whole = run_at(plain, simulated()).record.measured
+    end = int(np.argmax(np.abs(whole - whole[-1]).max(axis=1) < 3e-3))
+    played = run_at(plain, simulated(trip=end))
+    assert played.record.stopped is None and played.kept is False
+    data = played.to_data()
+    assert "rests" in data["kept"].note and data["contour_error.max"].value < 5e-4
+    assert run_at(plain, simulated(trip=end), band=6e-3).kept
+
+
+def test_the_band_follows_the_speed(job, plain):
+    for speed in (1.0, 0.1):
+        motion = play(job, simulated(), speed_factor=speed).motion
+        fastest = np.abs(np.diff(motion.predicted, axis=0)).max(axis=0) / 1e-3
+        np.testing.assert_allclose(motion.band, 2e-3 + 0.05 * fastest)
+    np.testing.assert_array_equal(play(job, simulated(), band=0.1).motion.band, [0.1, 0.1])
+    stopped = run_at(plain, simulated(kp=15.0), band=3e-3)
+    assert stopped.record.deviated and not stopped.kept
+
+
+def test_drives_that_do_not_move_are_refused(job, refuses):
+    words = ("have not moved", "joint")
+    refuses(lambda: run_at(job, simulated(trip=0)), ControllerRefused, *words)
+    away = simulated(trip=0, at=START + 0.05)
+    refuses(lambda: run_at(job, away), ControllerRefused, *words)
+    assert len(away.motions) == 1
+
+
+def test_a_joint_that_does_not_follow_to_the_start_is_refused(job, refuses):
+    """The drives trip in the middle, or near the end."""
+    for trip, word in ((2500, "predicted"), (4000, "Check the drives")):
+        robot = simulated(trip=trip, at=START + 0.05)
+        refuses(lambda x=robot: run_at(job, x), ControllerRefused, "motion to the start", word)
+        assert len(robot.motions) == 1
+
+
+def test_positions_that_are_not_plausible_are_refused_in_a_dry_run(job, refuses):
+    degrees = np.degrees(START)
+    refuses(lambda: play(job, simulated(at=degrees)), ControllerRefused, "turn", needed=degrees[1])
+    limits = job.runs[0].limits.replace(joint_lower=-3.0, joint_upper=3.0)
+    limited = replace(job, runs=(replace(job.runs[0], limits=limits),))
+    beyond = simulated(at=START + [1.0, 0.0])
+    refuses(lambda: play(limited, beyond), ControllerRefused, "Joint 1", "range", joint=0)
+    assert play(limited, simulated(at=START)).distance < 1e-3
+    assert play(limited, simulated(at=START + [0.5, 0.0])).distance == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_stop_on_the_way_to_the_start_says_that_joints_moved(job):
+    robot = simulated(at=START + 0.05)
+    played = run_at(job, robot, stop_requested=lambda: bool(robot.motions))
+    assert played.record is None and 0.0 < played.approach < 0.05
+    data = played.to_data()
+    assert data["executed"].value and "deg" in data.notes[0]
+    before = run_at(job, simulated(at=START + 0.05), stop_requested=lambda: True)
+    assert before.record is None and before.approach == 0.0
+    assert not before.to_data()["executed"].value and not before.to_data().notes
+
+
+def test_compensated_set_points_above_the_limits_need_an_identified_servo(job, plain, refuses):
+    """Jumps of the planned acceleration become steps of the compensated set-points."""
+    for speed in (1.0, 0.1):
+        robot = Machine(late=False)
+        refused = (ControllerRefused, "not identified", "rad/s²", "method=none")
+        refuses(lambda x=robot, y=speed: run_at(job, x, y), *refused, allowed=0.72)
+        refuses(lambda x=robot, y=speed: play(job, x, speed_factor=y), *refused)
+        assert not robot.motions
+    assert run_at(plain, Machine(late=False), 0.5).kept
+    known = replace(job, servo=job.servo.replace(contour_ratio=0.01, programs=2))
+    played = run_at(known, Machine(late=False), 0.5)
+    assert played.kept and max(played.to_data()["command_use"].value) > 10
+    simple = play(plain, Machine(late=False), speed_factor=1.0).to_data()["command_use"].value
+    assert 0.9 < max(simple) <= 1.0
+
+
+class Named(Simulated):
+    """Its check compares names, as that of a HAL file does."""
+
+    def check(self, arm, limits, q):
+        return [Row("joints", list(arm.joint_names), "", "joints of the file")]
+
+
+def test_a_check_of_names_is_printed(job):
+    played = play(job, Named(late=False))
+    assert "joint 1, joint 2" in str(played)
+    assert played.to_data()["joints"].value == ["joint 1", "joint 2"]
+
+
+class Late(Simulated):
+    """Every motion has a late set-point."""
+
+    def stream(self, motion, stop_requested=lambda: False):
+        record = super().stream(motion, stop_requested)
+        return replace(record, faithful=False, notes=("1 set-point came late.",))
+
+
+def test_a_late_set_point_is_marked_in_the_log(job, tmp_path):
+    played = run_at(job, Late(late=False))
+    assert played.kept
+    file = tmp_path / "log.csv"
+    file.write_text(log_text(played.log), encoding="utf-8")
+    assert "1 set-point came late." in file.read_text().split("t [s]")[0]
+    np.testing.assert_array_equal(ac.read_log(file).command, played.record.command)
+
+
+@pytest.mark.parametrize(
+    ("robot", "code", "word"),
+    [
+        (simulated, 0, "kept"),
+        (lambda: simulated(acceleration=0.3), 1, "NOT KEPT"),
+        (lambda: simulated(friction=0.03), 1, "NOT KEPT"),
+        (lambda: simulated(trip=0), 10, ""),
+    ],
+)
+def test_exit_codes_and_logs(tmp_path, monkeypatch, robot, code, word):
+    asked = []
+
+    def answer(prompt, **_):
+        asked.append(prompt)
+        return "PMK-3s"
+
+    monkeypatch.setattr(play_command, "controller_of", lambda *_: robot())
+    monkeypatch.setattr(play_command, "refuse_without_terminal", lambda _: None)
+    monkeypatch.setattr(play_command.typer, "prompt", answer)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
+    words = ["play", "job.yaml", "--on", "linuxcnc", "--speed-factor", "100 %"]
+    ended, printed, _ = run_command([*words, "--execute", "--out", "out"])
+    assert ended == code and word in printed
+    assert len(asked) == 1 and "0 deg to the start" in asked[0]
+    assert (tmp_path / "out" / "log.csv").exists() == (code < 10)
+    dry, printed, _ = run_command(words)
+    assert dry == 0 and "kept" not in printed
