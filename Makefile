@@ -11,10 +11,11 @@ PYTHON ?= $(shell for p in python3.14 python3.13 python3.12 python3.11 python3 p
 export PYTHONDONTWRITEBYTECODE :=
 
 # Install the package with the extras $(1) and the tested versions: by uv, or by pip where uv fails.
+# Both compile the bytecode, which each process would compile again where Python may not write it.
 # `make PIP=1` uses pip alone.
 TESTED := -q -c constraints.txt
 install = { test -z "$(PIP)" && $(BIN)/python -m uv pip install --python $(BIN)/python $(TESTED) \
-	--build-constraint constraints.txt -e '.[$(1)]'; } || \
+	--compile-bytecode --build-constraint constraints.txt -e '.[$(1)]'; } || \
 	$(BIN)/python -m pip install --disable-pip-version-check $(TESTED) -e '.[$(1)]'
 
 # Commas separate the arguments of `call`, so that lists need names.
