@@ -73,17 +73,19 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     # Returns the indices of both pieces at each point, (m, 2), and the distances of the point along
     # both pieces [m], (m, 2).
     low, high = _boxes(pieces)
-    order = np.argsort(low[:, 0])
-    # In this order, the box of a piece can overlap only the boxes up to the first box that starts
-    # to the right of it.
-    last = np.searchsorted(low[order, 0], high[order, 0] + SAME_POINT, side="right")
+    # In the order along an axis, the box of a piece can overlap only the boxes up to the first box
+    # that starts beyond it. On average, that is `overlaps` boxes.
+    overlaps = (high - low + SAME_POINT).sum(axis=0) / (np.ptp(low, axis=0) + SAME_POINT)
+    start, end = low[:, np.argmin(overlaps)], high[:, np.argmin(overlaps)]
+    order = np.argsort(start)
+    last = np.searchsorted(start[order], end[order] + SAME_POINT, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
     parts = np.cumsum(count) // PAIRS
     meetings, distances = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
     for part in np.unique(parts):
         owner, number = number_parts(np.where(parts == part, count, 0))
         i, j = order[owner], order[owner + 1 + number]
-        near = (low[j, 1] <= high[i, 1] + SAME_POINT) & (low[i, 1] <= high[j, 1] + SAME_POINT)
+        near = (np.maximum(low[i], low[j]) <= np.minimum(high[i], high[j]) + SAME_POINT).all(axis=1)
         pairs = np.stack([i, j], axis=1)[near]
         points = _common_points(pieces[pairs[:, 0]], pieces[pairs[:, 1]])
         along = np.stack([_distances_along(pieces[x], points) for x in pairs.T], axis=2)
@@ -128,10 +130,12 @@ def _distances_along(pieces: FloatArray, points: FloatArray) -> FloatArray:
     # Angle around the centre, 0 at the start and increasing along the arc.
     angle = np.arctan2(along * np.abs(k), 1 - _cross(tangents, offset) * k)
     radius = 1 / np.where(k == 0, np.inf, np.abs(k))
-    u = np.where(angle < 0, angle + 2 * np.pi, angle) * radius
-    # A point just before the start has a small negative distance, not nearly a full turn.
-    before = (u > pieces[:, LENGTH, None]) & (2 * np.pi * radius - u <= SAME_POINT)
-    return np.asarray(np.where(k == 0, along, np.where(before, u - 2 * np.pi * radius, u)))
+    u = angle * radius
+    turn = 2 * np.pi * radius
+    # A point just before the start has a small negative distance, not nearly a full turn. For a
+    # large radius, a full turn has no digits for this distance.
+    before = (u >= -SAME_POINT) & (turn + u > pieces[:, LENGTH, None])
+    return np.asarray(np.where(k == 0, along, np.where((u < 0) & ~before, u + turn, u)))
 
 
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:

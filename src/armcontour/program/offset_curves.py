@@ -59,14 +59,14 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
     if distance == 0:
         return [OffsetPart(segments=source, rows=np.arange(len(source)), closed=closed)]
     mirror = np.array([1.0, np.sign(distance)])
-    pieces, rows = _raw_pieces(_table(source, mirror), abs(distance), closed)
+    pieces, rows = _raw_pieces(to_pieces(source, mirror), abs(distance), closed)
     if not len(pieces):
         return []
     knives = np.empty((0, 6))
     if not closed:
         # The offset on the other side of an open contour, and circles around its ends, also cut the
         # parts.
-        other, _ = _raw_pieces(_table(source, mirror * [1, -1]), abs(distance), closed)
+        other, _ = _raw_pieces(to_pieces(source, mirror * [1, -1]), abs(distance), closed)
         ends = _end_circles(pieces, abs(distance))
         knives = np.concatenate([other * [1, -1, 1, -1, -1, 1], ends])
     parts = _cut_pieces(pieces, rows, knives)
@@ -81,7 +81,9 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
 
 def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
     """A point at which a path in the plane crosses or touches itself [m]; None without one."""
-    table = _table(source, np.ones(2))
+    table = to_pieces(source)
+    # Without pieces that are points, the pieces before and after them are neighbours.
+    table = table[table[:, LENGTH] > SAME_POINT]
     pairs, distances = find_crossings(table)
     n = len(table)
     ahead = (pairs[:, 1] - pairs[:, 0]) % n == 1
@@ -99,14 +101,14 @@ def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
 
 def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
     """Indices of two paths in the plane that cross or touch each other; None if there are none."""
-    table = np.concatenate([_table(x, np.ones(2)) for x in paths])
+    table = np.concatenate([to_pieces(x) for x in paths])
     owner = np.repeat(np.arange(len(paths)), [len(x) for x in paths])
     pairs = owner[find_crossings(table)[0]]
     meet = pairs[pairs[:, 0] != pairs[:, 1]]
     return None if not len(meet) else (int(meet[0].min()), int(meet[0].max()))
 
 
-def _table(source: Segments, mirror: FloatArray) -> FloatArray:
+def to_pieces(source: Segments, mirror: FloatArray | float = 1.0) -> FloatArray:
     """Table of pieces (crossings.py) of a path whose coordinates are multiplied by `mirror`."""
     starts, tangents = source.starts * mirror, source.tangents * mirror
     normals = source.normals * mirror
@@ -138,14 +140,14 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Parts:
-    """The n parts into which the pieces of an offset are cut where pieces meet."""
+    """The n parts into which pieces are cut where they meet."""
 
     pieces: FloatArray  # The parts as a table of pieces (crossings.py), (n, 6)
     rows: IntArray  # Index of the source segment of each part, (n,)
     owners: IntArray  # Index of the piece to which each part belongs, (n,)
     nodes: IntArray  # Numbers of the points at which each part starts and ends, (n, 2)
 
-    def select(self, mask: BoolArray) -> _Parts:
+    def select(self, mask: BoolArray | IntArray) -> _Parts:
         """The parts selected by a mask or by indices."""
         return _Parts(
             pieces=self.pieces[mask],
@@ -257,11 +259,12 @@ def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Part
     parts[:, [TX, TY]] = points_at(pieces[source], distances[first], 1)
     parts[:, LENGTH] = distances[last] - distances[first]
     points = np.concatenate([parts[:, :2], points_at(pieces[source], distances[last])])
-    nodes = group_points(points, SAME_POINT).reshape(2, -1).T
+    # Both pieces at a crossing can end up to SAME_POINT away from it.
+    nodes = group_points(points, 2 * SAME_POINT).reshape(2, -1).T
     return _Parts(pieces=parts, rows=rows[source], owners=source, nodes=nodes)
 
 
-def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart:
+def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray | float = 1.0) -> OffsetPart:
     """A chain of parts as an `OffsetPart`."""
     p = chain.pieces
     starts = _close_gaps(p[:, :2], points_at(p, p[:, LENGTH]), ring)
