@@ -21,6 +21,9 @@ SAME_PIECE = 1e-9
 FEATURE_GRID = 1e-8
 # Gaps up to this [m] stay open, because closing them would change the tangents of short segments.
 MAX_OPEN_GAP = 0.5 * REPEATED_POINT
+# First words of the notes on omitted contours and lines.
+SHORT = "Skipped because they are not larger than"
+HOOK = "Removed lines at which the contour turns back and which are not longer than"
 # Two ends touch if their distance is less than this fraction of the tolerance.
 TOUCHING_SHARE = 0.01
 # Number of candidates per end for joining: those with the smallest turns, or the nearest ones.
@@ -53,8 +56,8 @@ def chain_pieces(
     end of a line is moved, and an arc is scaled and rotated without a change of its angle. If an
     arc would move too far, a short line closes the gap. No point moves by more than the tolerance.
 
-    Pieces that coincide with others of their layer are omitted. Contours that are not longer than
-    the tolerance are omitted too, unless they are closed without gaps.
+    Pieces that coincide with others of their layer are omitted, as are contours whose extent is at
+    most the tolerance, and lines up to this length at which a contour turns back.
     """
     if not pieces:
         return [], []
@@ -67,17 +70,22 @@ def chain_pieces(
     lengths = table.lengths
     ends = EntityEnds.from_segments(table, layers, repeated)
     partner = find_partners(ends, tolerance)
-    contours, short = [], []
+    contours: list[Contour] = []
+    small: dict[str, list[str]] = {SHORT: [], HOOK: []}
     for chain, closed in _chains(partner, repeated):
         first = pieces[min(chain) // 2]
-        alone = len(chain) == 1 and not closed
-        total = lengths[np.array(chain) // 2].sum()
-        if total <= tolerance and not ((closed or alone) and _meets_exactly(ends, chain)):
-            short.append(first.name)
+        path = None
+        if lengths[np.array(chain) // 2].sum() > tolerance:
+            alone = len(chain) == 1 and not closed
+            path = first.path if alone else table.join(chain, closed, tolerance)
+        if path is None or _size(path) <= tolerance:
+            small[SHORT].append(first.name)
             continue
-        path = first.path if alone else table.join(chain, closed, tolerance)
-        contours.append(Contour(path=path, name=first.name, layer=first.layer))
-    return contours, _notes(pieces, repeated, short, tolerance)
+        straight = _remove_hooks(path, tolerance)
+        if straight is not path:
+            small[HOOK].append(first.name)
+        contours.append(Contour(path=straight, name=first.name, layer=first.layer))
+    return contours, _notes(pieces, repeated, small, tolerance)
 
 
 def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
@@ -87,13 +95,6 @@ def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
     return np.array(
         [numbers.setdefault((x.layer, x.group), len(numbers)) for x in pieces], dtype=np.intp
     )
-
-
-def _meets_exactly(ends: EntityEnds, chain: Sequence[int]) -> bool:
-    """True if the pieces of a chain form a closed curve without gaps."""
-    entries = np.array(chain)
-    gaps = ends.points[entries ^ 1] - ends.points[np.roll(entries, -1)]
-    return bool((np.linalg.norm(gaps, axis=1) <= REPEATED_POINT).all())
 
 
 def _chains(partner: IntArray, omitted: BoolArray) -> list[tuple[list[int], bool]]:
@@ -150,19 +151,18 @@ def _coincide(a: Path, b: Path) -> bool:
 
 
 def _notes(
-    pieces: Sequence[DrawnEntity], repeated: BoolArray, short: Sequence[str], tolerance: float
+    pieces: Sequence[DrawnEntity],
+    repeated: BoolArray,
+    small: dict[str, list[str]],
+    tolerance: float,
 ) -> list[str]:
-    """Sentences on repeated pieces and short contours that were omitted."""
+    """Sentences on repeated pieces, short contours and hooks that were omitted."""
     notes = []
     if repeated.any():
         names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
         notes.append(f"Skipped because they coincide with others: {list_some(names, 6)}.")
-    if short:
-        notes.append(
-            f"Skipped because they are shorter than the join tolerance of {tolerance:g} m: "
-            f"{list_some(short, 6)}."
-        )
-    return notes
+    limit = f"the join tolerance of {1e3 * tolerance:g} mm"
+    return notes + [f"{why} {limit}: {list_some(x, 6)}." for why, x in small.items() if x]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -218,12 +218,36 @@ class EntitySegments:
             base[entry] + np.where(backwards, -1, 1)[entry] * within, backwards[entry]
         )
         start = np.cumsum(count) - count
-        vertices, ends = start if closed else start[1:], rows.ends
-        gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
-        wide = gaps > MAX_OPEN_GAP
-        if wide.any():
-            rows = _close_gaps(rows, ends, vertices[wide], tolerance)
-        return Path(segments=rows)
+        return _join_rows(rows, start if closed else start[1:], tolerance)
+
+
+def _join_rows(rows: Segments, vertices: IntArray, tolerance: float) -> Path:
+    """The path of segments, with the gaps before the segments `vertices` closed."""
+    ends = rows.ends
+    gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
+    wide = gaps > MAX_OPEN_GAP
+    return Path(segments=_close_gaps(rows, ends, vertices[wide], tolerance) if wide.any() else rows)
+
+
+def _size(path: Path) -> float:
+    """Largest side of the bounding box of a closed path, else the diagonal of the box [m]."""
+    low, high = path.segments.extent
+    return float(np.linalg.norm(high - low, np.inf if path.segments.closed else 2))
+
+
+def _remove_hooks(path: Path, tolerance: float) -> Path:
+    """The path without lines up to the tolerance [m] at which it turns back."""
+    rows = path.segments
+    back = np.sum(rows.end_tangents * np.roll(rows.tangents, -1, axis=0), axis=1) < 0
+    back[-1] &= rows.closed
+    hook = (rows.curvatures == 0) & (rows.lengths <= tolerance) & (back | np.roll(back, 1))
+    # A longer run of such lines is a part of the drawing.
+    run = np.cumsum(~hook)
+    hook &= np.bincount(run, rows.lengths * hook)[run] <= tolerance
+    if hook.all() or not hook.any():
+        return path
+    vertices = np.arange(0 if rows.closed else 1, int(np.sum(~hook)))
+    return _join_rows(rows[~hook], vertices, tolerance)
 
 
 def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance: float) -> Segments:
