@@ -138,7 +138,8 @@ def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlin
 
     flat = all(is_flat(y.bounding_points) for x in entities for y in x.outlines)
     for entity in entities:
-        if entity.clips and not (flat and all(is_flat(clip.corners) for clip in entity.clips)):
+        borders = [clip.outline.bounding_points for clip in entity.clips]
+        if borders and not (flat and all(is_flat(x) for x in borders)):
             raise InvalidInput(
                 f"{source}: {entity.where} is in a block that is clipped in space. Clips are "
                 "supported only if the whole drawing has z = 0."
