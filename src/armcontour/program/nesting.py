@@ -59,9 +59,8 @@ def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
 
 def wind_around(paths: Sequence[Path], points: FloatArray) -> IntArray:
     """Winding numbers of closed paths in the plane around points, (n,)."""
-    up = np.array([0.0, 0.0, 1.0])
-    chords = np.concatenate([_close_chords(find_chords(x, up)) for x in paths])
-    return _windings(chords, points)
+    chords = [_close_chords(find_chords(x, np.eye(3)[2])) for x in paths]
+    return _windings(np.concatenate(chords), points)
 
 
 def project_along_up(points: FloatArray, up: FloatArray) -> FloatArray:

@@ -264,7 +264,7 @@ def test_short_edges_at_which_a_contour_turns_back_are_left_out(corner):
     repeats = len(np.unique(points, axis=0)) < len(points) - 1
     for given_ in (one, one if repeats else pieces(points, "aaaaaaaaaa")):
         (contour,), (note,) = chain_pieces(given_, TOLERANCE)
-        assert contour.closed and note.endswith("0.01 mm: a.")
+        assert contour.closed and "0.01 mm" in note and note.endswith(": a.")
         assert contour.path.length == pytest.approx(4, abs=1e-5)
         assert contour.path.lengths.min() > 0.4
     # Teeth and steps of the drawing stay.

@@ -21,9 +21,6 @@ SAME_PIECE = 1e-9
 FEATURE_GRID = 1e-8
 # Gaps up to this [m] stay open, because closing them would change the tangents of short segments.
 MAX_OPEN_GAP = 0.5 * REPEATED_POINT
-# First words of the notes on omitted contours and lines.
-SHORT = "Skipped because they are not larger than"
-HOOK = "Removed lines at which the contour turns back and which are not longer than"
 # Two ends touch if their distance is less than this fraction of the tolerance.
 TOUCHING_SHARE = 0.01
 # Number of candidates per end for joining: those with the smallest turns, or the nearest ones.
@@ -70,8 +67,8 @@ def chain_pieces(
     lengths = table.lengths
     ends = EntityEnds.from_segments(table, layers, repeated)
     partner = find_partners(ends, tolerance)
-    contours: list[Contour] = []
-    small: dict[str, list[str]] = {SHORT: [], HOOK: []}
+    again = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
+    contours, short, hooked = [], [], []
     for chain, closed in _chains(partner, repeated):
         first = pieces[min(chain) // 2]
         path = None
@@ -79,13 +76,19 @@ def chain_pieces(
             alone = len(chain) == 1 and not closed
             path = first.path if alone else table.join(chain, closed, tolerance)
         if path is None or _size(path) <= tolerance:
-            small[SHORT].append(first.name)
+            short.append(first.name)
             continue
         straight = _remove_hooks(path, tolerance)
         if straight is not path:
-            small[HOOK].append(first.name)
+            hooked.append(first.name)
         contours.append(Contour(path=straight, name=first.name, layer=first.layer))
-    return contours, _notes(pieces, repeated, small, tolerance)
+    limit = f"the join tolerance of {1e3 * tolerance:g} mm"
+    reasons = {
+        "Skipped because they coincide with others": again,
+        f"Skipped because they are not larger than {limit}": short,
+        f"Removed lines up to {limit} at which the contour turns back": hooked,
+    }
+    return contours, [f"{why}: {list_some(x, 6)}." for why, x in reasons.items() if x]
 
 
 def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
@@ -148,21 +151,6 @@ def _coincide(a: Path, b: Path) -> bool:
     fractions = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
     one, other = a(fractions * a.length), b(fractions * b.length)
     return any(float(np.abs(one - x).max(initial=0.0)) <= SAME_PIECE for x in (other, other[::-1]))
-
-
-def _notes(
-    pieces: Sequence[DrawnEntity],
-    repeated: BoolArray,
-    small: dict[str, list[str]],
-    tolerance: float,
-) -> list[str]:
-    """Sentences on repeated pieces, short contours and hooks that were omitted."""
-    notes = []
-    if repeated.any():
-        names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
-        notes.append(f"Skipped because they coincide with others: {list_some(names, 6)}.")
-    limit = f"the join tolerance of {1e3 * tolerance:g} mm"
-    return notes + [f"{why} {limit}: {list_some(x, 6)}." for why, x in small.items() if x]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -246,8 +234,7 @@ def _remove_hooks(path: Path, tolerance: float) -> Path:
     hook &= np.bincount(run, rows.lengths * hook)[run] <= tolerance
     if hook.all() or not hook.any():
         return path
-    vertices = np.arange(0 if rows.closed else 1, int(np.sum(~hook)))
-    return _join_rows(rows[~hook], vertices, tolerance)
+    return _join_rows(rows[~hook], np.arange(0 if rows.closed else 1, np.sum(~hook)), tolerance)
 
 
 def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance: float) -> Segments:

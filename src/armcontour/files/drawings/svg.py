@@ -48,8 +48,6 @@ OLD_INKSCAPE = re.compile(r"0\.(?:[0-8]\d?|9|9[01])(?!\d)[.\d]*")
 # Matches the comment of Illustrator, which has 72 px per inch, in the first COMMENT_RANGE bytes.
 ILLUSTRATOR = re.compile(rb"Generator:\s*Adobe\s+Illustrator", re.IGNORECASE)
 COMMENT_RANGE = 10_000
-# Number of CSS pixels per inch.
-CSS_DENSITY = 96
 # Matches a length in an absolute unit.
 ABSOLUTE = re.compile(r"\d\s*(?:mm|cm|in|pt|pc|q)$", re.IGNORECASE)
 # Elements that draw nothing.
@@ -121,17 +119,17 @@ def read_svg(
     return walk.program(walk.shapes(page, view), notes)
 
 
-def _writers(root: Element, data: bytes) -> list[tuple[str, int]]:
-    """The programs that wrote a file, in their order, and CSS; each with its px per inch."""
+def _writers(root: Element, data: bytes) -> list[tuple[str, float]]:
+    """The programs that wrote a file, in their order, and CSS; each with its px [m]."""
     writers = []
     # Zero bytes are removed because the file can be in UTF-16.
     if ILLUSTRATOR.search(data[:COMMENT_RANGE].replace(b"\0", b"")):
-        writers.append(("Adobe Illustrator", 72))
+        writers.append(("Adobe Illustrator", INCH / 72))
     if version := root.get("inkscape:version"):
         later = ", which saved the file later without a conversion" if writers else ""
-        density = 90 if OLD_INKSCAPE.match(version) else CSS_DENSITY
-        writers.append((f"Inkscape {version.split()[0][:20]}{later}", density))
-    return [*writers, ("CSS", CSS_DENSITY), ("CSS", CSS_DENSITY)]
+        pixel = INCH / 90 if OLD_INKSCAPE.match(version) else PIXEL
+        writers.append((f"Inkscape {version.split()[0][:20]}{later}", pixel))
+    return [*writers, ("CSS", PIXEL), ("CSS", PIXEL)]
 
 
 def _page(
@@ -149,15 +147,14 @@ def _page(
     notes = []
     absolute = any(ABSOLUTE.search(root.get(x)) for x in ("width", "height"))
     if options.unit is None and not (box is not None and absolute):
-        (program, density), (other, other_density), *_ = _writers(root, data)
-        unit, other_unit = INCH / density, INCH / other_density
+        (program, unit), (other, other_unit), *_ = _writers(root, data)
         if unit != other_unit:
             span = width or (box.width if box else 100.0)
             notes.append(
-                f"{root.source} was written by {program}, whose px is 1/{density} inch instead of "
-                f"the 1/{other_density} inch of {other}: {span:g} px are {1e3 * span * unit:.5g} "
-                f"mm. If they are {1e3 * span * other_unit:.5g} mm, specify units: "
-                f"{other_unit:.9g}."
+                f"{root.source} was written by {program}, whose px is 1/{INCH / unit:.0f} inch "
+                f"instead of the 1/{INCH / other_unit:.0f} inch of {other}: {span:g} px are "
+                f"{1e3 * span * unit:.5g} mm. If they are {1e3 * span * other_unit:.5g} mm, "
+                f"specify units: {other_unit:.9g}."
             )
         if absolute:
             # Absolute lengths of the page do not depend on the size of a px.
