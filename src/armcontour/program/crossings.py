@@ -12,8 +12,6 @@ from armcontour.core.sampling import number_parts
 
 # Points closer than this distance [m] count as equal.
 SAME_POINT = 1e-9
-# Lines count as parallel if the sine of the angle between them is below this value.
-PARALLEL = 1e-12
 # Approximate number of pairs of pieces that are intersected together, which limits the memory.
 PAIRS = 200_000
 
@@ -74,9 +72,10 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     # both pieces [m], (m, 2).
     low, high = _boxes(pieces)
     # In the order along an axis, the box of a piece can overlap only the boxes up to the first box
-    # that starts beyond it. On average, that is `overlaps` boxes.
-    overlaps = (high - low + SAME_POINT).sum(axis=0) / (np.ptp(low, axis=0) + SAME_POINT)
-    start, end = low[:, np.argmin(overlaps)], high[:, np.argmin(overlaps)]
+    # that starts beyond it. The axis is the one on which boxes overlap less.
+    span = high.max(axis=0, initial=-np.inf) - low.min(axis=0, initial=np.inf)
+    axis = int(np.argmin((high - low + SAME_POINT).sum(axis=0) / (span + SAME_POINT)))
+    start, end = low[:, axis], high[:, axis]
     order = np.argsort(start)
     last = np.searchsorted(start[order], end[order] + SAME_POINT, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
@@ -160,7 +159,8 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     # can make the discriminant slightly negative where pieces touch.
     inside = slope**2 - 2 * ka * constant
     inside[inside < -2 * np.abs(ka) * SAME_POINT / size] = np.nan
-    parallel = (ka == 0) & (np.abs(slope) < PARALLEL)
+    # Lines that depart from each other by less than SAME_POINT count as parallel.
+    parallel = (ka == 0) & (np.abs(slope) * a[:, LENGTH] < SAME_POINT)
     slope = np.where(parallel, np.nan, slope)
     larger = slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope)
     second = np.where(ka == 0, np.nan, larger / ka)

@@ -139,8 +139,7 @@ def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
 def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
     """Winding numbers of closed contours around points, (n,)."""
     if len(points) * len(chords) > PAIRS and len(points) > 1:
-        halves = np.array_split(points, 2)
-        return np.concatenate([_windings(chords, half) for half in halves])
+        return np.concatenate([_windings(chords, x) for x in np.array_split(points, 2)])
     x, y = points[:, :1], points[:, 1:]
     ax, ay, bx, by, cx, cy, radius, turn = chords.T
     # A point on a chord counts as shifted to the right by an infinitesimal distance, and upwards by

@@ -83,14 +83,13 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
     return [_to_offset_part(x, ring, mirror) for x, ring in parts.chains()]
 
 
-def intersect_areas(shape: Sequence[Path], even_odd: bool, border: Path) -> list[Path] | None:
+def intersect_areas(shape: Sequence[Path], fill_rule: str, border: Path) -> list[Path] | None:
     """Closed paths around the part of a filled shape inside a border; None if they have gaps."""
-    # `shape`: closed paths; `even_odd`: true if they are filled by the even-odd rule, else they are
-    # filled by the nonzero rule.
+    # `shape`: closed paths; `fill_rule`: nonzero or evenodd, as in SVG.
 
     def is_common(points: FloatArray) -> BoolArray:
         turns = wind_around(shape, points)
-        filled = turns % 2 if even_odd else turns
+        filled = turns % 2 if fill_rule == "evenodd" else turns
         return np.asarray((filled != 0) & (wind_around([border], points) != 0))
 
     # All paths are cut where they meet, in both directions. A part bounds the result if the result

@@ -409,6 +409,20 @@ def test_filled_shapes_are_clipped_as_areas():
         assert any("Cut off" in x for x in program.notes) == (square not in body), body
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_edges_that_nearly_coincide_with_a_clip(seed):
+    rng = np.random.default_rng(seed)
+    for noise in 10.0 ** np.arange(-10, -2.5):
+        near = [(10, 10), (50, 10), (50, 30), (40, 30), (40, 40), (10, 40), (10, 20)]
+        x = np.array(near) + rng.uniform(-noise, noise, (7, 2))
+        d = "M" + "L".join(f"{a!r} {b!r}" for a, b in x.tolist()) + "Z"
+        clip = '<clipPath id="c"><path d="M10 10H40V40H10Z"/></clipPath>'
+        program = read(f'{clip}<path clip-path="url(#c)" d="{d}"/>')
+        assert enclosed(program.contours) == pytest.approx(900, abs=100 * noise + 1e-3)
+        length = sum(c.path.length for c in program.contours)
+        assert length == pytest.approx(0.12, abs=1e-2 * noise + 1e-6)
+
+
 def test_fill_of_style_sheets_and_groups_decides_how_a_clip_cuts():
     clip = '<clipPath id="c"><rect width="10" height="80"/></clipPath>'
     sheet = "<style>.a, path.b{stroke:#000;fill:none} #f{fill:#f00}</style>"

@@ -14,6 +14,7 @@ from armcontour.geometry import Path, Segments
 from armcontour.geometry.near_points import group_points, nearest_points
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Contour
+from armcontour.program.offset_curves import find_self_crossing
 
 # Two pieces are the same if their points differ by at most this [m].
 SAME_PIECE = 1e-9
@@ -53,8 +54,9 @@ def chain_pieces(
     end of a line is moved, and an arc is scaled and rotated without a change of its angle. If an
     arc would move too far, a short line closes the gap. No point moves by more than the tolerance.
 
-    Pieces that coincide with others of their layer are omitted, as are contours whose extent is at
-    most the tolerance, and lines up to this length at which a contour turns back.
+    Pieces that coincide with others of their layer are omitted, as are contours whose width and
+    height are at most the tolerance, and lines up to this length at which a contour that crosses
+    itself turns back.
     """
     if not pieces:
         return [], []
@@ -75,7 +77,7 @@ def chain_pieces(
         if lengths[np.array(chain) // 2].sum() > tolerance:
             alone = len(chain) == 1 and not closed
             path = first.path if alone else table.join(chain, closed, tolerance)
-        if path is None or _size(path) <= tolerance:
+        if path is None or np.ptp(path.segments.extent, axis=0).max() <= tolerance:
             short.append(first.name)
             continue
         straight = _remove_hooks(path, tolerance)
@@ -217,14 +219,8 @@ def _join_rows(rows: Segments, vertices: IntArray, tolerance: float) -> Path:
     return Path(segments=_close_gaps(rows, ends, vertices[wide], tolerance) if wide.any() else rows)
 
 
-def _size(path: Path) -> float:
-    """Largest side of the bounding box of a closed path, else the diagonal of the box [m]."""
-    low, high = path.segments.extent
-    return float(np.linalg.norm(high - low, np.inf if path.segments.closed else 2))
-
-
 def _remove_hooks(path: Path, tolerance: float) -> Path:
-    """The path without lines up to the tolerance [m] at which it turns back."""
+    """A path that crosses itself, without lines up to the tolerance [m] at which it turns back."""
     rows = path.segments
     back = np.sum(rows.end_tangents * np.roll(rows.tangents, -1, axis=0), axis=1) < 0
     back[-1] &= rows.closed
@@ -232,7 +228,8 @@ def _remove_hooks(path: Path, tolerance: float) -> Path:
     # A longer run of such lines is a part of the drawing.
     run = np.cumsum(~hook)
     hook &= np.bincount(run, rows.lengths * hook)[run] <= tolerance
-    if hook.all() or not hook.any():
+    stays = hook.all() or not hook.any() or rows.dimension == 3
+    if stays or find_self_crossing(rows, closed=rows.closed) is None:
         return path
     return _join_rows(rows[~hook], np.arange(0 if rows.closed else 1, np.sum(~hook)), tolerance)
 

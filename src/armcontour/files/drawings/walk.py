@@ -90,6 +90,8 @@ TRAVERSAL_SHARE = 0.4
 # Largest number of entities that a note lists.
 MAX_NAMED = 9
 NO_SIZE = "Skipped because they have no size"
+# Small displacement of a border in a direction that edges rarely have [m].
+NUDGE = np.array([1.7e-8, 1.1e-8])
 CUT_OFF = "Cut off at a clip or viewport, in part or completely"
 
 
@@ -227,7 +229,10 @@ class Walk:
         if parts == paths:
             return paths
         if border is not None and entity.fill_rule and all(x.segments.closed for x in paths):
-            area = intersect_areas(paths, entity.fill_rule == "evenodd", border)
+            # If edges nearly coincide, their order is not defined until the border is moved.
+            moved = Path(segments=border.segments.replace(starts=border.segments.starts + NUDGE))
+            areas = (intersect_areas(paths, entity.fill_rule, x) for x in (border, moved))
+            area = next((x for x in areas if x is not None), None)
             if area is None:
                 raise InvalidInput(
                     f"{self.source}: {entity.where} nearly coincides with its clip: remove it."
