@@ -385,7 +385,7 @@ class SvgWalk(Walk):
         if len(outlines) != 1:
             return None
         to = inherited.to @ transform_of(target) @ transform_of(shape)
-        return Outline(outlines[0].shapes, closed=True).place(to)
+        return place_outline(Outline(outlines[0].shapes, closed=True), to)[0]
 
     def _refuse_or_ignore(self, element: Element, reason: str) -> None:
         """Refuse an unsupported property, or record that it is ignored if the options say so."""
@@ -459,8 +459,8 @@ class SvgWalk(Walk):
         clips = inherited.clips
         if element.style("overflow") not in ("visible", "auto"):
             corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
-            border = Outline([ArcChain.straight(inherited.to(corners))], closed=True)
-            clips = (*clips, Clip(border))
+            border = Outline([ArcChain.straight(corners)], closed=True)
+            clips = (*clips, Clip(place_outline(border, inherited.to)[0]))
         return dataclasses.replace(inherited, to=inner, view=box, clips=clips)
 
 

@@ -37,7 +37,7 @@ from armcontour.program.offset_curves import intersect_areas, to_pieces
 class Clip:
     """A closed outline at which entities are cut."""
 
-    outline: Outline  # [m]. A point is inside if its winding number is not 0.
+    outline: Outline  # The outline [m]. A point is inside if its winding number is not 0.
     outside: bool = False  # Whether the parts outside are drawn instead of the parts inside
 
     def place(self, to: Affine) -> Clip:
@@ -186,23 +186,22 @@ class Walk:
     def _clipped_entities(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
         """The clipped paths of all outlines, as entities for chaining."""
         options = self.options
+        clips = list(dict.fromkeys(clip for entity in entities for clip in entity.clips))
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 paths = paths_of(
-                    [y for x in entities for y in x.outlines],
+                    [y for x in entities for y in x.outlines] + [x.outline for x in clips],
                     options.fit_tolerance,
                     options.join_tolerance,
                     lambda share: self.tell(TRAVERSAL_SHARE + (1 - TRAVERSAL_SHARE) * share),
                 )
         except InvalidInput as error:
             assert error.index is not None
-            names = [x.where for x in entities for _ in x.outlines][error.index]
-            raise InvalidInput(f"{self.source}: {names}: {error}") from None
+            names = [x.where for x in entities for _ in x.outlines] + ["a clip" for _ in clips]
+            raise InvalidInput(f"{self.source}: {names[error.index]}: {error}") from None
         pieces: list[DrawnEntity] = []
         drawn = iter(paths)
-        clips = list(dict.fromkeys(clip for entity in entities for clip in entity.clips))
-        outlines = [clip.outline for clip in clips]
-        borders = dict(zip(clips, paths_of(outlines, options.fit_tolerance), strict=True))
+        borders = dict(zip(clips, paths[len(paths) - len(clips) :], strict=True))
         for entity in entities:
             parts = [path for path in islice(drawn, len(entity.outlines)) if path is not None]
             if not parts:
