@@ -1,5 +1,6 @@
 """The tool's path beside contours: against formulas, and the judge of the soak."""
 
+import ezdxf
 import numpy as np
 import pytest
 from soak import kerf as judge
@@ -212,3 +213,27 @@ def test_events_rapids_and_leads_come_along():
 @each("seed", range(20))
 def test_random_contours_keep_the_distance_everywhere(seed):
     judge.run_offset(seed)
+
+
+@each("bulge", [0.0, 1e-13, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
+@each("decimals", [3, 4, 5, 7, 9])
+def test_nearly_straight_arcs_and_tangent_vertices_have_a_kerf(tmp_path, bulge, decimals):
+    # A slot in any direction, with vertices on its straight sides, and with rounded coordinates.
+    turn = 0.1 + 0.7 * decimals
+    c, s = np.cos(turn), np.sin(turn)
+    sides = [(20 * x, y) for y, xs in ((-9, (-3, -1, 0, 3)), (9, (3, 1, -1, -3))) for x in xs]
+    points = [
+        (round(300 + c * x - s * y, decimals), round(s * x + c * y, decimals)) for x, y in sides
+    ]
+    bulges = [bulge, -bulge, bulge / 3, 1.0, -bulge, bulge, bulge, 1.0]
+    document = ezdxf.new(units=4)
+    corners = [(x, y, b) for (x, y), b in zip(points, bulges, strict=True)]
+    document.modelspace().add_lwpolyline(corners, format="xyb", close=True)
+    document.saveas(tmp_path / "slot.dxf")
+    for mend in (0.0, 2e-6):
+        drawn = ac.read_path(tmp_path / "slot.dxf", ac.ReadOptions(mend_vertices=mend)).contours[0]
+        for side, change in (("left", -1), ("right", 1)):
+            (offset_contour,) = cut(drawn, kerf=1e-3, kerf_side=side).contours
+            length = drawn.path.length + change * np.pi * 1e-3
+            assert offset_contour.closed
+            assert offset_contour.path.length == pytest.approx(length, abs=1e-7)

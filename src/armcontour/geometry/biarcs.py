@@ -61,11 +61,7 @@ def _arc(
     # where two arcs meet, even if the arcs are very short.
     half = np.arctan2(length(end_tangent - tangent), length(end_tangent + tangent))
     bent = half > STRAIGHT
-    across = end_tangent - dot(end_tangent, tangent)[:, None] * tangent
-    normal = np.where(bent[:, None], unit(across), 0.0)
-    # The normal must be perpendicular to the tangent to the last digit.
-    normal = normal - dot(normal, tangent)[:, None] * tangent
-    normal = np.where(bent[:, None], unit(normal), 0.0)
+    normal = np.where(bent[:, None], unit_across(end_tangent, tangent), 0.0)
     curvature = np.tan(half) / tangent_length
     return Segments(
         starts=start,
@@ -112,6 +108,14 @@ def _finite(arcs: Segments) -> BoolArray:
 def unit(v: FloatArray) -> FloatArray:
     """Unit vectors along the last axis; not finite for zero vectors."""
     return np.asarray(v / length(v)[..., None])
+
+
+def unit_across(v: FloatArray, along: FloatArray) -> FloatArray:
+    """Unit vectors in the direction of `v` that are perpendicular to `along` to the last digit."""
+    # At a small angle between `v` and `along`, rounding errors tilt the first result.
+    for _ in range(2):
+        v = unit(v - dot(v, along)[..., None] * along)
+    return v
 
 
 def length(v: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
-from armcontour.geometry.biarcs import STRAIGHT, dot, join_by_quintics, make_biarcs, unit
+from armcontour.geometry.biarcs import STRAIGHT, join_by_quintics, make_biarcs, unit, unit_across
 from armcontour.geometry.rounded_orientation import middle_fraction
 from armcontour.geometry.segments import REPEATED_POINT, Segments, combine_limits
 
@@ -140,10 +140,9 @@ class LineCorner(CornerKind):
 def _draw_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """Draw one arc per corner, by (10)-(16)."""
     before, after, half = bounds.before, bounds.after, bounds.half
-    normals = after.tangents - dot(before.tangents, after.tangents)[:, None] * before.tangents
     arcs = before.replace(
         starts=after.starts - (radius * np.tan(half))[:, None] * before.tangents,
-        normals=unit(normals),
+        normals=unit_across(after.tangents, before.tangents),
         curvatures=1 / radius,
         lengths=radius * 2 * half,
     )
@@ -212,9 +211,7 @@ def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
 def _axes(bounds: CornerBounds) -> tuple[FloatArray, FloatArray]:
     """Unit vectors along the mean tangents of corners between lines, and towards their insides."""
     along = unit(bounds.before.tangents + bounds.after.tangents)
-    across = unit(bounds.after.tangents - bounds.before.tangents)
-    # At a small turn rounding errors tilt `across`, so it is made perpendicular to `along` again.
-    return along, unit(across - dot(across, along)[:, None] * along)
+    return along, unit_across(bounds.after.tangents, along)
 
 
 def _relative_angle(x: FloatArray) -> FloatArray:

@@ -181,6 +181,11 @@ class Segments(Value):
         return tangents
 
     @property
+    def closed(self) -> bool:
+        """True if the last segment ends at the start of the first one."""
+        return bool(np.linalg.norm(self[-1:].ends - self.starts[0]) <= REPEATED_POINT)
+
+    @property
     def extent(self) -> FloatArray:
         """Bounding box: smallest and largest coordinates [m], (2, dimension); exact for arcs."""
         points = [self.starts, self.ends, *self._turning_points()]

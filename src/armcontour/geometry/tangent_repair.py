@@ -13,7 +13,7 @@ from armcontour.geometry.arc_corners import WIDEST
 from armcontour.geometry.biarcs import biarc_distance, make_biarcs, unit
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounded_path import blend_vertices
-from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
 
 # Largest turn of a repaired vertex [rad]; larger turns are corners.
 LARGEST_KINK = 0.05
@@ -98,8 +98,7 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
     rows = path.segments
     first, last = rows[:1], rows[-1:]
     kink = float(angle_between(last.end_tangents, first.tangents)[0])
-    apart = float(np.linalg.norm(last.ends - first.starts))
-    if len(rows) == 1 or apart > REPEATED_POINT or not allowed > 0:
+    if len(rows) == 1 or not rows.closed or not allowed > 0:
         return None
     if not TANGENT_TOLERANCE < kink <= largest_turn:
         return None

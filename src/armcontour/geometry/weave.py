@@ -24,7 +24,7 @@ from armcontour.core.quantities import (
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
 from armcontour.geometry.path_parts import cut_path, join_paths
-from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
 SHAPES = ("sine", "zigzag")
 # Names of the directions to which a weave can be perpendicular, in addition to its seam.
@@ -212,7 +212,7 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
     steps = np.repeat(path.lengths / parts, parts)
     s = np.append(np.concatenate([[0.0], np.cumsum(steps)])[:-1], path.length)
     points = path(s)
-    closed = bool(np.linalg.norm(points[-1] - points[0]) <= REPEATED_POINT)
+    closed = path.segments.closed
     gaps = np.floor(s / (CLOSE_WAYPOINTS * pitch))
     mask = np.append(np.diff(gaps, prepend=-1) > 0, True)[: len(s)]
     mask[-1] = True

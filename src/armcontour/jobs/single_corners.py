@@ -91,9 +91,8 @@ def _waypoints(path: Path) -> tuple[IntArray, FloatArray, FloatArray, FloatArray
     ahead = np.concatenate([path.segments.end_tangents[-1:], path.segments.end_tangents])
     behind = np.concatenate([path.tangents, path.tangents[:1]])
     turned = angle_between(ahead, behind) > TANGENT_TOLERANCE
-    closed = np.linalg.norm(vertices[-1] - vertices[0]) <= REPEATED_POINT
     # The start of a closed path counts only once, with number 1.
-    turned[0], turned[-1] = turned[0] and closed, False
+    turned[0], turned[-1] = turned[0] and path.segments.closed, False
     mask = turned[path.waypoints]
     points = path.waypoints[mask]
     return numbers[mask], vertices[points], ahead[points], behind[points]
@@ -112,11 +111,10 @@ def _explain_no_corner(number: int, count: int, path: Path) -> str:
     if number - 1 in path.merged:
         return f"waypoint {number} repeats the previous waypoint. Use the number of that waypoint"
     if number in (1, count):
-        closed = np.linalg.norm(path.vertices[-1] - path.vertices[0]) <= REPEATED_POINT
-        if closed and number == count:
-            return f"waypoint {number} is the start of the closed path. Use the number 1"
-        if not closed:
+        if not path.segments.closed:
             return f"waypoint {number} is an end of the path, which is not a corner"
+        if number == count:
+            return f"waypoint {number} is the start of the closed path. Use the number 1"
     return f"the path has no corner at waypoint {number} that could be rounded"
 
 

@@ -12,8 +12,6 @@ from armcontour.core.sampling import number_parts
 
 # Points closer than this distance [m] count as equal.
 SAME_POINT = 1e-9
-# Lines count as parallel if the sine of the angle between them is below this value.
-PARALLEL = 1e-12
 # Approximate number of pairs of pieces that are intersected together, which limits the memory.
 PAIRS = 200_000
 
@@ -73,17 +71,20 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     # Returns the indices of both pieces at each point, (m, 2), and the distances of the point along
     # both pieces [m], (m, 2).
     low, high = _boxes(pieces)
-    order = np.argsort(low[:, 0])
-    # In this order, the box of a piece can overlap only the boxes up to the first box that starts
-    # to the right of it.
-    last = np.searchsorted(low[order, 0], high[order, 0] + SAME_POINT, side="right")
+    # In the order along an axis, the box of a piece can overlap only the boxes up to the first box
+    # that starts beyond it. The axis is the one on which boxes overlap less.
+    span = high.max(axis=0, initial=-np.inf) - low.min(axis=0, initial=np.inf)
+    axis = int(np.argmin((high - low + SAME_POINT).sum(axis=0) / (span + SAME_POINT)))
+    start, end = low[:, axis], high[:, axis]
+    order = np.argsort(start)
+    last = np.searchsorted(start[order], end[order] + SAME_POINT, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
     parts = np.cumsum(count) // PAIRS
     meetings, distances = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
     for part in np.unique(parts):
         owner, number = number_parts(np.where(parts == part, count, 0))
         i, j = order[owner], order[owner + 1 + number]
-        near = (low[j, 1] <= high[i, 1] + SAME_POINT) & (low[i, 1] <= high[j, 1] + SAME_POINT)
+        near = (np.maximum(low[i], low[j]) <= np.minimum(high[i], high[j]) + SAME_POINT).all(axis=1)
         pairs = np.stack([i, j], axis=1)[near]
         points = _common_points(pieces[pairs[:, 0]], pieces[pairs[:, 1]])
         along = np.stack([_distances_along(pieces[x], points) for x in pairs.T], axis=2)
@@ -128,10 +129,12 @@ def _distances_along(pieces: FloatArray, points: FloatArray) -> FloatArray:
     # Angle around the centre, 0 at the start and increasing along the arc.
     angle = np.arctan2(along * np.abs(k), 1 - _cross(tangents, offset) * k)
     radius = 1 / np.where(k == 0, np.inf, np.abs(k))
-    u = np.where(angle < 0, angle + 2 * np.pi, angle) * radius
-    # A point just before the start has a small negative distance, not nearly a full turn.
-    before = (u > pieces[:, LENGTH, None]) & (2 * np.pi * radius - u <= SAME_POINT)
-    return np.asarray(np.where(k == 0, along, np.where(before, u - 2 * np.pi * radius, u)))
+    u = angle * radius
+    turn = 2 * np.pi * radius
+    # A point just before the start has a small negative distance, not nearly a full turn. For a
+    # large radius, a full turn has no digits for this distance.
+    before = (u >= -SAME_POINT) & (turn + u > pieces[:, LENGTH, None])
+    return np.asarray(np.where(k == 0, along, np.where((u < 0) & ~before, u + turn, u)))
 
 
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -156,7 +159,8 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     # can make the discriminant slightly negative where pieces touch.
     inside = slope**2 - 2 * ka * constant
     inside[inside < -2 * np.abs(ka) * SAME_POINT / size] = np.nan
-    parallel = (ka == 0) & (np.abs(slope) < PARALLEL)
+    # Lines that depart from each other by less than SAME_POINT count as parallel.
+    parallel = (ka == 0) & (np.abs(slope) * a[:, LENGTH] < SAME_POINT)
     slope = np.where(parallel, np.nan, slope)
     larger = slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope)
     second = np.where(ka == 0, np.nan, larger / ka)

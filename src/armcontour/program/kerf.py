@@ -405,7 +405,7 @@ class LeadPlacement:
         """Unit tangent of a contour beyond the vertex at a lead; None without a vertex there."""
         outline = contour.path
         # A contour with an overlap does not end at its start point.
-        if np.linalg.norm(outline.end - outline.starts[0]) > REPEATED_POINT:
+        if not outline.segments.closed:
             return None
         nearest = outline.project(path(path.length if after else 0.0)[None])
         if nearest.distance[0] > 2 * REPEATED_POINT:

@@ -148,9 +148,7 @@ class Contour(Checked):
     @property
     def closed(self) -> bool:
         """True if the contour ends at its start point, without leads and overlap."""
-        if self.ring is not None:
-            return self.ring
-        return bool(np.linalg.norm(self.path.end - self.path.starts[0]) <= REPEATED_POINT)
+        return self.path.segments.closed if self.ring is None else self.ring
 
     @property
     def at_work(self) -> tuple[float, float]:

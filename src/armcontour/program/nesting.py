@@ -57,6 +57,12 @@ def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     return Nesting(contains=contains, areas=areas)
 
 
+def wind_around(paths: Sequence[Path], points: FloatArray) -> IntArray:
+    """Winding numbers of closed paths in the plane around points, (n,)."""
+    chords = [_close_chords(find_chords(x, np.eye(3)[2])) for x in paths]
+    return _windings(np.concatenate(chords), points)
+
+
 def project_along_up(points: FloatArray, up: FloatArray) -> FloatArray:
     """Project points or vectors along `up`, (..., 2); points in the plane are unchanged."""
     return points if points.shape[-1] == 2 else np.asarray(points @ perpendicular_axes(up))
@@ -126,13 +132,14 @@ def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
     high = np.maximum(chords[:, :2], np.where(bent, centers + radius, -np.inf)).max(axis=0)
     inside: BoolArray = ((points >= low) & (points <= high)).all(axis=1)
     near = np.flatnonzero(inside)
-    for part in np.array_split(near, 1 + len(near) * len(chords) // PAIRS):
-        inside[part] = _windings(chords, points[part]) != 0
+    inside[near] = _windings(chords, points[near]) != 0
     return inside
 
 
 def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
-    """Winding numbers of a closed contour around points, (n,)."""
+    """Winding numbers of closed contours around points, (n,)."""
+    if len(points) * len(chords) > PAIRS and len(points) > 1:
+        return np.concatenate([_windings(chords, x) for x in np.array_split(points, 2)])
     x, y = points[:, :1], points[:, 1:]
     ax, ay, bx, by, cx, cy, radius, turn = chords.T
     # A point on a chord counts as shifted to the right by an infinitesimal distance, and upwards by

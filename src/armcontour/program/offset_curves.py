@@ -1,4 +1,4 @@
-"""Exact offsets of lines and arcs in the plane; the offset of an arc is an arc around its centre.
+"""Exact offsets and intersections of areas of lines and arcs in the plane.
 
 Points at distance d from a contour, on one of its sides, lie on its offset segments or on circles
 around its vertices. These segments and circles are cut where they meet. The parts whose distance
@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.geometry import Path
 from armcontour.geometry.near_points import group_points
 from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import Segments
@@ -29,6 +30,7 @@ from armcontour.program.crossings import (
     rotate_left,
     turns_between,
 )
+from armcontour.program.nesting import wind_around
 
 # Rounding error of the distance between a part and the contour [m]. Points of a path have errors up
 # to REPEATED_POINT.
@@ -36,6 +38,8 @@ SLACK = 3e-9
 # Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because gaps of a path must not exceed
 # REPEATED_POINT.
 WIDE_GAP, NARROW_GAP = 0.9e-9, 0.5e-9
+# Distance from a curve at which its sides are tested [m]; closer curves count as one.
+SIDE = 2 * SAME_POINT
 # A closed part with a smaller ratio of area to length [m] consists of coinciding lines.
 THIN = 1e-8
 
@@ -59,14 +63,14 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
     if distance == 0:
         return [OffsetPart(segments=source, rows=np.arange(len(source)), closed=closed)]
     mirror = np.array([1.0, np.sign(distance)])
-    pieces, rows = _raw_pieces(_table(source, mirror), abs(distance), closed)
+    pieces, rows = _raw_pieces(to_pieces(source, mirror), abs(distance), closed)
     if not len(pieces):
         return []
     knives = np.empty((0, 6))
     if not closed:
         # The offset on the other side of an open contour, and circles around its ends, also cut the
         # parts.
-        other, _ = _raw_pieces(_table(source, mirror * [1, -1]), abs(distance), closed)
+        other, _ = _raw_pieces(to_pieces(source, mirror * [1, -1]), abs(distance), closed)
         ends = _end_circles(pieces, abs(distance))
         knives = np.concatenate([other * [1, -1, 1, -1, -1, 1], ends])
     parts = _cut_pieces(pieces, rows, knives)
@@ -79,9 +83,43 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
     return [_to_offset_part(x, ring, mirror) for x, ring in parts.chains()]
 
 
+def intersect_areas(shape: Sequence[Path], fill_rule: str, border: Path) -> list[Path] | None:
+    """Closed paths around the part of a filled shape inside a border; None if they have gaps."""
+    # `shape`: closed paths; `fill_rule`: nonzero or evenodd, as in SVG.
+
+    def is_common(points: FloatArray) -> BoolArray:
+        turns = wind_around(shape, points)
+        filled = turns % 2 if fill_rule == "evenodd" else turns
+        return np.asarray((filled != 0) & (wind_around([border], points) != 0))
+
+    # All paths are cut where they meet, in both directions. A part bounds the result if the result
+    # is on its left only.
+    paths = [*shape, border]
+    paths += [x.reversed() for x in paths]
+    pieces = np.concatenate([to_pieces(x.segments) for x in paths])
+    parts = _cut_pieces(pieces, np.arange(len(pieces)), np.empty((0, 6)))
+    # Consecutive parts form a run up to a point at which other paths meet. The sides of a run are
+    # tested at the middle of its longest part.
+    ways, (first, last) = np.bincount(parts.nodes.ravel()), parts.nodes.T
+    run = np.cumsum((ways[first] > 4) | (first != np.roll(last, 1)) | (np.arange(len(first)) == 0))
+    order = np.lexsort((parts.pieces[:, LENGTH], run))
+    longest = parts.pieces[order[np.flatnonzero(np.diff(run, append=-1))]]
+    middles = points_at(longest, longest[:, LENGTH] / 2)
+    across = SIDE * rotate_left(points_at(longest, longest[:, LENGTH] / 2, 1))
+    parts = parts.select((is_common(middles + across) & ~is_common(middles - across))[run - 1])
+    # Of parts that coincide, one remains.
+    same = group_points(points_at(parts.pieces, parts.pieces[:, LENGTH] / 2), SIDE)
+    chains = parts.select(np.unique(same, return_index=True)[1]).chains()
+    if not all(closed for _, closed in chains):
+        return None
+    return [Path(segments=_to_offset_part(x, True).segments) for x, _ in chains]
+
+
 def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
     """A point at which a path in the plane crosses or touches itself [m]; None without one."""
-    table = _table(source, np.ones(2))
+    table = to_pieces(source)
+    # Without pieces that are points, the pieces before and after them are neighbours.
+    table = table[table[:, LENGTH] > SAME_POINT]
     pairs, distances = find_crossings(table)
     n = len(table)
     ahead = (pairs[:, 1] - pairs[:, 0]) % n == 1
@@ -99,14 +137,14 @@ def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
 
 def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
     """Indices of two paths in the plane that cross or touch each other; None if there are none."""
-    table = np.concatenate([_table(x, np.ones(2)) for x in paths])
+    table = np.concatenate([to_pieces(x) for x in paths])
     owner = np.repeat(np.arange(len(paths)), [len(x) for x in paths])
     pairs = owner[find_crossings(table)[0]]
     meet = pairs[pairs[:, 0] != pairs[:, 1]]
     return None if not len(meet) else (int(meet[0].min()), int(meet[0].max()))
 
 
-def _table(source: Segments, mirror: FloatArray) -> FloatArray:
+def to_pieces(source: Segments, mirror: FloatArray | float = 1.0) -> FloatArray:
     """Table of pieces (crossings.py) of a path whose coordinates are multiplied by `mirror`."""
     starts, tangents = source.starts * mirror, source.tangents * mirror
     normals = source.normals * mirror
@@ -138,14 +176,14 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Parts:
-    """The n parts into which the pieces of an offset are cut where pieces meet."""
+    """The n parts into which pieces are cut where they meet."""
 
     pieces: FloatArray  # The parts as a table of pieces (crossings.py), (n, 6)
     rows: IntArray  # Index of the source segment of each part, (n,)
     owners: IntArray  # Index of the piece to which each part belongs, (n,)
     nodes: IntArray  # Numbers of the points at which each part starts and ends, (n, 2)
 
-    def select(self, mask: BoolArray) -> _Parts:
+    def select(self, mask: BoolArray | IntArray) -> _Parts:
         """The parts selected by a mask or by indices."""
         return _Parts(
             pieces=self.pieces[mask],
@@ -257,11 +295,12 @@ def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Part
     parts[:, [TX, TY]] = points_at(pieces[source], distances[first], 1)
     parts[:, LENGTH] = distances[last] - distances[first]
     points = np.concatenate([parts[:, :2], points_at(pieces[source], distances[last])])
-    nodes = group_points(points, SAME_POINT).reshape(2, -1).T
+    # Both pieces at a crossing can end up to SAME_POINT away from it.
+    nodes = group_points(points, 2 * SAME_POINT).reshape(2, -1).T
     return _Parts(pieces=parts, rows=rows[source], owners=source, nodes=nodes)
 
 
-def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart:
+def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray | float = 1.0) -> OffsetPart:
     """A chain of parts as an `OffsetPart`."""
     p = chain.pieces
     starts = _close_gaps(p[:, :2], points_at(p, p[:, LENGTH]), ring)

@@ -541,6 +541,60 @@ def test_layers_that_are_off_or_frozen_are_left_out_and_counted():
     assert hidden.endswith(": 2 hidden, Cold.") and invisible.endswith("invisible: LINE.")
 
 
+def test_layers_that_are_not_plotted_are_read_only_by_name():
+    document, space = drawing()
+    document.layers.add("guides").dxf.plot = 0
+    document.layers.add("locked").lock()
+    block = document.blocks.new("b")
+    block.add_line((0, 0), (10, 0))
+    block.add_line((0, 0), (0, 10), dxfattribs={"layer": "locked"})
+    for k, layer in enumerate(("locked", "guides", "Defpoints")):
+        space.add_line((0, k), (10, k), dxfattribs={"layer": layer})
+    space.add_blockref("b", (20, 0), dxfattribs={"layer": "GUIDES"})
+    program = read(document)
+    assert [x.layer for x in program.contours] == ["locked", "locked"]
+    (note,) = program.notes
+    assert "not plotted" in note and note.endswith(": 2 guides, Defpoints.")
+    program = read(document, layers=["guides", "Defpoints"])
+    assert [x.layer for x in program.contours] == ["guides", "Defpoints", "guides"]
+    assert program.notes == ()
+    # A layer without an entry in the table of layers, and a drawing without anything else.
+    points = "0|LINE|8|DEFPOINTS|10|0|20|0|11|9|21|0|"
+    assert len(from_hand(LINE + points).contours) == 1
+    refusals(from_hand, [(points, "no contour ... not plotted ... --layer: Defpoints")])
+
+
+NUMBERS = [
+    ("0|LINE|8|0|10|0|20|0|11|10|21|0|", [10, 20, 11, 21]),
+    ("0|CIRCLE|8|0|10|0|20|0|40|5|", [10, 20, 40]),
+    ("0|ARC|8|0|10|0|20|0|40|5|50|10|51|80|", [40, 50, 51]),
+    ("0|ELLIPSE|8|0|10|0|20|0|11|5|21|0|40|1|41|0|42|3|", [11, 21, 40, 42]),
+    ("0|POLYLINE|8|0|66|1|0|VERTEX|8|0|10|0|20|0|42|1|0|VERTEX|8|0|10|9|20|0|0|SEQEND|", [20, 42]),
+    ("0|INSERT|2|A|8|0|10|0|20|0|41|2|42|2|50|30|70|2|44|20|", [10, 41, 50, 70, 44]),
+]
+
+
+@pytest.mark.parametrize("wrong", ["12,7", "1.#QNAN", "-1.#IND", "5mm", "1.5.2", ""])
+def test_values_that_are_not_numbers_are_refused_or_skipped(wrong):
+    blocks = f"0|BLOCK|8|0|2|A|70|0|10|0|20|0|{LINE}0|ENDBLK|8|0|"
+    for entity, codes in NUMBERS:
+        assert from_hand(entity, blocks).contours
+        for code in codes:
+            tags = entity.split("|")
+            k = max(i for i in range(0, len(tags) - 1, 2) if tags[i] == str(code))
+            tags[k + 1] = wrong
+            damaged = "|".join(tags)
+            refusals(
+                lambda x: from_hand(x, blocks),
+                [(damaged, f"{wrong!r} in line ... group code {code}) ... a decimal point")],
+            )
+            program = from_hand(damaged + LINE, blocks, unknown="skip")
+            assert program.path.length == pytest.approx(0.01) and "in line" in program.notes[0]
+    assert read(from_text("0|LINE|8|0|10|0|20|0|11|1.5E+1|21|-.5|"), units=MM).contours
+    # Numbers that no contour needs are not compared.
+    read(from_text(LINE + "0|TEXT|8|0|10|0|20|0|40|2,5|1|a|"), units=MM)
+
+
 @pytest.mark.parametrize("version", ["R12", "R2000", "R2004", "R2007", "R2010", "R2013", "R2018"])
 def test_all_versions_as_text_and_binary(version):
     document, space = drawing(version)
@@ -561,12 +615,16 @@ AT = "5|A0|8|0|10|0|20|0"
 LINE = f"0|LINE|{AT}|11|10|21|0|"
 
 
-def from_hand(entities, blocks=""):
-    """Read a small DXF file of group codes and values, | between them."""
+def from_text(entities, blocks=""):
+    """A small DXF file of group codes and values, | between them."""
     parts = "9|$ACADVER|1|AC1009|", blocks, entities
     names = "HEADER", "BLOCKS", "ENTITIES"
     text = "".join(f"0|SECTION|2|{a}|{b}0|ENDSEC|" for a, b in zip(names, parts, strict=True))
-    return read(f"{text}0|EOF|".replace("|", "\n").encode(), units=MM)
+    return f"{text}0|EOF|".replace("|", "\n").encode()
+
+
+def from_hand(entities, blocks="", **options):
+    return read(from_text(entities, blocks), units=MM, **options)
 
 
 def block(name, *inserts):
@@ -580,14 +638,14 @@ def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
     assert program.path.length == pytest.approx(0.01)
     table = f"""
 0|LINE|{AT}| => LINE handle A0 ... layer '0' ... no end
-0|LINE|{AT}|11|1e12|21|0| => 1e+09 m ... 1e+06 m ... unit
+0|LINE|{AT}|11|1e12|21|0| => 1e+09 m ... 1e+06 m ... origin ... unit
 0|LINE|{AT}|11|1e308|21|1e308| => 1e+06 m
 0|LINE|{AT}|11|nan|21|0| => not finite
 0|CIRCLE|{AT}| => CIRCLE ... no radius
 0|CIRCLE|{AT}|40|-1| => radius -1
 0|ARC|{AT}|40|1|50|inf|51|9| => angles ... not finite
 0|INSERT|2|none|{AT}| => block 'none'
-0|LINE|{AT}|11|x|21|0| => cannot be read, LINE in line ... --skip-unknown
+0|LINE|{AT}|11|x|21|0| => 'x' in line ... LINE, group code 11 ... --skip-unknown
 """
     refusals(from_hand, table, "part.dxf")
     twice = "".join(block(f"B{i}", *[f"B{i + 1}"] * 2) for i in range(40))
@@ -611,6 +669,18 @@ def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
         (b"AutoCAD Binary DXF\r\n\x1a\x00\x01\x02", "DXF"),
     ]
     refusals(read, table, "part.dxf")
+
+
+def test_map_coordinates_are_refused_in_every_unit_until_they_are_moved(tmp_path):
+    file = tmp_path / "map.dxf"
+
+    def read_at(x, y, **options):
+        file.write_bytes(from_text(f"0|LINE|8|0|10|{x}|20|{y}|11|{x + 0.5}|21|{y}|"))
+        return ac.read_path(file, ac.ReadOptions(**options))
+
+    for units in ("mm", "m", "km"):
+        refusals(lambda x: read_at(455123.5, 4412345.5, units=x), [(units, "to the origin")])
+    assert read_at(0.0, 0.0, units="m").path.length == pytest.approx(0.5)
 
 
 def test_names_that_no_contour_can_have_are_changed_with_a_note():

@@ -222,8 +222,17 @@ def test_tiny_and_many_pieces():
 
 def test_short_contours_are_left_out_and_segments_keep_their_demands():
     contours, (note,) = chain_pieces([*pieces(), line((5, 5), (5, 5 + 3e-6), "dust")], TOLERANCE)
-    assert len(contours) == 1 and "1e-05 m" in note and note.endswith(": dust.")
-    chained([piece(ac.Path.from_segments([ac.Arc.circle((1e-6, 0), (0, 0))]), "dot")])
+    assert len(contours) == 1 and "0.01 mm" in note and note.endswith(": dust.")
+    # Closed contours, too, by their extent.
+    speck = 1e-7 * np.array([[0, 0], [30, 5], [0, 9], [9, 30], [25, 0], [0, 0]])
+    for path in (
+        ac.Path.from_segments([ac.Arc.circle((4.9e-6, 0), (0, 0))]),
+        ac.Path.polyline(speck),
+        ac.Path.polyline([(0, 0), (6e-6, 0), (0, 0)]),
+    ):
+        contours, (note,) = chain_pieces([*pieces(), piece(path, "speck")], TOLERANCE)
+        assert len(contours) == 1 and note.endswith(": speck.")
+    chained([piece(ac.Path.from_segments([ac.Arc.circle((6e-6, 0), (0, 0))]), "dot")])
 
     # Demands and tags go with their segments.
     def limited_line(start, end, speed, tag):
@@ -236,6 +245,33 @@ def test_short_contours_are_left_out_and_segments_keep_their_demands():
         [limited_line((0, 0), (1, 0), 0.1, "a"), limited_line((2, 0), (1, 3e-6), 0.2, "b")]
     ).path
     assert path.tags == ("a", "b") and path.speeds.tolist() == [0.1, 0.2]
+
+
+@pytest.mark.parametrize(
+    "corner",
+    [
+        [(1, 0), (1 - 3e-7, 0), (1 - 3e-7, 1)],
+        [(0.5, 0), (0.5, -3e-6), (0.5, 0), (1, 0), (1, 1)],
+        [(0.5, 0), (0.5 + 4e-7, 0), (0.5 + 1e-7, 0), (1, 0), (1, 1)],
+        [(1, 0), (1 + 3e-7, 3e-7), (1 + 3e-7, -3e-7), (1, 2e-7), (1, 1)],
+        [(1, 0), (1, 1), (0, 1), (0, -3e-7)],
+    ],
+)
+def test_short_edges_at_which_a_contour_turns_back_are_left_out(corner):
+    points = [(0, 0), *corner] if corner[-1][0] == 0 else [(0, 0), *corner, (0, 1)]
+    points = np.array([*points, points[0]])
+    one = [piece(ac.Path.polyline(points), "a")]
+    repeats = len(np.unique(points, axis=0)) < len(points) - 1
+    for given_ in (one, one if repeats else pieces(points, "aaaaaaaaaa")):
+        (contour,), (note,) = chain_pieces(given_, TOLERANCE)
+        assert contour.closed and "0.01 mm" in note and note.endswith(": a.")
+        assert contour.path.length == pytest.approx(4, abs=1e-5)
+        assert contour.path.lengths.min() > 0.4
+    # Teeth and steps of the drawing stay.
+    saw = np.column_stack([np.arange(40) * 1e-6, np.arange(40) % 2 * 8e-6])
+    steps = np.repeat(np.arange(40), 2) * 5e-6
+    for points in (saw, np.column_stack([steps[:-1], steps[1:]])):
+        assert len(chained([piece(ac.Path.polyline(points))]).path) == len(points) - 1
 
 
 def test_nothing_is_chained_to_nothing():

@@ -79,7 +79,9 @@ def test_pixels_of_the_program_that_wrote_the_file():
         (illustrator, 'width="180mm" height="180mm" viewBox="0 0 180 180"', 1e-3),
         ("", 'inkscape:version="0.92.4" width="180" height="180"', inch / 96),
         ("", 'inkscape:version="1.0" width="180" height="180"', inch / 96),
-        (illustrator, 'inkscape:version="1.2" width="180" height="180"', inch / 96),
+        # Inkscape keeps the coordinates of Illustrator.
+        (illustrator, 'inkscape:version="1.2" width="180" height="180"', inch / 72),
+        (illustrator, f'{old} width="180px" height="180px" viewBox="0 0 180 180"', inch / 72),
     ):
         program = drawn(page, comment)
         assert program.path.length == pytest.approx(90 * pixel, rel=1e-12), page
@@ -94,6 +96,13 @@ def test_pixels_of_the_program_that_wrote_the_file():
         assert again.path.length == pytest.approx(90 * pixel, rel=1e-12), page
     program = drawn(f'{old} width="180" height="180"', units=1e-3)
     assert program.path.length == pytest.approx(0.09) and program.notes == ()
+    # The note of two programs has both sizes, and the unit of the other one.
+    page = 'inkscape:version="0.92.1 r15371" width="595.275px" height="841.89px"'
+    (note,) = drawn(page, illustrator).notes
+    assert "210 mm" in note and "157.5 mm" in note and "Inkscape 0.92.1" in note
+    other = float(note.split("units: ")[1].rstrip("."))
+    program = drawn(page, illustrator, units=other)
+    assert program.path.length == pytest.approx(90 * inch / 96, rel=1e-8) and not program.notes
 
 
 def test_user_units_and_y_up_from_the_lower_edge():
@@ -280,8 +289,8 @@ WRONG = """
 """
 # Refused, or skipped with a note.
 UNKNOWN = """
-<line x2="1" clip-path="url(#c)"/> => other than one polygon
-<clipPath id="c"><circle r="9"/></clipPath><line x2="1" clip-path="url(#c)"/> => other than one
+<line x2="1" clip-path="url(#c)"/> => other than one outline
+<clipPath id="c"><line/><line/></clipPath><line x2="1" clip-path="url(#c)"/> => other than one
 <g style="mask:url(#c)"><line x2="1"/></g> => masks are not supported
 <line x2="1" style="transform:scale(2)"/> => in a style or with an origin
 <style>.a{display:none}</style> => sheets that set display are not supported
@@ -371,12 +380,105 @@ def test_what_is_hidden_or_clipped_is_left_out():
     assert only('<path d="M0 0 L5 5" style="display:none;display : inline"/>').length > 0
     clip = '<clipPath id="c"><rect x="10" y="10" width="20" height="10"/></clipPath>'
     body = '<circle id="o" cx="20" cy="15" r="8"/><path id="w" d="M0 15H50"/><path d="M0 1h9"/>'
-    program = read(f'{clip}<g clip-path="url(#c)">{body}</g>')
+    program = read(f'{clip}<g fill="none" clip-path="url(#c)">{body}</g>')
+    assert "path 'w' in line 1" in program.notes[0] and "path 3" not in str(program.contours)
     across, *arcs = sorted(program.contours, key=lambda x: x.path.curvatures[0])
     check(across.path.vertices, [(10, 15), (30, 15)], atol=1e-12)
     # The circle leaves the rectangle above and below; its start at the right is no cut.
     lengths = [x.path.length for x in arcs]
     assert lengths == pytest.approx([16e-3 * math.asin(5 / 8)] * 2, rel=1e-9)
+
+
+def enclosed(contours):
+    """Area that closed contours enclose [mm²], without the areas of holes."""
+    assert all(x.closed for x in contours)
+    areas = []
+    for contour in contours:
+        x, y = 1e3 * contour.path(np.linspace(0, contour.path.length, 20_001)).T
+        areas.append(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) / 2)
+    return abs(sum(areas))
+
+
+def test_filled_shapes_are_clipped_as_areas():
+    square = "M10 10H40V40H10Z"
+    segment = 400 * math.acos(0.5) - 10 * math.sqrt(300)
+    # Clip, body, and the area and the length of what is left [mm², mm].
+    for clip, body, area, length in (
+        # The clip removes a margin of a micrometre.
+        (square, '<path fill="#00f" d="M9.999 9.999H20V30H9.999Z"/>', 200, 60),
+        # Edges that coincide stay; what only touches the clip goes.
+        (square, f'<path d="{square}"/>', 900, 120),
+        (square, '<path d="M20 10H30V30H0V20H20Z"/><path d="M0 10H10V40H0Z"/>', 300, 80),
+        # The shape contains the clip, and has a hole by either rule.
+        (square, '<rect width="100" height="80"/>', 900, 120),
+        (square, '<path fill-rule="evenodd" d="M0 0H90V70H0Z M5 20H30V30H5Z"/>', 700, 160),
+        (square, '<path d="M0 0H90V70H0Z M5 20V30H30V20Z"/>', 700, 160),
+        (square, '<path d="M0 0H90V70H0Z M5 20H30V30H5Z"/>', 900, 120),
+        # Overlapping outlines are one area, as is a part that leaves and comes back.
+        (square, '<path d="M0 15H20V25H0Z M0 20H30V35H0Z"/>', 10 * 5 + 20 * 15, 80),
+        (square, '<path d="M20 5H50V45H20V35H45V15H20Z"/>', 2 * 20 * 5, 100),
+        ("M0 0H100V40H0Z", '<circle cx="50" cy="50" r="20"/>', segment, None),
+        ("M30 50a20 20 0 1 0 40 0a20 20 0 1 0 -40 0Z", '<path d="M0 0H99V40H0Z"/>', segment, None),
+    ):
+        clip = f'<clipPath id="c"><path d="{clip} M0 0"/></clipPath>'
+        program = read(f'{clip}<g clip-path="url(#c)">{body}</g>')
+        assert enclosed(program.contours) == pytest.approx(area, rel=1e-5), body
+        total = 1e3 * sum(x.path.length for x in program.contours)
+        assert length is None or total == pytest.approx(length, abs=1e-6), body
+        assert any("Cut off" in x for x in program.notes) == (square not in body), body
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_edges_that_nearly_coincide_with_a_clip(seed):
+    rng = np.random.default_rng(seed)
+    for noise in 10.0 ** np.arange(-10, -2.5):
+        near = [(10, 10), (50, 10), (50, 30), (40, 30), (40, 40), (10, 40), (10, 20)]
+        x = np.array(near) + rng.uniform(-noise, noise, (7, 2))
+        d = "M" + "L".join(f"{a!r} {b!r}" for a, b in x.tolist()) + "Z"
+        clip = '<clipPath id="c"><path d="M10 10H40V40H10Z"/></clipPath>'
+        program = read(f'{clip}<path clip-path="url(#c)" d="{d}"/>')
+        assert enclosed(program.contours) == pytest.approx(900, abs=100 * noise + 1e-3)
+        length = sum(c.path.length for c in program.contours)
+        assert length == pytest.approx(0.12, abs=1e-2 * noise + 1e-6)
+
+
+def test_fill_of_style_sheets_and_groups_decides_how_a_clip_cuts():
+    clip = '<clipPath id="c"><rect width="10" height="80"/></clipPath>'
+    sheet = "<style>.a, path.b{stroke:#000;fill:none} #f{fill:#f00}</style>"
+    shape = 'd="M5 5H20V20H5Z"'
+    for body, closed in (
+        (f"<path {shape}/>", True),
+        (f'<g style="fill:none"><path {shape}/></g>', False),
+        (f'<g fill="none"><path fill="inherit" {shape}/></g>', False),
+        (f'<path class="x b" {shape}/>', False),
+        (f'<path class="a" style="fill:#0f0" {shape}/>', True),
+        (f'<path id="f" class="a" {shape}/>', True),
+        ('<path d="M5 5H20V20H5"/>', False),
+    ):
+        contours = read(f'{clip}{sheet}<g clip-path="url(#c)">{body}</g>').contours
+        assert all(x.closed == closed for x in contours), body
+        total = sum(x.path.length for x in contours)
+        assert total == pytest.approx(0.04 if closed else 0.025 if "Z" in body else 0.01), body
+
+
+def test_nested_drawings_are_cut_at_their_viewport():
+    body = '<rect x="-5" y="5" width="50" height="5"/>'
+    place = 'x="10" y="10" width="20" height="20"'
+    symbol = f'<symbol id="s" viewBox="0 0 20 20">{body}</symbol>'
+    for nested in (
+        f"<svg {place}>{body}</svg>",
+        f'<svg {place} overflow="hidden">{body}</svg>',
+        f'<svg {place} viewBox="0 0 20 20">{body}</svg>',
+        f'{symbol}<use href="#s" {place}/>',
+    ):
+        program = read(nested)
+        (contour,) = program.contours
+        check(contour.path.segments.extent, [(10, 20), (30, 15)], atol=1e-12)
+        assert contour.closed and "rect in line 1" in program.notes[0]
+    program = read(f'<svg {place} style="overflow:visible">{body}</svg>')
+    assert program.path.length == pytest.approx(0.11) and program.notes == ()
+    lines = read(f'<svg {place} fill="none">{body}</svg>').contours
+    assert [x.path.length for x in lines] == pytest.approx([0.02, 0.02])
 
 
 def test_strokes_choose_and_lengths_are_relative():

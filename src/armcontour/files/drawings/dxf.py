@@ -70,9 +70,12 @@ UNITS = {
 MAX_DEPTH = 50
 EXPLODE = "explode the entity into lines and arcs in the CAD program"
 MAX_COPIES = 200_000
-OFF, FROZEN = "off", "frozen"
+OFF, FROZEN, UNPLOTTED = "off", "frozen", "not plotted"
+# Layer of CAD programs for the points of dimensions, which is never plotted; in lower case.
+DEFPOINTS = "defpoints"
 # First words of the notes on omitted entities and on letters.
 HIDDEN = "Skipped on layers that are off or frozen"
+NOT_PLOTTED = "Skipped on layers that are not plotted and not named in layers or --layer"
 INVISIBLE = "Skipped because they are invisible"
 NOT_READ = "Skipped because they are not lines, arcs or curves"
 TEXT = "Skipped because texts are contours only on request (path.texts or --texts: contours)"
@@ -95,9 +98,13 @@ SUBCLASSES = {
     "LEADER": "AcDbLeader",
     "HATCH": "AcDbHatch",
 }
+# Types of the tags whose numbers determine contours.
+WITH_NUMBERS = {*SHAPES, "VERTEX", "INSERT", "BLOCK", "MLINE", "MLINESTYLE", "SPATIAL_FILTER"}
 COMMON_CODES = frozenset(
     "0 5 6 8 48 60 62 67 92 102 160 284 310 330 347 348 360 370 380 390 410 420 430 440".split()
 )
+# Matches a number; numbers that are not finite are refused later.
+_FLOAT = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf)", re.IGNORECASE)
 # Matches the object handle in ezdxf's messages.
 ADDRESS = re.compile(r"\(#\d+\)")
 
@@ -138,7 +145,8 @@ def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlin
 
     flat = all(is_flat(y.bounding_points) for x in entities for y in x.outlines)
     for entity in entities:
-        if entity.clips and not (flat and all(is_flat(clip.corners) for clip in entity.clips)):
+        borders = [clip.outline.bounding_points for clip in entity.clips]
+        if borders and not (flat and all(is_flat(x) for x in borders)):
             raise InvalidInput(
                 f"{source}: {entity.where} is in a block that is clipped in space. Clips are "
                 "supported only if the whole drawing has z = 0."
@@ -173,7 +181,7 @@ class DxfWalk(Walk):
         self.texts = options.texts == "contours"
         self._copies = 0
         self._block_sizes: dict[str, int] = {}
-        self._layers: dict[str, tuple[str, str]] = {}
+        self._layers: dict[str, tuple[str, str]] = {DEFPOINTS: ("Defpoints", UNPLOTTED)}
         self._layer_colors: dict[str, frozenset[str]] = {}
 
     def explain_empty(self) -> str:
@@ -188,11 +196,12 @@ class DxfWalk(Walk):
         """Yield the outlines of all entities of the model space in the order of the document."""
         try:
             for layer in self.document.layers:
+                name = _fold_case(layer.dxf.name)
                 state = FROZEN if layer.is_frozen() else OFF if layer.is_off() else ""
-                self._layers[_fold_case(layer.dxf.name)] = (layer.dxf.name, state)
-                self._layer_colors[_fold_case(layer.dxf.name)] = _color_names(
-                    layer, abs(layer.color)
-                )
+                if not state and (name == DEFPOINTS or not _attribute(layer, "plot", 1)):
+                    state = UNPLOTTED
+                self._layers[name] = (layer.dxf.name, state)
+                self._layer_colors[name] = _color_names(layer, abs(layer.color))
             entities = self.document.modelspace()
         except Exception as error:
             raise InvalidInput(f"{self.source} is damaged ({error_line(error)}).") from None
@@ -215,6 +224,8 @@ class DxfWalk(Walk):
                     continue
                 if state == FROZEN or (state == OFF and kind != "INSERT"):
                     self.omit(HIDDEN, layer)
+                elif state == UNPLOTTED and kind != "INSERT" and self.requested_layers is None:
+                    self.omit(NOT_PLOTTED, layer)
                 elif _attribute(entity, "invisible", 0):
                     self.omit(INVISIBLE, kind)
                 elif kind == "INSERT":
@@ -426,9 +437,13 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         return _read(data), notes
     except Exception as error:
         first = error
+    wrong = _wrong_number(data)
+    raise_if(wrong != "" and not skip, f"{source}: {wrong}. Correct the drawing, or {SKIP_ADVICE}.")
     try:
         from ezdxf import recover
 
+        # Of a wrong number, ezdxf would read the digits before the error, such as 12 of 12,7.
+        raise_if(wrong != "", wrong)
         document, auditor = recover.read(io.BytesIO(data))
         changes = len(auditor.errors) + len(auditor.fixes)
         if notes and not changes:
@@ -459,6 +474,25 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         *notes,
         f"{BROKEN}: {list_some(broken, MAX_NAMED)}.",
     ]
+
+
+def _wrong_number(data: bytes) -> str:
+    """Text on the first value in contours of an ASCII file that is not a number; "" without."""
+    from ezdxf.lldxf.types import TYPE_TABLE
+
+    # Codes from 1000 are data of applications.
+    codes = {str(code) for code in TYPE_TABLE if code < 1000}
+    lines, kind = data.decode("utf-8", errors="replace").split("\n"), ""
+    for k in range(0, len(lines) - 1, 2):
+        code, value = lines[k].strip(), lines[k + 1].strip()
+        if code == "0":
+            kind = value
+        elif kind in WITH_NUMBERS and code in codes and not _FLOAT.fullmatch(value):
+            return (
+                f"the value {value[:40]!r} in line {k + 2} ({kind}, group code {code}) must be a "
+                "number with a decimal point"
+            )
+    return ""
 
 
 def _read(data: bytes) -> Any:

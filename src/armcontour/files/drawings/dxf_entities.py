@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
-from armcontour.files.drawings.outlines import BezierSpline, Shape
+from armcontour.files.drawings.outlines import BezierSpline, Outline, Shape
 from armcontour.files.drawings.walk import Clip
 
 # An arc with a smaller swept angle [rad] is a full circle whose angles have been rounded.
@@ -315,7 +315,8 @@ def read_clip(entity: Any) -> Clip | None:
         corners = np.array([(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max)])
     if len(corners) < 3:
         raise Unreadable("is clipped at a polygon that must have three corners, but has fewer")
-    return Clip(np.pad(corners, ((0, 0), (0, 1))), bool(path.is_inverted_clip))
+    edges = ArcChain.straight(np.pad(corners, ((0, 0), (0, 1))))
+    return Clip(Outline([edges], closed=True), bool(path.is_inverted_clip))
 
 
 def plane_axes(extrusion: Any) -> FloatArray:

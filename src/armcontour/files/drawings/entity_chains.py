@@ -14,6 +14,7 @@ from armcontour.geometry import Path, Segments
 from armcontour.geometry.near_points import group_points, nearest_points
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Contour
+from armcontour.program.offset_curves import find_self_crossing
 
 # Two pieces are the same if their points differ by at most this [m].
 SAME_PIECE = 1e-9
@@ -53,8 +54,9 @@ def chain_pieces(
     end of a line is moved, and an arc is scaled and rotated without a change of its angle. If an
     arc would move too far, a short line closes the gap. No point moves by more than the tolerance.
 
-    Pieces that coincide with others of their layer are omitted. Contours that are not longer than
-    the tolerance are omitted too, unless they are closed without gaps.
+    Pieces that coincide with others of their layer are omitted, as are contours whose width and
+    height are at most the tolerance, and lines up to this length at which a contour that crosses
+    itself turns back.
     """
     if not pieces:
         return [], []
@@ -67,17 +69,28 @@ def chain_pieces(
     lengths = table.lengths
     ends = EntityEnds.from_segments(table, layers, repeated)
     partner = find_partners(ends, tolerance)
-    contours, short = [], []
+    again = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
+    contours, short, hooked = [], [], []
     for chain, closed in _chains(partner, repeated):
         first = pieces[min(chain) // 2]
-        alone = len(chain) == 1 and not closed
-        total = lengths[np.array(chain) // 2].sum()
-        if total <= tolerance and not ((closed or alone) and _meets_exactly(ends, chain)):
+        path = None
+        if lengths[np.array(chain) // 2].sum() > tolerance:
+            alone = len(chain) == 1 and not closed
+            path = first.path if alone else table.join(chain, closed, tolerance)
+        if path is None or np.ptp(path.segments.extent, axis=0).max() <= tolerance:
             short.append(first.name)
             continue
-        path = first.path if alone else table.join(chain, closed, tolerance)
-        contours.append(Contour(path=path, name=first.name, layer=first.layer))
-    return contours, _notes(pieces, repeated, short, tolerance)
+        straight = _remove_hooks(path, tolerance)
+        if straight is not path:
+            hooked.append(first.name)
+        contours.append(Contour(path=straight, name=first.name, layer=first.layer))
+    limit = f"the join tolerance of {1e3 * tolerance:g} mm"
+    reasons = {
+        "Skipped because they coincide with others": again,
+        f"Skipped because they are not larger than {limit}": short,
+        f"Removed lines up to {limit} at which the contour turns back": hooked,
+    }
+    return contours, [f"{why}: {list_some(x, 6)}." for why, x in reasons.items() if x]
 
 
 def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
@@ -87,13 +100,6 @@ def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
     return np.array(
         [numbers.setdefault((x.layer, x.group), len(numbers)) for x in pieces], dtype=np.intp
     )
-
-
-def _meets_exactly(ends: EntityEnds, chain: Sequence[int]) -> bool:
-    """True if the pieces of a chain form a closed curve without gaps."""
-    entries = np.array(chain)
-    gaps = ends.points[entries ^ 1] - ends.points[np.roll(entries, -1)]
-    return bool((np.linalg.norm(gaps, axis=1) <= REPEATED_POINT).all())
 
 
 def _chains(partner: IntArray, omitted: BoolArray) -> list[tuple[list[int], bool]]:
@@ -149,22 +155,6 @@ def _coincide(a: Path, b: Path) -> bool:
     return any(float(np.abs(one - x).max(initial=0.0)) <= SAME_PIECE for x in (other, other[::-1]))
 
 
-def _notes(
-    pieces: Sequence[DrawnEntity], repeated: BoolArray, short: Sequence[str], tolerance: float
-) -> list[str]:
-    """Sentences on repeated pieces and short contours that were omitted."""
-    notes = []
-    if repeated.any():
-        names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
-        notes.append(f"Skipped because they coincide with others: {list_some(names, 6)}.")
-    if short:
-        notes.append(
-            f"Skipped because they are shorter than the join tolerance of {tolerance:g} m: "
-            f"{list_some(short, 6)}."
-        )
-    return notes
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EntitySegments:
     """The segments of all pieces in one table."""
@@ -218,12 +208,30 @@ class EntitySegments:
             base[entry] + np.where(backwards, -1, 1)[entry] * within, backwards[entry]
         )
         start = np.cumsum(count) - count
-        vertices, ends = start if closed else start[1:], rows.ends
-        gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
-        wide = gaps > MAX_OPEN_GAP
-        if wide.any():
-            rows = _close_gaps(rows, ends, vertices[wide], tolerance)
-        return Path(segments=rows)
+        return _join_rows(rows, start if closed else start[1:], tolerance)
+
+
+def _join_rows(rows: Segments, vertices: IntArray, tolerance: float) -> Path:
+    """The path of segments, with the gaps before the segments `vertices` closed."""
+    ends = rows.ends
+    gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
+    wide = gaps > MAX_OPEN_GAP
+    return Path(segments=_close_gaps(rows, ends, vertices[wide], tolerance) if wide.any() else rows)
+
+
+def _remove_hooks(path: Path, tolerance: float) -> Path:
+    """A path that crosses itself, without lines up to the tolerance [m] at which it turns back."""
+    rows = path.segments
+    back = np.sum(rows.end_tangents * np.roll(rows.tangents, -1, axis=0), axis=1) < 0
+    back[-1] &= rows.closed
+    hook = (rows.curvatures == 0) & (rows.lengths <= tolerance) & (back | np.roll(back, 1))
+    # A longer run of such lines is a part of the drawing.
+    run = np.cumsum(~hook)
+    hook &= np.bincount(run, rows.lengths * hook)[run] <= tolerance
+    stays = hook.all() or not hook.any() or rows.dimension == 3
+    if stays or find_self_crossing(rows, closed=rows.closed) is None:
+        return path
+    return _join_rows(rows[~hook], np.arange(0 if rows.closed else 1, np.sum(~hook)), tolerance)
 
 
 def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance: float) -> Segments:

@@ -93,7 +93,7 @@ def read_path(
     checks.raise_if(
         far > LARGEST_PART and unit is not None,
         f"With the unit {options.units}, {program.source} has coordinates up to {far:.4g} m, but "
-        f"at most {LARGEST_PART:g} m are allowed: check the unit.",
+        f"at most {LARGEST_PART:g} m are allowed: check the unit, or move the part to the origin.",
     )
     if far > FARTHEST_ARM and (unit, module) == (None, "waypoint_table"):
         note = (

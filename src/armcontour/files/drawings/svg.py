@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
+from armcontour.files.drawings.outlines import Outline
 from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, color_of
 from armcontour.files.drawings.svg_elements import (
     DEFAULT_FONT_SIZE,
@@ -83,6 +83,9 @@ MARKED = "Skipped the markers of"
 NOT_READ = "Skipped because they have no outline"
 HARMLESS = ("none", "inline", "block", "visible", "inherit")
 _STROKE = re.compile(r"(?<![\w-])stroke\s*:")
+_FILL = re.compile(r"(?<![\w-])fill\s*:\s*([\w#]+)")
+# Matches the last class, id or tag of each selector.
+_SELECTED = re.compile(r"(?<![\w-])([\w-]++)\s*+(?:,|$)")
 # Values of properties that have no effect.
 NO_EFFECT = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
@@ -106,8 +109,8 @@ def read_svg(
 
     Coordinates are in metres from the lower left corner of the page, x to the right and y up.
     `options.unit` is the length of the user unit. If it is None, width, height and viewBox define
-    the user unit. Without these the user unit is a pixel: 1/72 inch in files of Illustrator, 1/90
-    inch in files of Inkscape before 0.92, else 1/96 inch as in CSS.
+    the user unit. Without these the user unit is a pixel: 1/72 inch in files of Illustrator, else
+    1/90 inch in files of Inkscape before 0.92, else 1/96 inch as in CSS.
 
     Lines stay lines, and arcs that are circular after all transforms stay arcs. Other curves become
     tangent arcs within `options.fit_tolerance`.
@@ -118,18 +121,17 @@ def read_svg(
     return walk.program(walk.shapes(page, view), notes)
 
 
-def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
-    """Length of a px [m] in the program that wrote a file, and the program's name.
-
-    The name is "" if the length is that of CSS.
-    """
-    version = root.get("inkscape:version")
-    if version:
-        number = OLD_INKSCAPE.match(version)
-        return (INCH / 90, f"Inkscape {number[0]}") if number else (PIXEL, "")
+def _writers(root: Element, data: bytes) -> list[tuple[str, float]]:
+    """The programs that wrote a file, in their order, and CSS; each with its px [m]."""
+    writers = []
     # Zero bytes are removed because the file can be in UTF-16.
-    illustrator = ILLUSTRATOR.search(data[:COMMENT_RANGE].replace(b"\0", b""))
-    return (INCH / 72, "Adobe Illustrator") if illustrator else (PIXEL, "")
+    if ILLUSTRATOR.search(data[:COMMENT_RANGE].replace(b"\0", b"")):
+        writers.append(("Adobe Illustrator", INCH / 72))
+    if version := root.get("inkscape:version"):
+        later = ", which saved the file later without a conversion" if writers else ""
+        pixel = INCH / 90 if OLD_INKSCAPE.match(version) else PIXEL
+        writers.append((f"Inkscape {version.split()[0][:20]}{later}", pixel))
+    return [*writers, ("CSS", PIXEL), ("CSS", PIXEL)]
 
 
 def _page(
@@ -147,11 +149,14 @@ def _page(
     notes = []
     absolute = any(ABSOLUTE.search(root.get(x)) for x in ("width", "height"))
     if options.unit is None and not (box is not None and absolute):
-        unit, program = _program_pixel(root, data)
-        if program:
+        (program, unit), (other, other_unit), *_ = _writers(root, data)
+        if unit != other_unit:
+            span = width or (box.width if box else 100.0)
             notes.append(
                 f"{root.source} was written by {program}, whose px is 1/{INCH / unit:.0f} inch "
-                "instead of the 1/96 inch of CSS. If the size is wrong, specify the unit."
+                f"instead of the 1/{INCH / other_unit:.0f} inch of {other}: {span:g} px are "
+                f"{1e3 * span * unit:.5g} mm. If they are {1e3 * span * other_unit:.5g} mm, "
+                f"specify units: {other_unit:.9g}."
             )
         if absolute:
             # Absolute lengths of the page do not depend on the size of a px.
@@ -196,6 +201,8 @@ class _SvgInherited(Inherited):
     hidden: bool = False  # Whether the element is hidden
     used_by: Element | None = None  # The use element that refers directly to this element
     font: float = DEFAULT_FONT_SIZE  # Font size [user units]
+    fill: str = "black"
+    fill_rule: str = "nonzero"
 
 
 class SvgWalk(Walk):
@@ -212,6 +219,12 @@ class SvgWalk(Walk):
             x.attributes["id"]: x for x in reversed(self._elements) if "id" in x.attributes
         }
         self._repeated = self._segments = 0
+        # Values of fill in style sheets, by class, id or tag.
+        self._fills: dict[str, str] = {}
+        for rule in "".join(part for x in self._elements for part in x.text).split("}"):
+            selectors, _, body = rule.partition("{")
+            if fill := _FILL.search(body):
+                self._fills |= dict.fromkeys(_SELECTED.findall(selectors), fill[1])
 
     def explain_empty(self) -> str:
         """Text for the error that the file has no contours; "" if the file is not a font."""
@@ -276,6 +289,7 @@ class SvgWalk(Walk):
             name=self.labels(name),
             layer=self.labels(inherited.layer),
             clips=inherited.clips,
+            fill_rule="" if inherited.fill in ("none", "transparent") else inherited.fill_rule,
         )
 
     def _inherit(self, element: Element, around: _SvgInherited) -> _SvgInherited | None:
@@ -302,6 +316,9 @@ class SvgWalk(Walk):
         hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
         inherited = _layer(element, around)
         stroke = element.style("stroke")
+        names = (element.get("id"), *element.get("class").split(), tag)
+        sheet = next((self._fills[x] for x in names if x in self._fills), element.get("fill"))
+        fill = element.style_property("fill") or sheet
         inherited = dataclasses.replace(
             inherited,
             to=to,
@@ -309,6 +326,8 @@ class SvgWalk(Walk):
             used_by=None,
             color=inherited.color if stroke in ("", "inherit") else frozenset({color_of(stroke)}),
             font=font_size(element, inherited.font),
+            fill=inherited.fill if fill in ("", "inherit") else fill,
+            fill_rule=element.style("fill-rule") or inherited.fill_rule,
         )
         clip = element.style("clip-path")
         if clip not in NO_EFFECT:
@@ -347,14 +366,14 @@ class SvgWalk(Walk):
         """The properties of an element with the clip to which its clip-path refers."""
         name = _URL.fullmatch(reference)
         target = self._ids.get(name[1]) if name else None
-        corners = None if target is None else self._clip_corners(target, inherited)
-        if corners is None:
-            self._refuse_or_ignore(element, "clip paths other than one polygon are not supported")
+        outline = None if target is None else self._clip_outline(target, inherited)
+        if outline is None:
+            self._refuse_or_ignore(element, "clip paths other than one outline are not supported")
             return inherited
-        return dataclasses.replace(inherited, clips=(*inherited.clips, Clip(corners)))
+        return dataclasses.replace(inherited, clips=(*inherited.clips, Clip(outline)))
 
-    def _clip_corners(self, target: Element, inherited: _SvgInherited) -> FloatArray | None:
-        """Corners of the polygon of a clipPath on the page [m], (n, 2); None for other shapes."""
+    def _clip_outline(self, target: Element, inherited: _SvgInherited) -> Outline | None:
+        """The only outline of a clipPath on the page [m]; None if it has several or none."""
         drawn = [x for x in target.children if x.tag not in UNDRAWN]
         units = target.get("clipPathUnits") or "userSpaceOnUse"
         if target.tag != "clipPath" or units != "userSpaceOnUse" or len(drawn) != 1:
@@ -365,11 +384,10 @@ class SvgWalk(Walk):
         outlines = element_outlines(
             make_absolute(shape, inherited.view, inherited.font), lambda n: None
         )
-        chains = outlines[0].shapes if len(outlines) == 1 else []
-        if len(chains) != 1 or not isinstance(chains[0], ArcChain) or chains[0].angles.any():
+        if len(outlines) != 1:
             return None
-        corners = np.concatenate([chains[0].starts, chains[0].ends[-1:]])
-        return (inherited.to @ transform_of(target) @ transform_of(shape))(corners)
+        to = inherited.to @ transform_of(target) @ transform_of(shape)
+        return place_outline(Outline(outlines[0].shapes, closed=True), to)[0]
 
     def _refuse_or_ignore(self, element: Element, reason: str) -> None:
         """Refuse an unsupported property, or record that it is ignored if the options say so."""
@@ -440,7 +458,12 @@ class SvgWalk(Walk):
         inner = inherited.to @ viewbox_transform(element, box, ViewBox(x, y, width, height))
         if not inner.finite or is_singular(inner):
             element.refuse("the ratio of its viewBox to its width and height is out of range")
-        return dataclasses.replace(inherited, to=inner, view=box)
+        clips = inherited.clips
+        if element.style("overflow") not in ("visible", "auto"):
+            corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+            border = Outline([ArcChain.straight(corners)], closed=True)
+            clips = (*clips, Clip(place_outline(border, inherited.to)[0]))
+        return dataclasses.replace(inherited, to=inner, view=box, clips=clips)
 
 
 def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:

@@ -9,7 +9,7 @@ from itertools import islice
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import list_some
@@ -24,70 +24,59 @@ from armcontour.files.drawings.read_options import (
     repair_vertices,
 )
 from armcontour.geometry import Path
+from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Program
+from armcontour.program.crossings import find_crossings
 from armcontour.program.moves import describe_not_run
+from armcontour.program.nesting import wind_around
+from armcontour.program.offset_curves import intersect_areas, to_pieces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clip:
-    """A polygon at which entities are cut."""
+    """A closed outline at which entities are cut."""
 
-    # Corners [m], (n, dimension). A point is inside if its winding number is not 0.
-    corners: FloatArray
+    outline: Outline  # The outline [m]. A point is inside if its winding number is not 0.
     outside: bool = False  # Whether the parts outside are drawn instead of the parts inside
 
     def place(self, to: Affine) -> Clip:
         """The image of the clip under an affine map."""
-        return Clip(to(self.corners), self.outside)
+        return Clip(self.outline.place(to), self.outside)
 
 
-def clip_path(path: Path, *clips: Clip) -> list[Path]:
-    """The parts of a path in the plane that no clip removes, in the order of the path."""
-    # Lines and arcs are cut at the edges of the clips. If a closed path starts in a visible part,
-    # this part continues through the start of the path.
-    parts = [path]
-    for clip in clips:
-        parts = [x for part in parts for x in _clip_once(part, clip)]
-    return parts
-
-
-def _clip_once(path: Path, clip: Clip) -> list[Path]:
-    """The parts of a path that one clip does not remove."""
-    table, polygon = path.segments, clip.corners
-    i, begin, end = _cut_at_edges(table, polygon)
-    inside = _visible(table.evaluate(i, (begin + end) / 2), clip)
+def clip_path(path: Path, border: Path, outside: bool) -> list[Path]:
+    """The parts of a path in the plane inside a border, or outside, in the order of the path."""
+    # Parts on the border are included. If a closed path starts in a visible part, this part
+    # continues through the start of the path.
+    table = path.segments
+    i, begin, end = _cut_at_border(table, border.segments)
+    middles = table.evaluate(i, (begin + end) / 2)
+    inside = (wind_around([border], middles) != 0) != outside
+    inside |= find_nearest(border.segments, middles).distance <= REPEATED_POINT
     if not inside.any():
         return []
     if inside.all():
         return [path]
     runs = np.split(np.arange(len(i)), np.flatnonzero(np.diff(inside)) + 1)
     inner_runs = [run for run in runs if inside[run[0]]]
-    closed = np.linalg.norm(path.vertices[-1] - path.vertices[0]) <= REPEATED_POINT
-    if closed and inside[0] and inside[-1]:
+    if table.closed and inside[0] and inside[-1]:
         *inner_runs, last = inner_runs
         inner_runs[0] = np.concatenate([last, inner_runs[0]])
     return [Path(segments=table.cut(i[run], begin[run], end[run])) for run in inner_runs]
 
 
-def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Parts of segments, cut at a polygon: segment indices, start and end arc lengths [m]."""
+def _cut_at_border(table: Segments, border: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Parts of segments, cut at a border: segment indices, start and end arc lengths [m]."""
     n = len(table)
-    rows, distances = [np.arange(n)], [np.zeros(n)]
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        size = float(np.linalg.norm(b - a))
-        if size <= REPEATED_POINT:
-            continue
-        along = (b - a) / size
-        for u in _crossings(table, a, np.array([-along[1], along[0]])):
-            # Crossings at the ends of a segment or outside of the edge are ignored.
-            good = (u > REPEATED_POINT) & (u < table.lengths - REPEATED_POINT)
-            i = np.flatnonzero(good)
-            coordinate = (table.evaluate(i, u[i]) - a) @ along
-            i = i[(coordinate >= -REPEATED_POINT) & (coordinate <= size + REPEATED_POINT)]
-            rows.append(i)
-            distances.append(u[i])
-    row, begin = np.concatenate(rows), np.concatenate(distances)
+    pairs, distances = find_crossings(np.concatenate([to_pieces(table), to_pieces(border)]))
+    crosses = (pairs < n).sum(axis=1) == 1
+    of_path = pairs[crosses] < n
+    i, u = pairs[crosses][of_path], distances[crosses][of_path]
+    # Crossings at the ends of a segment are ignored.
+    inner = (u > REPEATED_POINT) & (u < table.lengths[i] - REPEATED_POINT)
+    row = np.concatenate([np.arange(n), i[inner]])
+    begin = np.concatenate([np.zeros(n), u[inner]])
     order = np.lexsort([begin, row])
     row, begin = row[order], begin[order]
     apart = np.append(True, (np.diff(row) > 0) | (np.diff(begin) > REPEATED_POINT))
@@ -96,46 +85,14 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
     return row, begin, np.where(last, table.lengths[row], np.append(begin[1:], 0.0))
 
 
-def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[FloatArray]:
-    """Two arc lengths at which each segment crosses a line [m], (n,) each.
-
-    The line passes through `a`, and is perpendicular to the unit vector `normal`. Without a
-    crossing, the arc lengths are not finite or outside the segment.
-    """
-    k = table.curvatures
-    height = (table.starts - a) @ normal
-    rise, normal_rise = table.tangents @ normal, table.normals @ normal
-    with np.errstate(divide="ignore", invalid="ignore"):
-        straight = -height / rise
-        # At the arc length u, the distance of an arc with the curvature k from the line is height +
-        # (rise sin(ku) + normal_rise (1 - cos(ku))) / k, which is 0 at a crossing. In the plane,
-        # rise² + normal_rise² = 1 for an arc.
-        middle, half = np.arctan2(rise, -normal_rise), np.arccos(-(k * height + normal_rise))
-        turns = [np.mod(middle + x, 2 * np.pi) / k for x in (-half, half)]
-    return [np.where(k > 0, x, straight) for x in turns]
-
-
-def _visible(points: FloatArray, clip: Clip) -> BoolArray:
-    """Mask of the points that a clip does not remove; points on its edges are included, (n,)."""
-    winding = np.zeros(len(points), dtype=np.intp)
-    near = np.zeros(len(points), dtype=bool)
-    for a, b in zip(clip.corners, np.roll(clip.corners, -1, axis=0), strict=True):
-        edge, v = b - a, points - a
-        side = edge[0] * v[:, 1] - edge[1] * v[:, 0]
-        up = (a[1] <= points[:, 1]) & (b[1] > points[:, 1])
-        down = (a[1] > points[:, 1]) & (b[1] <= points[:, 1])
-        winding += (up & (side > 0)).astype(np.intp) - (down & (side < 0))
-        size = float(edge @ edge)
-        fraction = np.clip(v @ edge / size, 0.0, 1.0) if size else np.zeros(len(v))
-        near |= np.linalg.norm(v - fraction[:, None] * edge, axis=1) <= REPEATED_POINT
-    return np.asarray(((winding != 0) != clip.outside) | near)
-
-
 # Share of the progress that is reported for the traversal of a drawing; the rest is for fitting.
 TRAVERSAL_SHARE = 0.4
 # Largest number of entities that a note lists.
 MAX_NAMED = 9
 NO_SIZE = "Skipped because they have no size"
+# Small displacement of a border in a direction that edges rarely have [m].
+NUDGE = np.array([1.7e-8, 1.1e-8])
+CUT_OFF = "Cut off at a clip or viewport, in part or completely"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -159,6 +116,7 @@ class EntityOutlines:
     name: str
     layer: str
     clips: tuple[Clip, ...] = ()  # Clips that apply to the entity [m]
+    fill_rule: str = ""  # nonzero or evenodd for a filled entity, which is clipped as an area
 
 
 class Walk:
@@ -228,25 +186,28 @@ class Walk:
     def _clipped_entities(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
         """The clipped paths of all outlines, as entities for chaining."""
         options = self.options
+        clips = list(dict.fromkeys(clip for entity in entities for clip in entity.clips))
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 paths = paths_of(
-                    [y for x in entities for y in x.outlines],
+                    [y for x in entities for y in x.outlines] + [x.outline for x in clips],
                     options.fit_tolerance,
                     options.join_tolerance,
                     lambda share: self.tell(TRAVERSAL_SHARE + (1 - TRAVERSAL_SHARE) * share),
                 )
         except InvalidInput as error:
             assert error.index is not None
-            names = [x.where for x in entities for _ in x.outlines][error.index]
-            raise InvalidInput(f"{self.source}: {names}: {error}") from None
+            names = [x.where for x in entities for _ in x.outlines] + ["a clip" for _ in clips]
+            raise InvalidInput(f"{self.source}: {names[error.index]}: {error}") from None
         pieces: list[DrawnEntity] = []
         drawn = iter(paths)
+        borders = dict(zip(clips, paths[len(paths) - len(clips) :], strict=True))
         for entity in entities:
-            whole = [path for path in islice(drawn, len(entity.outlines)) if path is not None]
-            if not whole:
+            parts = [path for path in islice(drawn, len(entity.outlines)) if path is not None]
+            if not parts:
                 self.omit(NO_SIZE, entity.where)
-            parts = [part for path in whole for part in clip_path(path, *entity.clips)]
+            for clip in entity.clips:
+                parts = self._clip(parts, entity, borders[clip], clip.outside)
             first = len(pieces) + 1
             for k, path in enumerate(parts):
                 is_split = len(parts) > 1
@@ -258,6 +219,26 @@ class Walk:
                 group = first + k if is_split and self.separates_parts else 0
                 pieces.append(DrawnEntity(path=path, name=name, layer=entity.layer, group=group))
         return pieces
+
+    def _clip(
+        self, paths: list[Path], entity: EntityOutlines, border: Path | None, outside: bool
+    ) -> list[Path]:
+        """The parts of paths that a clip does not remove; a removed part gets a note."""
+        parts = [y for x in paths if border is not None for y in clip_path(x, border, outside)]
+        if parts == paths:
+            return paths
+        if border is not None and entity.fill_rule and all(x.segments.closed for x in paths):
+            # If edges nearly coincide, their order is not defined until the border is moved.
+            moved = Path(segments=border.segments.replace(starts=border.segments.starts + NUDGE))
+            areas = (intersect_areas(paths, entity.fill_rule, x) for x in (border, moved))
+            area = next((x for x in areas if x is not None), None)
+            if area is None:
+                raise InvalidInput(
+                    f"{self.source}: {entity.where} nearly coincides with its clip: remove it."
+                )
+            parts = area
+        self.omit(CUT_OFF, entity.where)
+        return parts
 
 
 def list_counted(names: Counter[str]) -> str:
@@ -273,6 +254,6 @@ def place_outline(outline: Outline, to: Affine) -> tuple[Outline, str]:
     if reach <= MAX_COORDINATE:
         return placed, ""
     return placed, (
-        f"has coordinates up to {reach:.3g} m, but at most {MAX_COORDINATE:g} m are allowed: "
-        "specify the unit of the drawing, for example units: mm"
+        f"has coordinates up to {reach:.3g} m, but at most {MAX_COORDINATE:g} m are allowed: move "
+        "the drawing to the origin in the CAD program, or specify its unit, such as units: mm"
     )
