@@ -81,7 +81,8 @@ def plan_optimal(
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
         points = checks.kernel_array(points)
-    reparametrized, new_breaks = reparametrize(joint_path)
+    free_ends = options.start_speed == 0, options.end_speed == 0
+    reparametrized, new_breaks = reparametrize(joint_path, free_ends)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
         # Constraints and path jerk are functions of s, so the parameter s must not be replaced.
