@@ -218,8 +218,7 @@ def time_optimal(
                 break
             _refuse(grid, grid_plan, arm, rules)
         parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
-        crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2
-        if crowded and max_margin == LAST_MARGIN:
+        if parts.sum() == len(grid) and max_margin == LAST_MARGIN:
             break
         grid = split(grid, parts)
         max_margin = min(MARGIN_GROWTH ** (k + 1) * LARGEST_MARGIN, LAST_MARGIN)
