@@ -224,6 +224,15 @@ def test_times_of_yaml_in_all_forms(read):
     refusals(read, [(start % x, "point 1: time_from_start must be a number of") for x in bad])
 
 
+def test_a_repeated_point_of_yaml_is_skipped(read):
+    point = "{positions: [%g], time_from_start: %g}"
+    points = [point % x for x in ((1, 0), (2, 0.5), (3, 1), (3, 1))]
+    file = read(f"joint_names: [a]\npoints: [{', '.join(points)}]")
+    np.testing.assert_allclose(np.column_stack([file.t, file.q]), [(0, 1), (0.5, 2), (1, 3)])
+    assert len(file.notes) == 1 and "repeats" in file.notes[0]
+    assert file.resolution["q"] == 0.1
+
+
 def test_names_with_a_prefix_and_new_names(tmp_path):
     points = f"points: [{{positions: [1, 2, 3], {AT_ONCE}]"
     (tmp_path / "a.yaml").write_text(f"joint_names: [left_b, left_a, right_a]\n{points}")

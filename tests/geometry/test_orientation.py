@@ -86,6 +86,20 @@ def test_waypoints_get_their_rotations_and_the_tool_turns_evenly_between():
     np.testing.assert_allclose(change, 0, atol=1e-14)
 
 
+def test_corners_of_a_scaled_path_blend_the_scaled_rates():
+    points = np.array([(0, 0, 0), (0.1, 0, 0), (0.1, 0.2, 0)])
+    rotations, limits = turns(3), {"tolerance": 1e-3, "angular_tolerance": 0.01}
+    scaled = ac.Path.polyline(points).oriented(rotations).placed(ac.Frame(), scale=2.0)
+    rounded, expected = (
+        ac.round_corners(x, **limits)
+        for x in (scaled, ac.Path.polyline(2 * points).oriented(rotations))
+    )
+    assert len(rounded.stops) == 0
+    s = np.linspace(0, rounded.length, 99)
+    np.testing.assert_allclose(rounded.orientation(s), expected.orientation(s), atol=1e-12)
+    np.testing.assert_allclose(rounded.corners.angular_error, expected.corners.angular_error)
+
+
 def test_the_tool_stops_where_its_rate_of_turning_jumps():
     evenly = exp(np.array([[0, 0, 0.0], [0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.3]]))
     oriented = ac.Path.polyline([(x, 0, 0) for x in range(4)]).oriented(evenly)

@@ -200,6 +200,7 @@ def test_refusals(refuses):
         ([(0.0, 1.0)], None),
         ([0.0, 1.0], None),
         ([(0.0, 1.0), *two], None),  # a point twice
+        *(([*two, (1.0 + x, 1.0 - x), (2.0, 0.0)], None) for x in (1e-16, 1e-15, 1e-14, 1e-13)),
         (two, [1.0, 0.0]),
         (two, [0.0, 1.0, 2.0]),
         ([(0.0, np.nan), (1.0, 1.0)], None),

@@ -403,6 +403,17 @@ def test_bounds_by_direction_change_sides_in_the_mirror(assert_within_limits, je
     assert slow.duration > 1.02 * planned.duration
 
 
+def test_velocity_bounds_by_direction_on_a_long_spline_lose_no_time():
+    """The margins of the first grids need more refinements than the estimated loss."""
+    points = np.cumsum(np.random.default_rng(2).normal(size=(1000, 2)), axis=0) * 0.3
+    limits = ac.Limits(joint_velocity=[[-2.0, 0.06], [-2.0, 0.06]], joint_acceleration=50.0)
+    default, fine = (
+        ac.plan(ac.JointPath.spline(points), limits=limits, options=ac.Optimal(intervals=n))
+        for n in (None, 250_000)
+    )
+    assert default.duration == pytest.approx(fine.duration, rel=3e-4)
+
+
 def test_a_speed_that_a_refusal_names_is_had(assert_within_limits):
     """Coarse grids, whose margins change with the speed; each end depends on the other."""
     for seed in range(40):

@@ -1,6 +1,7 @@
 """Joint paths along which dq_ds vanishes: closed forms, limits at any time, and the same curve."""
 
 import functools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -253,3 +254,37 @@ def test_grid_points_next_to_a_rest_do_not_refine_all_of_the_grid(start_speed, c
     ).duration
     assert planned.duration == pytest.approx(expected, rel=3e-4 if count > 100 else 3e-3)
     assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9
+
+
+def hermite(breaks, q, dq_ds, d2q_ds2):
+    values = [np.reshape(x, (len(breaks), -1)) for x in (q, dq_ds, d2q_ds2)]
+    begin, end = (tuple(x[part] for x in values) for part in (slice(-1), slice(1, None)))
+    return ac.JointPath.hermite(np.array(breaks), begin, end)
+
+
+def test_a_path_that_turns_back_at_a_break_with_a_limit_of_jerk(recwarn):
+    s = np.linspace(0, 1, 8)
+    v, jerk = s[3], 50.0
+    path = hermite(s, -0.4 * (s - v) ** 2, -0.8 * (s - v), np.full(8, -0.8))
+    limits = ac.Limits(joint_velocity=1.0, joint_acceleration=5.0, joint_jerk=jerk)
+    planned = ac.plan(path, limits=limits)
+    # There and back, each from rest to rest: with four times the jerk, and with a constant phase.
+    short, long = 0.4 * v**2, 0.4 * (1 - v) ** 2
+    best = 4 * (short / 2 / jerk) ** (1 / 3) + 0.1 + np.sqrt(0.01 + 4 * long / 5.0)
+    assert 1 - 1e-9 <= planned.duration / best < 1 + 1e-3
+    assert (
+        not recwarn.list
+        and ac.explain(planned, SimpleNamespace(dof=1, limits=limits)).jerk_stops == ()
+    )
+
+
+def test_very_uneven_pieces_lose_no_time():
+    breaks = [0.0, 0.0606, 15.856, 759.25]
+    q, d = [-0.26, -0.86, 0.518, -0.0493], [-11.7298, -0.8492, 0.003376, -0.00037]
+    path = hermite(breaks, q, d, [-397.28, 0.852, -4.567e-5, -1.71e-5])
+    limits = ac.Limits(joint_velocity=0.1265, joint_acceleration=0.001)
+    # The sum of the times between the turning points of the joint, in closed form.
+    assert ac.plan(path, limits=limits).duration == pytest.approx(308.226875, rel=1e-5)
+    # A motion that does not start at rest has the specified ds.
+    moving = ac.plan(path, limits=limits, options=ac.Optimal(start_speed=1e-3))
+    assert abs(moving(0.0, 1)[0]) == pytest.approx(1e-3 * 11.7298, rel=1e-9)

@@ -341,6 +341,7 @@ GOOD = {"t": [0.0, 0.1, 0.2], "q": [HERE, [0.31, 0.9], [0.32, 0.9]]}
 def test_what_is_no_trajectory_is_refused(arm, refuses):
     for change, words, data in (
         ({"t": [0.0, 0.1, 0.1]}, "t in row 3 is 0.1 s, but times must increase", {"index": 2}),
+        ({"t": [0.0, 0.1, 0.1], "q": [HERE, [0.3, 1], [0.3, 1]]}, "repeated sample", {"index": 2}),
         ({"t": [0.0, 0.2, 0.1]}, "row 3", {"index": 2, "t": 0.1}),
         ({"t": [0.0, np.nan, 0.2]}, "t is nan in row 2", {"index": 1}),
         ({"q": [HERE, HERE, [0.3, np.inf]]}, "inf in row 3", {"index": 2, "joint": 1}),

@@ -57,6 +57,8 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Pla
             reason = (
                 f". The step must be at least {minimum} and more than the rounding of the times"
             )
+        elif step == 0 and all((x[i] == x[i - 1]).all() for x in arrays.values()):
+            reason = ". Remove the repeated sample"
         elif step == 0:
             reason = (
                 ". The times are repeated or rounded, and do not fit regular steps. Print them "

@@ -91,7 +91,7 @@ def read_ros_motion(
     some = [i for i, x in enumerate(orders) if x]
     return _make_motion(
         file.name,
-        [messages[i] for i in some],
+        _times([_stamp(messages[i]) for i in some]),
         _stack(
             file.name,
             [
@@ -102,6 +102,7 @@ def read_ros_motion(
         ),
         requested,
         describe_match(every[some[0]], requested, orders[some[0]] or []),
+        {},
     )
 
 
@@ -117,23 +118,22 @@ def _joint_renamer(source: str, names: str | None) -> Callable[[Sequence[str]], 
 
 def _make_motion(
     source: str,
-    messages: Sequence[tuple[int, Any]],
+    times: FloatArray,
     arrays: dict[str, FloatArray],
     names: Sequence[str],
     notes: Sequence[str],
+    digits: dict[str, float],
 ) -> TrajectoryFile:
-    """Motion of messages with time stamps, without repeated messages."""
+    """Motion of points with times [s], without repeated points; `digits`: of printed numbers."""
     values = np.concatenate(list(arrays.values()), axis=1)
-    t, rows, time_notes = tidy_times(
-        _times([_stamp(x) for x in messages]), values, NANOSECOND, source
-    )
+    t, rows, time_notes = tidy_times(times, values, NANOSECOND, source)
     tidied: dict[str, Any] = {key: x[rows] for key, x in arrays.items()}
     return TrajectoryFile(
         source=source,
         joints=tuple(names),
         t=t,
         **tidied,
-        resolution={"t": NANOSECOND},
+        resolution={"t": NANOSECOND, **digits},
         notes=(*notes, *time_notes),
     )
 
@@ -153,7 +153,7 @@ def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) ->
     for role, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
         parts = [_point(x[1], fields) for x in messages]
         arrays[role] = _stack(file.name, parts, orders, ("q",))["q"]
-    return _make_motion(file.name, messages, arrays, joints, ())
+    return _make_motion(file.name, _times([_stamp(x) for x in messages]), arrays, joints, (), {})
 
 
 def _read_yaml(
@@ -250,17 +250,10 @@ def _join_points(
     requested = tuple(joint_names) or tuple(names)
     order = _joint_indices(source, names, requested)
     notes = tuple(describe_match(names, requested, order))
-    arrays: dict[str, Any] = _stack(source, points, [order] * len(points))
-    times = [_duration(x) for x in points]
+    arrays = _stack(source, points, [order] * len(points))
+    times = np.array([_duration(x) for x in points]) * NANOSECOND
     digits = {x: _last_digit(values) for x, values in arrays.items()} if printed else {}
-    return TrajectoryFile(
-        source=source,
-        joints=requested,
-        t=np.array(times) * NANOSECOND,
-        **arrays,
-        resolution={"t": NANOSECOND, **digits},
-        notes=notes,
-    )
+    return _make_motion(source, times, arrays, requested, notes, digits)
 
 
 def _last_digit(values: FloatArray) -> float:

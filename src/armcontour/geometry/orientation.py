@@ -309,10 +309,10 @@ class Orientation(Checked):
             self,
             breaks=self.breaks * scale,
             starts=rotation @ self.starts,
-            first=self.first @ rotation.T,
-            second=self.second @ rotation.T,
-            f=self.f / scale ** np.arange(self.f.shape[1]),
-            g=self.g / scale ** np.arange(self.g.shape[1]),
+            first=self.first @ rotation.T / scale,
+            second=self.second @ rotation.T / scale,
+            f=self.f / scale ** (np.arange(self.f.shape[1]) - 1.0),
+            g=self.g / scale ** (np.arange(self.g.shape[1]) - 1.0),
         )
 
 

@@ -48,7 +48,8 @@ class Path(Checked):
     Args:
         segments: Table of the n lines, arcs and transitions, with columns that are properties of
             the path.
-        merged: Indices of the input points that were removed because they repeat the previous one.
+        merged: Indices of the input points that are no vertices, because they repeat the previous
+            one or because a repair of rounded coordinates replaced them.
         waypoints: Indices of the vertices at which the other input points are located; by default
             all vertices. A spline has more vertices than points.
         orientation: Tool orientation along a path in space, or None; `oriented`, `pointing` and

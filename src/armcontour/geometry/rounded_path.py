@@ -10,7 +10,7 @@ next to an arc (arc_corners.py). Parabolas are in line_corners.py. See docs/conc
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import combinations
 from typing import Literal, TypeAlias, get_args
 
@@ -45,6 +45,7 @@ from armcontour.geometry.rounded_orientation import (
 )
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
+from armcontour.geometry.straight_runs import merge_lines
 
 # Continuity of a rounded path: only the tangent is continuous, or also the curvature.
 Continuity: TypeAlias = Literal["tangent", "curvature"]
@@ -54,6 +55,10 @@ CONTINUITIES: tuple[Continuity, ...] = get_args(Continuity)
 SHORTEST_SMOOTH = 1e-6
 # Planes whose normals differ by less than this angle [rad] count as equal.
 SAME_PLANE = 1e-9
+# Largest distance of vertices from a line that replaces nearly collinear lines [m]: the rounding
+# error of coordinates with three decimals of a millimetre or four of an inch, as for
+# `ReadOptions.mend_vertices`. Largest share of this distance in the smallest corner error.
+PRINTED, PRINTED_SHARE = 2e-6, 0.1
 # Reasons for a stop at a corner.
 TURN_BACK = "turn-back"
 NO_TOLERANCE = "tolerance zero"
@@ -119,15 +124,13 @@ class RoundedPath(Path):
     Args:
         objective: The path before rounding.
         corners: The corners of the objective path, and their arcs.
+        deviation: Largest corner error, including the distance of the objective path from lines
+            that replace nearly collinear lines [m]; 0 without corners.
     """
 
     objective: Path
     corners: Corners
-
-    @property
-    def deviation(self) -> float:
-        """Largest corner error [m]; 0 without corners."""
-        return float(self.corners.error.max(initial=0.0))
+    deviation: float = 0.0
 
     def __str__(self) -> str:
         """Summary of the path and of its corners."""
@@ -297,20 +300,40 @@ def _round_all(
         accelerations = checks.per_vertex("corner acceleration", acceleration, n, "m/s²")
         if n:
             checks.positive("corner acceleration", accelerations.min(), "m/s²")
-    turn = path.turns
-    corner, kinked = np.flatnonzero(turn > TANGENT_TOLERANCE), find_kinks(path)
-    if len(kinked):
-        kinked = np.setdiff1d(kinked, corner)
+    turn, kinked = path.turns, find_kinks(path)
+    sharp = turn > TANGENT_TOLERANCE
+    kinked = kinked[~sharp[kinked]]
     angle = check_angular_tolerance(path, angular_tolerance, kinked)
     if n == 0 and (path.orientation is None or path.orientation.fixed):
         # This shortcut saves time, because a program can have thousands of circles.
         return _without_corners(path)
     tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    error = np.minimum(error, np.minimum(tolerances[:-1], tolerances[1:]))[corner]
+    error = np.minimum(error, np.minimum(tolerances[:-1], tolerances[1:]))
+    merged, vertex, moved = path, np.arange(n), np.zeros(n + 1)
+    if (rounds := sharp & (error > 0)).any():
+        largest = min(PRINTED, PRINTED_SHARE * error[rounds].min())
+        merged, vertex, moved = merge_lines(path, np.where(sharp & ~rounds, 0.0, largest))
+    if merged is not path:
+        turn = merged.turns
+    corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
+    if len(kinked):
+        kinked = np.setdiff1d(np.searchsorted(vertex, kinked), corner)
+    each = vertex[corner]
+    # A corner and the lines next to it deviate by at most the corner error together.
+    near = np.maximum(moved[corner], moved[corner + 1])
+    error = np.maximum(error[each] - near, 0.0)
     none = np.full(len(corner), np.inf)
-    enough = none if speed is None else slowest[corner] ** 2 / accelerations[corner]
-    requirements = error, enough, none, accelerations[corner]
-    return _round(path, corner, turn[corner], requirements, curve, kinked, angle)
+    enough = none if speed is None else slowest[each] ** 2 / accelerations[each]
+    requirements = error, enough, none, accelerations[each]
+    rounded = _round(merged, corner, turn[corner], requirements, curve, kinked, angle)
+    if merged is path:
+        return rounded
+    return replace(
+        rounded,
+        objective=path,
+        corners=replace(rounded.corners, vertex=each + 1),
+        deviation=float(np.max(rounded.corners.error + near, initial=moved.max())),
+    )
 
 
 def _without_corners(path: Path) -> RoundedPath:
@@ -426,6 +449,7 @@ def _round(
         waypoints=EVERY_VERTEX if (radius > 0).any() else path.waypoints,
         orientation=orientation,
         objective=path,
+        deviation=float(error.max(initial=0.0)),
         corners=Corners(
             vertex=corner + 1,
             point=path.starts[corner + 1],

@@ -14,6 +14,7 @@ from armcontour.geometry.biarcs import biarc_distance, make_biarcs, unit
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounded_path import blend_vertices
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.straight_runs import merge_lines
 
 # Largest turn of a repaired vertex [rad]; larger turns are corners.
 LARGEST_KINK = 0.05
@@ -52,32 +53,50 @@ def repair_tangents(
     # does not move.
     # `tolerance`: largest movement of points [m]. The original and the repaired path are at most
     # the smaller of `tolerance` and `deviation_limit` [m] apart.
-    rows, turns = path.segments, path.turns
-    size = np.minimum(rows.lengths, 1 / np.maximum(rows.curvatures, 1 / rows.lengths))
-    possible_turns = 2 * tolerance / size
     tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     tolerances = np.minimum(tolerances, min(tolerance, deviation_limit))
     allowed = np.minimum(tolerances[:-1], tolerances[1:])
+    merged, remaining, moved = merge_lines(path, allowed)
+    # A vertex and the lines next to it move by at most the tolerance together.
+    near = np.maximum(moved[:-1], moved[1:])
+    allowed = allowed[remaining] - near
+    rows, turns = merged.segments, merged.turns
+    size = np.minimum(rows.lengths, 1 / np.maximum(rows.curvatures, 1 / rows.lengths))
+    possible_turns = 2 * tolerance / size
     largest = np.minimum(possible_turns[:-1] + possible_turns[1:], LARGEST_KINK)
     vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))
-    inner = None
-    if len(vertex):
-        blended = blend_vertices(path, vertex, turns[vertex], allowed[vertex])
+    repaired, inner = path.turns > TANGENT_TOLERANCE, None
+    if len(vertex) or merged is not path:
+        blended = blend_vertices(merged, vertex, turns[vertex], allowed[vertex])
         corners, done = blended.corners, ~blended.corners.stopped
-        if done.any():
+        repaired[np.delete(remaining, vertex[done])] = False
+        if repaired.any():
+            error = (corners.error + near[vertex])[done]
+            ends = np.concatenate([[0], remaining + 1, [len(path)]])
+            after = np.minimum(blended.place(merged.breaks), blended.length)
+            # Waypoints keep their numbers. They are no vertices if a line or an arc replaced them.
+            still = np.isin(path.waypoints, np.delete(ends, vertex[done] + 1))
+            middles = (blended.breaks[1:] + blended.breaks[:-1]) / 2
+            s = after[np.searchsorted(ends, path.waypoints[still])]
+            points = np.arange(len(path.waypoints) + len(path.merged))
+            gone = np.delete(points, path.merged)[~still].tolist()
             inner = RepairedPath(
-                path=Path(segments=blended.segments, merged=path.merged),
-                before=path.breaks,
-                after=np.minimum(blended.place(path.breaks), blended.length),
-                count=int(done.sum()),
-                kink=float(corners.turn[done].max()),
-                deviation=float(corners.error[done].max()),
+                path=Path(
+                    segments=blended.segments,
+                    merged=tuple(sorted([*path.merged, *gone])),
+                    waypoints=np.searchsorted(middles, s),
+                ),
+                before=path.breaks[ends],
+                after=after,
+                count=int(repaired.sum()),
+                kink=float(path.turns[repaired].max()),
+                deviation=float(np.max(error, initial=moved.max())),
             )
-    start = path if inner is None else inner.path
+    start, near_ends = (path, 0.0) if inner is None else (inner.path, max(moved[0], moved[-1]))
     seam = _repair_closure(
         start,
         min(possible_turns[0] + possible_turns[-1], LARGEST_KINK),
-        min(tolerances[0], tolerances[-1]),
+        min(tolerances[0], tolerances[-1]) - near_ends,
     )
     if inner is None or seam is None:
         return inner or seam
@@ -87,7 +106,7 @@ def repair_tangents(
         after=seam.place(inner.after),
         count=inner.count + 1,
         kink=max(inner.kink, seam.kink),
-        deviation=max(inner.deviation, seam.deviation),
+        deviation=max(inner.deviation, seam.deviation + near_ends),
     )
 
 
@@ -135,8 +154,9 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
     ]
     table = Segments.join([*ends[:2], rows.cut(np.arange(len(rows)), begin, end), *ends[2:]])
     new = [float(sum(x.lengths[0] for x in arcs)) for arcs in (leaving, arriving)]
+    waypoints = np.concatenate([[0], path.waypoints[1:-1] + 2, [len(table)]])
     return RepairedPath(
-        path=Path(segments=table, merged=path.merged),
+        path=Path(segments=table, merged=path.merged, waypoints=waypoints),
         before=np.array([0.0, t, total - t, total]),
         after=np.cumsum([0.0, new[0], total - 2 * t, new[1]]),
         count=1,

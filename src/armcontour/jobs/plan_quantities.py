@@ -35,17 +35,15 @@ def jerk_stops(
     """Full stops inside contours that jerk limits require, in path order."""
     if traced is None or not run.limits.jerk_limits:
         return ()
-    paths = {x.move: x.joint_path for x in traced.steps}
     stops = []
     for i, (contour, span) in enumerate(
         zip(program.contours, trajectory.contour_spans, strict=True)
     ):
-        joint_path = paths.get(span.move)
-        if joint_path is not None and span.trajectory is not None:
+        if span.trajectory is not None:
             name = "" if program.single_path is not None else contour_called(contour, i)
             stops += [
                 JerkStop(contour=name, s=s, point=tuple(contour.path(s).tolist()))
-                for s in find_jerk_stops(joint_path, span.trajectory).tolist()
+                for s in find_jerk_stops(span.trajectory).tolist()
             ]
     return tuple(stops)
 

@@ -109,7 +109,10 @@ def _explain_no_corner(number: int, count: int, path: Path) -> str:
     if not 1 <= number <= count:
         return f"waypoint numbers must be from 1 to {count}, but one is {number}"
     if number - 1 in path.merged:
-        return f"waypoint {number} repeats the previous waypoint. Use the number of that waypoint"
+        return (
+            f"waypoint {number} repeats the previous waypoint, or a line or an arc replaced it. "
+            "Use the number of a corner"
+        )
     if number in (1, count):
         if not path.segments.closed:
             return f"waypoint {number} is an end of the path, which is not a corner"

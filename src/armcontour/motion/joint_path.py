@@ -23,6 +23,9 @@ from armcontour.motion.kernels import JointDerivatives, examine_pieces, joint_mo
 ROUNDING = 4 * float(np.finfo(np.float64).eps)
 # Largest permitted jump of a position at a break [rad]; no robot resolves it.
 LARGEST_JUMP = 1e-6
+# Smallest difference of two parameters of a spline, divided by the largest one. The parameters of
+# points that are repeated up to rounding errors differ by less.
+REPEATED = 1e-12
 # Largest relative jump of dq_ds at a break without a stop; traced paths have errors of this size.
 LARGEST_KINK = 1e-6
 # A dq_ds below this fraction of the sum of its terms is a rounding error, whose direction is
@@ -181,7 +184,8 @@ class JointPath(Checked):
             )
         else:
             parameters = checks.check_numbers("spline parameters", s)
-        if parameters.shape != (len(knots),) or not (parameters[1:] > parameters[:-1]).all():
+        shortest = REPEATED * np.abs(parameters).max(initial=0.0)
+        if parameters.shape != (len(knots),) or not (np.diff(parameters) > shortest).all():
             raise InvalidInput(
                 "Spline parameters must be one per point and increase. Remove repeated points."
             )

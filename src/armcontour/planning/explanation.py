@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
-from armcontour.motion import JointPath, Method, PathLaw, Trajectory
+from armcontour.motion import Method, PathLaw, Trajectory
 from armcontour.planning.constraints import Constraint, IntervalEnds
 from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.optimal import assigned_speeds
@@ -274,7 +274,7 @@ def explain(
     bounds = resolve_limits("explain", arm, limits, reduced)
     constraints = checks.check_sequence("constraints", constraints, Constraint, "Constraints")
     laws: list[tuple[float, float, PathLaw]] = []
-    stops: list[float] = []
+    stops = find_jerk_stops(trajectory).tolist() if bounds.jerk_limits else ()
     for x in trajectory.contour_spans:
         # Only laws of the methods "optimal" and "shaped" have the grid intervals of the limits.
         law = None if x.trajectory is None else x.trajectory.laws[0]
@@ -285,8 +285,6 @@ def explain(
                 f"{trajectory.method}."
             )
         laws.append((x.t[0], x.s[0], law))
-        if bounds.jerk_limits:
-            stops += (x.s[0] + find_jerk_stops(law.joint_path, x.trajectory)).tolist()
     explanation = _join([_explain_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
     idle: defaultdict[str, tuple[float, ...]] = defaultdict(tuple)
     for span in trajectory.spans:
@@ -376,10 +374,15 @@ def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
     return starts, np.diff(np.append(starts, len(values)))
 
 
-def find_jerk_stops(joint_path: JointPath, trajectory: Trajectory) -> FloatArray:
-    """Arc lengths of the full stops that limits of jerk add to the stops of the joint path [m]."""
-    breaks = np.setdiff1d(joint_path.breaks[1:-1], joint_path.stops)
-    return np.asarray(breaks[trajectory.speed_at(breaks) == 0])
+def find_jerk_stops(trajectory: Trajectory) -> FloatArray:
+    """Arc lengths of the full stops that limits of jerk add to those of the joint paths [m]."""
+    stops = [np.empty(0)]
+    for span in trajectory.contour_spans:
+        if span.trajectory is not None and isinstance(law := span.trajectory.laws[0], PathLaw):
+            # The joint path of the plan can have another parameter than the one that was planned.
+            breaks = np.setdiff1d(law.joint_path.breaks[1:-1], law.joint_path.stops)
+            stops.append(span.s[0] + breaks[span.trajectory.speed_at(breaks) == 0])
+    return np.concatenate(stops)
 
 
 def _bindings(

@@ -81,7 +81,8 @@ def plan_optimal(
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
         points = checks.kernel_array(points)
-    reparametrized, new_breaks = reparametrize(joint_path)
+    free_ends = options.start_speed == 0, options.end_speed == 0
+    reparametrized, new_breaks = reparametrize(joint_path, free_ends)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
         # Constraints and path jerk are functions of s, so the parameter s must not be replaced.
@@ -217,8 +218,7 @@ def time_optimal(
                 break
             _refuse(grid, grid_plan, arm, rules)
         parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
-        crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2
-        if crowded and max_margin == LAST_MARGIN:
+        if parts.sum() == len(grid) and max_margin == LAST_MARGIN:
             break
         grid = split(grid, parts)
         max_margin = min(MARGIN_GROWTH ** (k + 1) * LARGEST_MARGIN, LAST_MARGIN)

@@ -125,20 +125,15 @@ def plan(
     )
 
     if not isinstance(path, Tracing) and bounds.jerk_limits:
-        _warn_of_stops(traced, trajectory)
+        _warn_of_stops(trajectory)
     return trajectory
 
 
-def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
+def _warn_of_stops(trajectory: Trajectory) -> None:
     from armcontour.planning.explanation import find_jerk_stops
 
-    paths = {} if isinstance(traced, JointPath) else {x.move: x.joint_path for x in traced.steps}
-    stops: list[float] = []
-    for span in trajectory.contour_spans:
-        joint_path = traced if isinstance(traced, JointPath) else paths[span.move]
-        if joint_path is not None and span.trajectory is not None:
-            stops += (span.s[0] + find_jerk_stops(joint_path, span.trajectory)).tolist()
-    if stops:
+    stops = find_jerk_stops(trajectory)
+    if len(stops):
         warnings.warn(
             f"Limits of jerk add {count_noun(len(stops), 'full stop')}, the first at s = "
             f"{stops[0]:.4g} m, because the curvature of the path or the angular acceleration of "

@@ -128,8 +128,11 @@ def rests_at_breaks(joint_path: JointPath) -> BoolArray:
     return resting_breaks(joint_path.coefficients, VANISHED)
 
 
-def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
+def reparametrize(
+    joint_path: JointPath, free_ends: tuple[bool, bool]
+) -> tuple[JointPath, FloatArray]:
     """Replace the parameter of a joint path that cannot be planned in s."""
+    # `free_ends`: True for the start and the end if the motion rests there, so that dq_dp is free.
     # Returns the path, and the old breaks in the new parameter, (pieces + 1,).
     same = joint_path, joint_path.breaks
     if joint_path.tool_path is not None:
@@ -153,12 +156,12 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
         return same
     pieces = {i: _Piece.from_path(joint_path, i) for i in range(len(coefficients))}
     return _replace_pieces(
-        joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited}
+        joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited}, free_ends
     )
 
 
 def _replace_pieces(
-    joint_path: JointPath, changed: dict[int, _Piece]
+    joint_path: JointPath, changed: dict[int, _Piece], free_ends: tuple[bool, bool]
 ) -> tuple[JointPath, FloatArray]:
     """Replace some pieces of a path; returns the path, with its stops, and its old breaks."""
     straight = [x for x in changed.values() if x.is_straight]
@@ -176,7 +179,8 @@ def _replace_pieces(
     for i in range(len(width)):
         starts.append(count)
         unchanged = (width[i : i + 1], joint_path.coefficients[i : i + 1])
-        free = [k in changed and changed[k].is_straight for k in (i - 1, i + 1)]
+        ends = {-1: free_ends[0], len(width): free_ends[1]}
+        free = [ends.get(k, k in changed and changed[k].is_straight) for k in (i - 1, i + 1)]
         for length, polynomial in (
             changed[i].reparametrized_parts(slope, free) if i in changed else (unchanged,)
         ):
@@ -228,7 +232,8 @@ class _Piece:
     def reparametrized_parts(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
         """Yield the polynomials of the piece in another parameter, in order."""
         # `slope`: |dq_dp| at reversals and at free ends. `free`: True for an end if the
-        # neighbouring piece is straight and replaced, too, so that dq_dp need not equal dq_ds.
+        # neighbouring piece is straight and replaced, too, or if the motion rests there, so that
+        # dq_dp need not equal dq_ds.
         if self.is_straight:
             yield from self._split_at_reversals(slope, free)
         else:

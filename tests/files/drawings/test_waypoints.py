@@ -56,6 +56,16 @@ def test_dialects_units_speeds_and_tolerances():
     assert read("x,y,speed\n0,0,2\n1,0,2\n").notes == ()
 
 
+def test_waypoints_keep_their_numbers_if_rounded_coordinates_are_repaired():
+    moves = [(0, 0), (10, 0.001), (20, 0), (30, 0.001), (40, 0), (40, 40), (80, 40.001), (90, 40)]
+    closed = [(20, 0), (40, 0), (40, 40), (0, 40), (0, 0.001), (20, 0)]
+    for points, gone in ((moves, (1, 2, 3, 6)), (closed, ())):
+        path = read("x [mm],y [mm]\n" + "\n".join(f"{x},{y}" for x, y in points)).path
+        assert path.merged == gone and (path.turns > 1e-9).sum() == len(points) - len(gone) - 2
+        remaining = np.delete(np.array(points), gone, axis=0) / 1e3
+        np.testing.assert_allclose(path.vertices[path.waypoints], remaining, atol=1e-12)
+
+
 def test_names_of_contours_and_layers_and_events():
     # A new name begins a contour, and empty cells go on.
     text = "x,y,contour,layer\n0,0,a,one\n1,0,,\n0,1,b,\n1,1,b,one\n0,2,b,two\n1,2,b,two\n"

@@ -177,8 +177,9 @@ class ReadOptions(Checked):
         chord_tolerance: Maximum distance between a curve and the arcs that replace it [m].
         join_tolerance: Distance below which two ends are the same point [m].
         mend_vertices: Largest rounding error of coordinates [m]. A vertex is made tangent, with a
-            note, if an error of this size can explain its turn. The default suits three decimals
-            of a millimetre and four of an inch. 0 changes no vertex.
+            note, if an error of this size can explain its turn. Short moves along a line become
+            one line. The default suits three decimals of a millimetre and four of an inch. 0
+            changes no vertex.
         smooth_axes: For tables of waypoints with tool axes, the largest angle by which noisy
             measured axes are corrected to turn smoothly [rad]. 0 does not change the axes.
         columns: For waypoints in CSV, names of the columns, such as "x [mm],y [mm],-". They replace

@@ -473,9 +473,7 @@ def shape_part(path: Path) -> float:
         pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
         same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
         return 0.0 if same else path.tolerance
-    if not isinstance(path, RoundedPath) or not len(path.corners):
-        return 0.0
-    return float(path.corners.error.max())
+    return path.deviation if isinstance(path, RoundedPath) else 0.0
 
 
 def _describe_moves(program: Program) -> str:
