@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import expect
+from tools.studio_page import SQUARE
 
 import armcontour as ac
 from armcontour.core.render import cells
+from armcontour.files.exports import TemplateFormat
 from armcontour.studio.page_frame import without_options
 
 pytestmark = pytest.mark.browser
@@ -158,6 +160,20 @@ def test_j9_results_are_saved_as_files(studio, judge, tmp_path):
     name, content = studio.save_file(task_result.locator("button, a").first)
     assert name.endswith(".html")
     assert b"5.326" in content
+
+
+def test_j39_programs_for_kuka_and_abb_are_those_of_the_library(studio, judge, tmp_path):
+    file = tmp_path / "square.yaml"
+    file.write_text(SQUARE)
+    studio.open(file)
+    studio.rest()
+    for template, ending in (("kuka", ".src"), ("abb", ".mod")):
+        task_result = studio.do("export", {"format": f"template {template}"})
+        name, content = studio.save_file(task_result.locator(f"button[data-file$='{ending}']"))
+        # The name of the program is that of its file.
+        program = TemplateFormat(template=template, name="square set-points")
+        ac.export(judge(studio).set_points, tmp_path / name, program, arm=ac.load_arm("ur5e"))
+        assert content == (tmp_path / name).read_bytes()
 
 
 def press(studio, within, name):

@@ -27,7 +27,8 @@ def quiet(step):
 
 def ask(task, data, run, **options):
     text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
-    request = {"text": text, "folder": str(DRAWINGS), "run": run, "options": options}
+    folder = str(DRAWINGS)
+    request = {"text": text, "folder": folder, "run": run, "options": options, "allowed": [folder]}
     return do(task, request, quiet)
 
 
