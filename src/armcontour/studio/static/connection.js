@@ -12,6 +12,9 @@ import { unpack } from "./page_frame.js";
  */
 /** @typedef {Record<string, any> & {op: string}} Message */
 
+/** Messages that the server answers with the changed document. @param {Message} message */
+const isChange = ({ op, final }) => Boolean(final) || op === "undo" || op === "redo" || op === "select";
+
 const KEPT_AS = "armcontour-token";
 const FIRST_WAIT = 250; // ms
 const LONGEST_WAIT = 4000;
@@ -51,6 +54,10 @@ export class Link {
     this.late = 0;
     /** @type {Message[]} edits that wait; of each gesture only the last */
     this.pending = [];
+    /** Number of the newest change whose document has not arrived; 0 if the page has the newest document. */
+    this.change = 0;
+    /** @type {(() => void)[]} what waits for that document */
+    this.afterChange = [];
     /** @type {Map<number, number>} when messages were caused, by seq */
     this.causes = new Map();
   }
@@ -122,6 +129,12 @@ export class Link {
     return fetch(path, { ...init, headers });
   }
 
+  /** Call a function as soon as the page has the document with all changes that were sent. @param {() => void} then */
+  whenKnown(then) {
+    if (this.change) this.afterChange.push(then);
+    else then();
+  }
+
   flush() {
     for (const message of this.pending.splice(0)) {
       const { at, ...rest } = message;
@@ -134,6 +147,7 @@ export class Link {
   post(message, at = performance.now()) {
     if (this.socket?.readyState !== WebSocket.OPEN) return -1;
     const seq = ++this.seq;
+    if (isChange(message)) this.change = seq;
     this.causes.set(seq, at);
     if (this.causes.size > 200) this.causes.delete(/** @type {number} */ (this.causes.keys().next().value));
     this.socket.send(JSON.stringify({ ...message, seq }));
@@ -172,6 +186,11 @@ export class Link {
 
   /** @param {import("./state.js").Frame} frame */
   answered(frame) {
+    const isAnswer = frame.kind === "document" || (frame.kind === "failed" && frame.head.op);
+    if (isAnswer && (frame.seq ?? -1) >= this.change) {
+      this.change = 0;
+      for (const then of this.afterChange.splice(0)) this.whenKnown(then);
+    }
     if (frame.seq === null || !(this.inFlight[0] <= frame.seq)) return;
     // The server executes the plan while the next edit is on its way.
     if (["picture", "refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land(frame.seq);
@@ -182,6 +201,8 @@ export class Link {
     this.socket = null;
     const lost = this.pending.length > 0 || this.inFlight.length > 0;
     this.pending = [];
+    this.afterChange = [];
+    this.change = 0;
     this.land();
     if (event.code === 1008 || event.code >= 4000) return this.tell("refused", `${event.reason} ${REFUSED}`.trim());
     const change = lost ? " The last change may be lost." : "";
