@@ -206,12 +206,8 @@ class Commands:
 
     def _restore(self, page: Page, message: PageMessage) -> None:
         """Restore the draft of an earlier session."""
-        document = self._editor.document
         self._editor.restore()
-        if self._editor.document is document:
-            self._display.show_all()
-        else:
-            self._display.open()
+        self._display.show_all()
 
     def _discard(self, page: Page, message: PageMessage) -> None:
         """Delete the draft of an earlier session."""

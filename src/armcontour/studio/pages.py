@@ -167,7 +167,7 @@ class Display:
         """Send the frame `document` to one page or to all."""
         editor = self.editor
         self._on_disk = editor.document.on_disk()
-        frame = document_frame(editor.document, editor.state, editor.run, draft=editor.draft)
+        frame = document_frame(editor.document, editor.state, editor.run)
         logs = list(editor.uploads.logs)
         self.send(frame.stamped(id=editor.id, logs=logs), to=to)
 
