@@ -297,9 +297,10 @@ def test_j13_a_page_outlives_its_server_and_a_draft_both(pages, tmp_path):
         expect(studio.find(".exactness")).to_have_text("not connected")
         expect(studio.find("#messages")).to_contain_text("nothing can be changed")
         expect(studio.find("main")).to_have_attribute("inert", "")
-    with serving("--port", str(server.port), file, folder=tmp_path) as again:
-        # The old page has the key of the old server.
+        # A server that has ended does not come back at this address.
         studio.wait("body", link="refused")
+        expect(studio.find("#messages")).to_contain_text("has ended")
+    with serving("--port", str(server.port), file, folder=tmp_path) as again:
         fresh = pages(again)
         fresh.wait("body", link="open")
         press(fresh, "#question", "Take them up")

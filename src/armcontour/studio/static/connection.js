@@ -18,11 +18,14 @@ const isChange = ({ op, final }) => Boolean(final) || op === "undo" || op === "r
 const KEPT_AS = "armcontour-token";
 const FIRST_WAIT = 250; // ms
 const LONGEST_WAIT = 4000;
+// A server that does not answer for this long has ended; a new one has another address.
+const GIVE_UP_AFTER = 15_000;
 // Edits without an answer at once; the screen may be faster than the server.
 const MAX_IN_FLIGHT = 3;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
 const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
+const ENDED = "The Studio has ended. Start it again, and open the address that it prints; it may be pasted into this tab.";
 
 /** True if the address has a token: other hashes are places in the page. */
 const hasToken = () => /^#[0-9a-f]{32}$/.test(location.hash);
@@ -48,6 +51,8 @@ export class Link {
     this.seq = 0;
     this.gestures = 0;
     this.wait = FIRST_WAIT;
+    /** When the connection was lost; 0 while it is open. */
+    this.lost = 0;
     this.retry = 0;
     /** @type {number[]} edits that have no answer yet, by seq */
     this.inFlight = [];
@@ -81,6 +86,7 @@ export class Link {
     this.token = takeToken();
     this.socket?.close();
     this.wait = FIRST_WAIT;
+    this.lost = 0;
     this.tell("lost", "Connecting with the new address");
     this.open();
   }
@@ -177,6 +183,7 @@ export class Link {
     frame.asked = frame.seq === null ? 0 : (this.causes.get(frame.seq) ?? 0);
     if (this.state.state !== "open") {
       this.wait = FIRST_WAIT;
+      this.lost = 0;
       this.store.restart();
       this.tell("open", "Connected");
     }
@@ -206,6 +213,8 @@ export class Link {
     this.land();
     if (event.code === 1008 || event.code >= 4000) return this.tell("refused", `${event.reason} ${REFUSED}`.trim());
     const change = lost ? " The last change may be lost." : "";
+    this.lost ||= performance.now();
+    if (performance.now() > this.lost + GIVE_UP_AFTER) return this.tell("refused", ENDED);
     this.tell("lost", `The server does not answer; the page tries again.${change}`);
     this.retry = setTimeout(() => this.open(), this.wait);
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT);
