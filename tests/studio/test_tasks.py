@@ -134,6 +134,16 @@ def test_a_collision_is_a_refusal_where_it_is(square):
     assert frame.kind == "refusal" and "servo" in frame.header["sentence"]
 
 
+def test_a_limit_that_cannot_be_kept_is_a_refusal_on_its_contour():
+    limited = GASKET.replace("speed: 0.2 m/s", "speed: 0.2 m/s, joint_torque: 20 N m")
+    frame = ask("figures", limited, "cut")
+    assert frame.header["error"] == "NotRealizable"
+    contour = parse_job(limited, folder=DRAWINGS).program.contours[0]
+    at = frame.header["at"]
+    # Corners are rounded by 0.5 mm.
+    np.testing.assert_allclose(at["xyz"], contour.path(at["s"]), rtol=0, atol=1e-3)
+
+
 FORMATS = (
     ({"format": "csv"}, ".csv", b"t [s],q"),
     ({"format": "csv", "of": "planned", "cycle": 0.01}, ".csv", b"t [s],q"),

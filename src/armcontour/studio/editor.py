@@ -18,7 +18,7 @@ from armcontour.studio.document import Document
 from armcontour.studio.drafts import Draft
 from armcontour.studio.edits import changes_of
 from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
-from armcontour.studio.preview import CoarsePlanner
+from armcontour.studio.preview import CoarsePlanner, path_only
 from armcontour.studio.uploads import Uploads
 
 # Timing method of the run that is shown first.
@@ -229,10 +229,13 @@ class Editor:
             job = self._make_job(data)
             return JobState(data, job, handles_of(job, data))
         except InvalidInput as error:
-            if is_blank(data):
-                with suppress(InvalidInput):
-                    handles = blank_handles(data, self._make_job)
-                    return JobState(data, None, handles, InvalidInput(NOTHING_DRAWN))
+            with suppress(InvalidInput):
+                if is_blank(data):
+                    blank = blank_handles(data, self._make_job)
+                    return JobState(data, None, blank, InvalidInput(NOTHING_DRAWN))
+                if self.state.handles is None:
+                    handles = handles_of(self._make_job(path_only(data)), data)
+                    return JobState(data, None, handles, error)
             # The page shows the last valid job in grey until the text is a valid job again.
             return JobState(data, None, self.state.handles, error)
 

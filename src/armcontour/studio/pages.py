@@ -126,6 +126,14 @@ class Pages:
         """Store a frame for pages that join later, and discard frames that it makes obsolete."""
         if frame.kind == "figures":
             self._figures_answers = answers
+        previous = self._current_frames.get(key, frame).header.get("tier")
+        if frame.kind == "refusal" and (previous, frame.header["tier"]) == (1, 3):
+            # The refusal of the plan stays, as on the open pages.
+            return
+        if frame.kind == "refusal" and "outline" in frame.header:
+            # A new page shows the refused path, because it has no earlier motion.
+            header = {**frame.header, **frame.header["outline"]}
+            self._remember("picture", PageFrame("picture", header, frame.arrays), answers)
         if frame.kind == "picture":
             old = ["executed", "refusal"]
             # An exact picture of the same edit can follow the figures, which then stay valid.
