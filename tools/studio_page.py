@@ -69,12 +69,14 @@ class Server:
 
     def stop(self) -> str:
         """End the process as Ctrl+C does; returns its error output."""
-        self.process.send_signal(2)
+        # A process started in the background, as by `make test &`, ignores the signal of Ctrl+C.
+        self.process.terminate()
         try:
             return self.process.communicate(timeout=20)[1]
         except subprocess.TimeoutExpired:
             self.process.kill()
-            return "The server did not end at Ctrl+C.\n" + self.process.communicate()[1]
+            errors = self.process.communicate()[1]
+            raise AssertionError(f"The server did not end at SIGTERM.\n{errors}") from None
 
     @property
     def memory(self) -> float:
@@ -88,7 +90,7 @@ def serving(*arguments: str | FilePath, folder: FilePath | None = None) -> Itera
     """Context with a server, which must report no error.
 
     Raises:
-        AssertionError: It wrote a traceback, or did not end.
+        AssertionError: It wrote a traceback, or did not end within 20 s.
     """
     server = Server(*arguments, folder=folder)
     try:

@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import expect
+from tools.studio_page import SQUARE
 
 import armcontour as ac
 from armcontour.core.render import cells
+from armcontour.files.exports import TemplateFormat
 from armcontour.studio.page_frame import without_options
 
 pytestmark = pytest.mark.browser
@@ -98,6 +100,47 @@ def test_j3_a_waypoint_out_of_reach_is_refused_at_its_place(studio, judge):
     assert studio.text == original
 
 
+# Numbers of red and of dark grey pixels of the canvas.
+COLOURED = """(canvas) => {
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  let [red, grey] = [0, 0];
+  for (let i = 0; i < data.length; i += 4) {
+    const [r, g] = [data[i], data[i + 1]];
+    if (r - g > 130) red += 1;
+    else if (r < 180 && Math.abs(r - g) < 20) grey += 1;
+  }
+  return [red, grey];
+}"""
+
+
+def test_j4_a_refused_job_has_its_outline_also_after_a_reload(studio):
+    def drawn():
+        studio.wait("body", refused="true", busy="false")
+        expect(studio.find("path.refused")).to_be_visible()
+        studio.page.evaluate(DRAWN)
+        return studio.find("#view2d canvas").evaluate(COLOURED)
+
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    studio.rest()
+    studio.find("#viewbar").get_by_role("button", name="Place part").click()
+    studio.find("[aria-label='Place of the part']").focus()
+    with studio.renewing():
+        studio.page.keyboard.type("900, 0")
+        studio.page.keyboard.press("Enter")
+    # One of ten contours is red.
+    assert min(drawn()) > 300
+    assert float(studio.told("#view2d", "duration")) > 0
+    for _ in range(2):
+        studio.page.reload()
+        studio.begin()
+        assert min(drawn()) > 300
+        assert "out of reach" in studio.refusal
+    with studio.changing():
+        studio.find("#undo").click()
+    studio.page.evaluate(DRAWN)
+    assert studio.find("#view2d canvas").evaluate(COLOURED)[0] == 0
+
+
 def test_j5_a_run_that_is_refused_leaves_the_others(studio, judge):
     studio.choose_run("proposed")
     studio.wait("#view2d", run="proposed")
@@ -158,6 +201,20 @@ def test_j9_results_are_saved_as_files(studio, judge, tmp_path):
     name, content = studio.save_file(task_result.locator("button, a").first)
     assert name.endswith(".html")
     assert b"5.326" in content
+
+
+def test_j39_programs_for_kuka_and_abb_are_those_of_the_library(studio, judge, tmp_path):
+    file = tmp_path / "square.yaml"
+    file.write_text(SQUARE)
+    studio.open(file)
+    studio.rest()
+    for template, ending in (("kuka", ".src"), ("abb", ".mod")):
+        task_result = studio.do("export", {"format": f"template {template}"})
+        name, content = studio.save_file(task_result.locator(f"button[data-file$='{ending}']"))
+        # The name of the program is that of its file.
+        program = TemplateFormat(template=template, name="square set-points")
+        ac.export(judge(studio).set_points, tmp_path / name, program, arm=ac.load_arm("ur5e"))
+        assert content == (tmp_path / name).read_bytes()
 
 
 def press(studio, within, name):

@@ -134,6 +134,56 @@ def test_j46_an_arrow_key_moves_a_small_tolerance_by_a_part_of_it(studio):
         studio.rest()
 
 
+def test_j47_a_key_starts_from_the_value_that_the_keys_before_it_have_made(studio):
+    keys, text = studio.page.keyboard, studio.find("#tab-text textarea")
+
+    def press(*names):
+        for name in names:
+            keys.press(name)
+
+    def has(pattern):
+        expect(text).to_have_value(re.compile(pattern))
+        studio.rest()
+
+    with studio.changing():
+        studio.type("corners.tolerance", "0.25 mm")
+    corner = studio.handle("corner", 0)
+    corner.focus()
+    # Enter ends a gesture at once, so that the next key comes before any answer.
+    press(*["ArrowUp", "Enter"] * 5)
+    has(r"at: \{2: 0.5 mm\}")
+    # Undo concerns the keys before it, and the next key starts from what it leaves.
+    press("ArrowUp", "ArrowUp", "Control+z", "ArrowUp", "Enter")
+    has(r"at: \{2: 0.55 mm\}")
+    press("Control+z", "Control+z", "ArrowUp", "Enter")
+    has(r"at: \{2: 0.5 mm\}")
+    studio.find("#viewbar [data-name=all]").click()
+    for k in range(6):
+        studio.handle("corner", k % 2).focus()
+        press("ArrowUp")
+    press("Enter")
+    # The first corner has 0.5 mm of its own, and each key changes all corners.
+    has(r"tolerance: 0.8 mm")
+    assert "at:" not in studio.text
+    studio.find("#viewbar [data-name=one]").click()
+    x, y = points(studio)[2:4]
+    studio.handle("waypoint", 1).focus()
+    press(*["ArrowRight", "Enter"] * 3, *["ArrowUp", "Enter"] * 2)
+    has(rf"\[{x + 0.003:g}, {y + 0.002:g}")
+    # A corner that cannot use up its tolerance has that of the file.
+    with studio.changing():
+        studio.type("corners.tolerance", "300 mm")
+    corner.focus()
+    press("ArrowUp", "Enter")
+    has(r"at: \{2: 301 mm\}")
+    slider = studio.slider("limits.speed").locator("input[type=range]")
+    before = int(slider.input_value())
+    slider.focus()
+    press(*["ArrowLeft"] * 20)
+    studio.rest()
+    assert int(slider.input_value()) == pytest.approx(before - 20, abs=1)
+
+
 def test_j43_one_corner_or_all_by_a_switch(studio, judge):
     switch = studio.find("#viewbar [aria-label='A drag of a tolerance changes']")
     expect(switch.get_by_role("button", name="One corner")).to_have_attribute(

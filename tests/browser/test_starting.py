@@ -224,3 +224,37 @@ def test_j54_the_start_page_has_no_fault(started, pages, colours, width):
     expect(studio.find("rect.pen")).to_be_visible()
     page_faults += faults(studio.page)
     assert not page_faults, "\n".join(page_faults)
+
+
+def test_j57_a_running_studio_keeps_its_drafts(pages, tmp_path):
+    file = write_job(tmp_path / "job.yaml", "optimal")
+    with serving(file, folder=tmp_path) as first:
+        studio = pages(first)
+        studio.begin()
+        with studio.renewing():
+            studio.type("limits.speed", "77 mm/s")
+        changed = studio.text
+        # A job without a file is in the same folder.
+        take(studio, "drawing")
+        with studio.renewing():
+            studio.type("limits.speed", "66 mm/s")
+        with serving(file, folder=tmp_path) as second:
+            other = pages(second)
+            other.begin()
+            assert not other.told("body", "draft")
+            expect(other.find("#question")).to_be_hidden()
+            with other.renewing():
+                other.type("limits.speed", "55 mm/s")
+            other.is_cut_off = True
+        studio.is_cut_off = True
+    with serving(file, folder=tmp_path) as third:
+        again = pages(third)
+        again.wait_for("#question[open]")
+        with again.renewing():
+            again.find("#question").get_by_role("button", name="Take them up").click()
+        assert again.text == changed
+        # The start page has the others: that of the drawing, and that of the second Studio.
+        again.find("#new").click()
+        drafts = again.find("#start .drafts button")
+        expect(drafts.filter(has_text="job.yaml")).to_have_count(1)
+        expect(drafts.filter(has_text="plate.yaml")).to_have_count(1)

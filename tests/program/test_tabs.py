@@ -88,7 +88,7 @@ def test_open_contours_have_no_tabs_and_short_ones_no_room():
         (lambda: cut(SQUARE, Tabs(count=30, width=5e-3)), "part", "30 tabs of 5 mm"),
         (lambda: cut(SQUARE, Tabs(count=1, width=0.05)), "1 tab of 50 mm"),
         (lambda: cut(SQUARE, close), "part", "3.2e+05 tabs", "1000"),
-        (lambda: Tabs(width=1e-3), "count or their spacing"),
+        (lambda: Tabs(width=1e-3), "exactly one of count and spacing"),
         (lambda: Tabs(width=0.0, count=1), "width"),
         (lambda: Tabs(width=1e-3, count=0), "count"),
         (lambda: Tabs(width=1e-3, spacing=-1.0), "spacing"),

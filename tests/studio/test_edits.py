@@ -261,6 +261,10 @@ def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
             np.testing.assert_allclose(handles.plane.uv(after.point), expected, atol=1e-12)
     height = data["path"]["frame"]["position"][2]
     assert height in (0, "0 mm") or text == SPACE
+    # By default it is turned about its centre.
+    centre = handles.centre.tolist()
+    turned = edited(text, do="place", turn=turn)
+    assert turned == edited(text, do="place", turn=turn, about=centre)
 
 
 def test_frames_and_points_keep_their_written_form():

@@ -6,6 +6,7 @@ from tests.studio.session_pages import (
     JOB,
     MOVE,
     RecordingTaskWorker,
+    RestingWorker,
     SessionPage,
     figure,
     kinds,
@@ -30,7 +31,8 @@ def test_two_pages_see_the_same_and_do_not_undo_each_other(session, tab):
     other.edit({"do": "remove_waypoint", "index": 2}, gesture=1)
     frames = tab.edit({**MOVE, "to": [0.4, 0.21]}, gesture=1, final=False)
     assert kinds(frames) == ["document", "notice"] and "discarded" in frames[1].header["sentence"]
-    assert tab.edit({**MOVE, "to": [0.4, 0.22]}, gesture=1) == []
+    # The final message of a discarded gesture is answered, because the page waits for it.
+    assert kinds(tab.edit({**MOVE, "to": [0.4, 0.22]}, gesture=1)) == ["document", "notice"]
     assert session.document.undo_label == "remove waypoint 3"
     frames = tab.edit({**MOVE, "to": [0.4, 0.22]}, gesture=2)
     assert kinds(frames) == ["document", "picture", "executed"]
@@ -115,6 +117,66 @@ def test_pages_know_when_another_job_or_drawing_is_shown(session, tab):
     later = SessionPage(session)
     assert kinds(later.frames).count("document") == 1
     assert later.last("document")["id"] == ids[-1]
+
+
+def test_a_page_that_joins_a_refused_job_has_its_path_and_the_refusal_of_its_plan(file):
+    session = session_of(file, RestingWorker)
+    session.begin()
+    tab = SessionPage(session)
+    tab.edit({**MOVE, "to": [2.0, 0.15]})
+    lane = RecordingTaskWorker.last
+    figures = {"id": lane.given[-1][0], "tier": 3, "sentence": "not reached", "at": {}}
+    lane.deliver(PageFrame("refusal", figures))
+    later = SessionPage(session)
+    document, refusal = later.last("document"), later.last("refusal")
+    assert refusal["tier"] == 1 and refusal["at"]["uv"] == pytest.approx([2.0, 0.15])
+    (picture,) = (x for x in later.frames if x.kind == "picture")
+    assert (picture.header["tier"], picture.header["rev"]) == ("outline", document["rev"])
+    drawn = picture.arrays["objective"] + picture.header["centre"]
+    corners = [[0.35, 0.1], [2.0, 0.15], [0.28, 0.3]]
+    np.testing.assert_allclose(drawn, corners, rtol=0, atol=1e-6)
+    # An open page keeps its motion, and gets the path with the refusal.
+    assert tab.last("picture")["tier"] == "preview"
+    (outline,) = (x for x in tab.frames if "outline" in x.header)
+    assert (outline.arrays["objective"] == picture.arrays["objective"]).all()
+    tab.say("undo")
+    after = SessionPage(session)
+    assert after.last("picture")["tier"] == "preview" and "refusal" not in kinds(after.frames)
+    session.close()
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("tolerance: 5 mm", "tolerance: -5 mm"),
+        ("speed: 0.15 m/s", "speed: 0 m/s"),
+        ("servo: {kp: 25 1/s, kv: 150 1/s}\n", ""),
+        ("fast: {}", "fast: {velocity: 1}"),
+        ("[410 mm, 150 mm]", "[2 m, 150 mm]"),
+    ],
+)
+def test_a_job_that_is_refused_from_the_start_is_drawn(tmp_path, old, new):
+    file = tmp_path / "job.yaml"
+    file.write_text(JOB.replace(old, new))
+    session = session_of(file)
+    early = SessionPage(session)
+    session.begin()
+    for page in (early, SessionPage(session)):
+        (picture,) = (x for x in page.frames if x.kind == "picture")
+        assert picture.header["tier"] == "outline" and len(picture.arrays["objective"]) == 3
+        assert page.last("refusal")["tier"] == 1
+    early.edit({"do": "text", "text": JOB})
+    assert early.last("picture")["tier"] == "preview"
+    session.close()
+
+
+def test_the_document_has_the_tolerances_that_its_file_has(tab):
+    assert tab.last("document")["path"]["tolerances"] == {}
+    # The corner cannot use it up.
+    tab.edit({"do": "corner_tolerance", "index": 1, "value": 0.4})
+    assert tab.last("document")["path"]["tolerances"] == {"1": 0.4}
+    (corner,) = tab.last("picture")["corners"]
+    assert corner["error"] < 0.1
 
 
 def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):

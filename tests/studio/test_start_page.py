@@ -1,8 +1,11 @@
 """The start page: jobs to begin with, arms by picture, files opened before, and drafts."""
 
+import os
 import re
 import shutil
+import sys
 from pathlib import Path
+from subprocess import PIPE, Popen
 
 import numpy as np
 import pytest
@@ -151,6 +154,56 @@ def test_a_new_job_does_not_lose_what_is_not_saved(opened):
     # The server is killed, and started again.
     _, again = opened()
     assert len(start(again)["recent"]) == 2
+
+
+OTHER_STUDIO = """
+import sys
+from armcontour.files.job_text_edits import Change
+from armcontour.studio.document import Document
+from armcontour.studio.drafts import running_studio
+
+with running_studio():
+    document = Document.open(sys.argv[1])
+    document.apply([Change(("limits", "speed"), "0.1 m/s")], "speed")
+    print("edited", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_draft_of_another_running_studio_is_left_alone(opened, tmp_path, home):
+    file = tmp_path / "job.yaml"
+    file.write_text(JOB)
+    arguments = [sys.executable, "-c", OTHER_STUDIO, str(file)]
+    with Popen(arguments, stdin=PIPE, stdout=PIPE, text=True) as other:
+        assert other.stdout.readline() == "edited\n"
+        session, tab = opened(file)
+        assert tab.last("document")["draft"] is None
+        assert all(x["where"] != "not saved" for x in start(tab)["recent"])
+        tab.say("discard_draft")
+        # Edits, undone edits and a saved file do not touch it.
+        tab.edit({"do": "set", "key": "limits.speed", "value": "0.12 m/s"})
+        assert len(list((home / "armcontour" / "studio" / "drafts").iterdir())) == 2
+        tab.say("undo")
+        before = file.stat()
+        tab.say("save")
+        os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+        assert Document.open(file).earlier is None
+    _, again = opened(file)
+    assert again.last("document")["draft"] == "job.yaml"
+    again.say("restore_draft")
+    assert "0.1 m/s" in again.last("document")["text"]
+
+
+def test_a_draft_without_a_file_is_offered_by_the_start_page_alone(opened, tmp_path):
+    (tmp_path / "job.yaml").write_text(JOB)
+    session, tab = opened()
+    tab.say("new", card="drawing", arm="ur5e")
+    session.document.apply(FASTER, "speed")
+    for file in (tmp_path / "job.yaml", None):
+        _, again = opened(file)
+        assert again.last("document")["draft"] is None
+        assert "not saved" in [x["where"] for x in start(again)["recent"]]
+        assert again.say("restore_draft")[-1].kind == "failed"
 
 
 def test_an_undecided_draft_stays_next_to_a_newer_one(opened, tmp_path):

@@ -27,7 +27,8 @@ def quiet(step):
 
 def ask(task, data, run, **options):
     text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
-    request = {"text": text, "folder": str(DRAWINGS), "run": run, "options": options}
+    folder = str(DRAWINGS)
+    request = {"text": text, "folder": folder, "run": run, "options": options, "allowed": [folder]}
     return do(task, request, quiet)
 
 
@@ -131,6 +132,16 @@ def test_a_collision_is_a_refusal_where_it_is(square):
     del square["servo"]
     frame = ask("figures", square, "optimal")
     assert frame.kind == "refusal" and "servo" in frame.header["sentence"]
+
+
+def test_a_limit_that_cannot_be_kept_is_a_refusal_on_its_contour():
+    limited = GASKET.replace("speed: 0.2 m/s", "speed: 0.2 m/s, joint_torque: 20 N m")
+    frame = ask("figures", limited, "cut")
+    assert frame.header["error"] == "NotRealizable"
+    contour = parse_job(limited, folder=DRAWINGS).program.contours[0]
+    at = frame.header["at"]
+    # Corners are rounded by 0.5 mm.
+    np.testing.assert_allclose(at["xyz"], contour.path(at["s"]), rtol=0, atol=1e-3)
 
 
 FORMATS = (

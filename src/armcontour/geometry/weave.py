@@ -82,7 +82,7 @@ class Weave(Checked):
 
     def _check_together(self) -> None:
         if (self.pitch is None) == (self.frequency is None):
-            raise InvalidInput("A weave needs either a pitch or a frequency, not both.")
+            raise InvalidInput("A weave needs exactly one of pitch and frequency.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

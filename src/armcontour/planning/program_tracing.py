@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -58,9 +58,17 @@ class TracedMove:
     joint_path: JointPath | None = None  # The joint path; None for dwells and events
     called: str = ""  # Name of the move in error messages; empty for a single path
 
-    def named(self) -> AbstractContextManager[None]:
-        """Context that prefixes error messages with the name of the move."""
-        return error_context(self.called) if self.called else nullcontext()
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Context that adds the name of the move, and the point on its path, to errors."""
+        path = None if self.joint_path is None else self.joint_path.tool_path
+        try:
+            with error_context(self.called) if self.called else nullcontext():
+                yield
+        except ArmContourError as error:
+            if error.point is None and error.s is not None and path is not None:
+                error.point = tuple(path(min(error.s, path.length)).tolist())
+            raise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

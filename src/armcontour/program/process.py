@@ -159,7 +159,7 @@ class Tabs(Checked):
 
     def _check_together(self) -> None:
         if (self.count is None) == (self.spacing is None):
-            raise InvalidInput("Tabs need either their count or their spacing, not both.")
+            raise InvalidInput("Tabs need exactly one of count and spacing.")
 
 
 @checks.explain_calls
@@ -309,14 +309,12 @@ class Process(Checked):
         """Raise InvalidInput for tabs or a pierce on which the switch has no effect."""
         if self.tabs is not None and self.switch is None:
             raise InvalidInput(
-                "Tabs need a switch, which is off on each tab. Specify switch, or remove tabs."
+                "Tabs need an output that is off on each tab. Specify switch.name, or remove tabs."
             )
         if self.pierce is None:
             return
         if self.switch is None:
-            raise InvalidInput(
-                "A pierce needs a switch, which is on during the pierce. Specify switch."
-            )
+            raise InvalidInput("A pierce needs an output. Specify switch.name, or remove pierce.")
         if self.lead_in is not None and not self.lead_in.active:
             raise InvalidInput(
                 "The tool pierces at the start of the lead-in, but the process is off along the "

@@ -88,7 +88,8 @@ class Gestures:
             entry, now = message.get("rev"), self._editor.rev
             gesture = Gesture(message.get("gesture"), now if entry is None else entry)
             self._active[page] = gesture
-        if gesture.rev != self._editor.rev and not gesture.is_over:
+        # The final message of a gesture is answered in any case, because the page waits for it.
+        if gesture.rev != self._editor.rev and (message.get("final") or not gesture.is_over):
             gesture.is_over = True
             self._display.show_document(page)
             sentence = "The job was changed elsewhere during this edit, so the edit was discarded."
@@ -205,12 +206,8 @@ class Commands:
 
     def _restore(self, page: Page, message: PageMessage) -> None:
         """Restore the draft of an earlier session."""
-        document = self._editor.document
         self._editor.restore()
-        if self._editor.document is document:
-            self._display.show_all()
-        else:
-            self._display.open()
+        self._display.show_all()
 
     def _discard(self, page: Page, message: PageMessage) -> None:
         """Delete the draft of an earlier session."""

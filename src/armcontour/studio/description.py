@@ -124,9 +124,7 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
     return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
 
 
-def document_frame(
-    document: Document, state: JobState, run: str, *, draft: str | None
-) -> PageFrame:
+def document_frame(document: Document, state: JobState, run: str) -> PageFrame:
     """Message frame `document`, which describes the whole document."""
     data, handles = state.data, state.handles
     header: dict[str, Any] = {
@@ -152,7 +150,8 @@ def document_frame(
         "placement": state.job is not None
         and bool(state.job.placement and state.job.placement.over),
         "text": document.text,
-        "draft": draft,
+        # Name of the document if it has a draft of an earlier session.
+        "draft": None if document.earlier is None else document.source,
         "start": document.key == START,
         "sentence": None if state.error is None else str(state.error),
         "line": None if state.error is None else line_of(document.text, str(state.error)),
@@ -192,11 +191,14 @@ def _path(
         return {"editable": False, "convertible": False, "why_not": why, "notes": []}
     notes = [] if state.job is None else list(state.job.program.notes)
     tolerance = locate_key(("corners", "tolerance"), data, run)
+    rounding = None if state.job is None else run_of(state.job, run).rounding
     coordinates = handles.waypoints[0].written if handles.waypoints else (None,)
     return {
         "axes": handles.axes,
         "unit": unit_of(coordinates[0], LENGTH),
         "tolerance_unit": unit_of(value_at(data, tolerance), LENGTH),
+        # Tolerances of single corners by the index of their waypoint [m].
+        "tolerances": {k - 1: x for k, x in (rounding and rounding.at or {}).items()},
         "kind": handles.kind,
         "file": handles.file,
         "editable": handles.editable,

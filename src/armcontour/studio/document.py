@@ -202,6 +202,10 @@ class Document:
             if self.earlier not in (None, self.text):
                 # An earlier draft that is neither restored nor discarded gets its own key.
                 Draft(self._earlier_key, *named, self.earlier or "", upload=True).write()
+            if Draft.is_foreign(self.key):
+                # Another running Studio edits the same file, and keeps its own draft.
+                self.key = f"{self.key}, {self.id}"
+                self._upload = True
             return Draft(self.key, *named, self.text, self._upload).write()
         # The earlier draft stays, so that the page offers it again.
         if self.earlier is not None:

@@ -7,17 +7,20 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_bytes
-from armcontour.core.staging import unwritable, write_atomically
+from armcontour.core.progress import registered
+from armcontour.core.staging import Staging, unwritable, write_atomically
 
 BOM = "\ufeff"
 # Draft key of the document that the Studio shows if it is started without a file.
 START = "start"
+# Identities of the Studios in this process, the newest last.
+_studios: list[str] = []
 
 
 def state_folder() -> FilePath:
@@ -35,6 +38,22 @@ def make_private(folder: FilePath) -> None:
         raise unwritable(folder, error) from None
 
 
+@contextmanager
+def running_studio() -> Iterator[None]:
+    """Context of a Studio that runs: other Studios neither offer nor delete its drafts."""
+    identity = os.urandom(8).hex()
+    with registered(_studios, identity), ExitStack() as ending:
+        with suppress(InvalidInput, OSError):
+            make_private(state_folder())
+            ending.enter_context(_lock(identity))
+        yield
+
+
+def _lock(studio: str) -> Staging:
+    """Lock of a Studio, which ends with its process; raises InvalidInput while it is held."""
+    return Staging(state_folder() / f"running-{studio}", state_folder(), growing=True)
+
+
 @dataclass(frozen=True, slots=True)
 class Draft:
     """An unsaved text and the document to which it belongs."""
@@ -49,10 +68,25 @@ class Draft:
     text: str
     # True if no command can open the document again, as for an uploaded job.
     upload: bool
+    # Identity of the Studio that wrote the draft.
+    studio: str = ""
+
+    @staticmethod
+    def is_foreign(key: str) -> bool:
+        """True if another Studio, which still runs, wrote the draft of a document."""
+        draft = _read_draft(draft_file(key))
+        studio = "" if draft is None else str(draft.studio)
+        # The identity becomes a file name. Windows has no locks that end with their process.
+        if studio.isalnum() and studio not in _studios and os.name != "nt":
+            try:
+                _lock(studio).remove()
+            except (InvalidInput, OSError) as error:
+                return isinstance(error, InvalidInput)
+        return False
 
     def write(self) -> bool:
         """Write the draft for recovery after a crash; False if the folder is not writable."""
-        content = json.dumps(asdict(self)).encode()
+        content = json.dumps({**asdict(self), "studio": next(reversed(_studios), "")}).encode()
         try:
             make_private(state_folder() / "drafts")
             write_atomically(draft_file(self.key), lambda fresh: fresh.write_bytes(content))
@@ -78,13 +112,14 @@ def find_draft(key: str, job: FilePath | None) -> Draft | None:
         draft = _read_draft(file)
     except (InvalidInput, OSError):
         return None
-    return None if draft is None or draft.text == saved else draft
+    return None if draft is None or Draft.is_foreign(key) or draft.text == saved else draft
 
 
 def drop_draft(key: str) -> None:
-    """Delete the draft of a document."""
+    """Delete the draft of a document, unless another running Studio wrote it."""
     with suppress(OSError):
-        draft_file(key).unlink()
+        if not Draft.is_foreign(key):
+            draft_file(key).unlink()
 
 
 def all_drafts() -> Iterator[Draft]:
@@ -98,10 +133,10 @@ def all_drafts() -> Iterator[Draft]:
 
 
 def _read_draft(file: FilePath) -> Draft | None:
-    """The draft in a file; None if the file is invalid."""
+    """The draft in a file; None if the file is missing or invalid."""
     try:
         return Draft(**json.loads(file.read_bytes()))
-    except (ValueError, TypeError):
+    except (OSError, ValueError, TypeError):
         return None
 
 

@@ -15,10 +15,10 @@ from armcontour.files.job_text_edits import Change, change_data, change_text
 from armcontour.jobs import Job
 from armcontour.studio.description import JobState, runs_of
 from armcontour.studio.document import Document
-from armcontour.studio.drafts import Draft, all_drafts, drop_draft
+from armcontour.studio.drafts import Draft
 from armcontour.studio.edits import changes_of
 from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
-from armcontour.studio.preview import CoarsePlanner
+from armcontour.studio.preview import CoarsePlanner, path_only
 from armcontour.studio.uploads import Uploads
 
 # Timing method of the run that is shown first.
@@ -76,7 +76,6 @@ class Editor:
         self.rev, self.run = 1, ""
         self.state = JobState({}, None, None)
         self._refresh()
-        self._other_draft = self._find_other_draft()
 
     @property
     def folder(self) -> FilePath:
@@ -96,7 +95,7 @@ class Editor:
         if state.job is None and not is_blank(document.data):
             self.previewer.folder = before
             raise state.error or InvalidInput("The document is not a valid job.")
-        self.document, self.run, self._other_draft = document, "", None
+        self.document, self.run = document, ""
         self._count_revision(state)
 
     @property
@@ -105,17 +104,8 @@ class Editor:
         handles = self.state.handles
         return f"{self.document.id} {'' if handles is None else handles.file}"
 
-    @property
-    def draft(self) -> str | None:
-        """Name of an unsaved document of an earlier session; None if there is none."""
-        if self.document.earlier is not None:
-            return self.document.source
-        return None if self._other_draft is None else self._other_draft.name
-
     def restore(self, draft: Draft | None = None) -> None:
-        """Restore a draft; default: draft of the document, else the newest draft of an upload."""
-        if draft is None and self.document.earlier is None:
-            draft = self._other_draft
+        """Restore a draft; default: draft of the document."""
         if draft is not None:
             folder = FilePath(draft.folder)
             self.open(Document.of_text(draft.opened, folder, draft.name, draft.key, upload=True))
@@ -126,9 +116,6 @@ class Editor:
 
     def discard(self) -> None:
         """Delete the draft of an earlier session."""
-        if self.document.earlier is None and self._other_draft is not None:
-            drop_draft(self._other_draft.key)
-            self._other_draft = None
         self.document.drop_earlier()
         self.document.write_draft()
 
@@ -221,12 +208,6 @@ class Editor:
             "logs": self.uploads.find_logs(options.get("logs") or []),
         }
 
-    def _find_other_draft(self) -> Draft | None:
-        """Newest draft of an upload in this folder; None if the document itself has a draft."""
-        if self.document.earlier is not None:
-            return None
-        return next((x for x in all_drafts() if x.upload and x.folder == str(self.folder)), None)
-
     def _count_revision(self, state: JobState | None = None) -> None:
         """Increase the revision number, and update the shown run and the job."""
         self.rev += 1
@@ -248,10 +229,13 @@ class Editor:
             job = self._make_job(data)
             return JobState(data, job, handles_of(job, data))
         except InvalidInput as error:
-            if is_blank(data):
-                with suppress(InvalidInput):
-                    handles = blank_handles(data, self._make_job)
-                    return JobState(data, None, handles, InvalidInput(NOTHING_DRAWN))
+            with suppress(InvalidInput):
+                if is_blank(data):
+                    blank = blank_handles(data, self._make_job)
+                    return JobState(data, None, blank, InvalidInput(NOTHING_DRAWN))
+                if self.state.handles is None:
+                    handles = handles_of(self._make_job(path_only(data)), data)
+                    return JobState(data, None, handles, error)
             # The page shows the last valid job in grey until the text is a valid job again.
             return JobState(data, None, self.state.handles, error)
 

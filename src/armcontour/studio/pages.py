@@ -126,6 +126,14 @@ class Pages:
         """Store a frame for pages that join later, and discard frames that it makes obsolete."""
         if frame.kind == "figures":
             self._figures_answers = answers
+        previous = self._current_frames.get(key, frame).header.get("tier")
+        if frame.kind == "refusal" and (previous, frame.header["tier"]) == (1, 3):
+            # The refusal of the plan stays, as on the open pages.
+            return
+        if frame.kind == "refusal" and "outline" in frame.header:
+            # A new page shows the refused path, because it has no earlier motion.
+            header = {**frame.header, **frame.header["outline"]}
+            self._remember("picture", PageFrame("picture", header, frame.arrays), answers)
         if frame.kind == "picture":
             old = ["executed", "refusal"]
             # An exact picture of the same edit can follow the figures, which then stay valid.
@@ -167,7 +175,7 @@ class Display:
         """Send the frame `document` to one page or to all."""
         editor = self.editor
         self._on_disk = editor.document.on_disk()
-        frame = document_frame(editor.document, editor.state, editor.run, draft=editor.draft)
+        frame = document_frame(editor.document, editor.state, editor.run)
         logs = list(editor.uploads.logs)
         self.send(frame.stamped(id=editor.id, logs=logs), to=to)
 

@@ -142,8 +142,13 @@ class CoarsePlanner:
         return self._reuse.get("job", (data, run), lambda: self._make_job(data, run))
 
     def path_program(self, data: Mapping[str, Any]) -> Program:
-        """The path of a job as a program; reads only the keys of arm and path."""
-        _, path = self._arm_and_path(self._model(data), data)
+        """The path of a job as a program; other keys than those of arm and path may be invalid."""
+        try:
+            model = self._model(data)
+        except InvalidInput:
+            data = path_only(data)
+            model = self._model(data)
+        _, path = self._arm_and_path(model, data)
         return self._reuse.get("program", path, lambda: Program.from_path(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
@@ -281,6 +286,12 @@ class CoarsePlanner:
         if searches:
             self.keep_start(job, plan.trajectory(0.0))
         return plan, ()
+
+
+def path_only(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Data of a job with the arm and the path of another one, whose other keys may be invalid."""
+    used = {key: data[key] for key in ("arm", "path") if key in data}
+    return {"name": "path", **used, "servo": {"kp": 1.0, "kv": 1.0}, "runs": {"path": {}}}
 
 
 def _model_of(data: Mapping[str, Any]) -> JobModel:

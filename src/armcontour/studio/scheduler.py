@@ -110,6 +110,8 @@ class DocumentState:
     moving: bool = False
     # Results of the document.
     results: ShownResults = field(default_factory=ShownResults, init=False)
+    # Picture without a plan, and its path.
+    outline: tuple[PageFrame, Program] | None = field(default=None, init=False)
     start_time: float = field(default_factory=time.monotonic, init=False)
     # True if the user has stopped the work on the state.
     stopped: bool = field(default=False, init=False)
@@ -298,7 +300,7 @@ class Scheduler:
         """Show an outline (if slow) or a moving plan (gesture), then preview and exact results."""
         try:
             if self._is_slow(state):
-                self._draw_outline(state)
+                self._send_picture(*self._outline(state), state)
                 self._wait(state, stale)
                 # The task process computes the figures at the same time as the preview.
                 self._request_figures(state)
@@ -370,10 +372,12 @@ class Scheduler:
             state.results.plan_times.get(tier, (0.0, 0.0))
         ) > SLOW_PLAN or self.previewer.is_long(state.data)
 
-    def _draw_outline(self, state: DocumentState) -> None:
-        """Send the path of a state as a picture without a plan."""
-        program = self.previewer.path_program(state.data)
-        self._send_picture(drawing_frame(program, state.view, run=state.run), program, state)
+    def _outline(self, state: DocumentState) -> tuple[PageFrame, Program]:
+        """Picture of the path of a state without a plan, and the path."""
+        if state.outline is None:
+            program = self.previewer.path_program(state.data)
+            state.outline = drawing_frame(program, state.view, run=state.run), program
+        return state.outline
 
     def _send_picture(
         self, frame: PageFrame, made: Preview | Program, state: DocumentState
@@ -395,12 +399,6 @@ class Scheduler:
     ) -> None:
         """Send an error of planning or execution with its position on the path."""
         results, state.answered = state.results, True
-        if planned is None and results.planned is None:
-            # The path is shown without a plan, so that the user can move it into reach.
-            with contextlib.suppress(ArmContourError):
-                program = self.previewer.path_program(state.data)
-                if results.drawn is None or results.drawn[0] is not program:
-                    self._draw_outline(state)
         header = refusal_header(
             error,
             state.view,
@@ -409,7 +407,15 @@ class Scheduler:
             planned=planned,
             waypoints=state.waypoints,
         )
-        self._deliver(PageFrame("refusal", header), state)
+        frame = PageFrame("refusal", header)
+        if planned is None:
+            # The path is shown without a plan, so that the user can move it into reach.
+            with contextlib.suppress(ArmContourError):
+                outline, program = self._outline(state)
+                frame = PageFrame("refusal", {**header, "outline": outline.header}, outline.arrays)
+                if results.planned is None and (results.drawn or [None])[0] is not program:
+                    self._send_picture(outline, program, state)
+        self._deliver(frame, state)
 
     # Exact figures and tasks
 

@@ -15,6 +15,7 @@ from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
 from armcontour.studio.commands import Commands
 from armcontour.studio.document import Document
+from armcontour.studio.drafts import running_studio
 from armcontour.studio.editor import Editor
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.pages import Display, Page, PageMessage
@@ -39,6 +40,7 @@ class Session:
         self._commands = Commands(self.display, self.confine)
         self._progress = progress
         self._ending = contextlib.ExitStack()
+        self._ending.enter_context(running_studio())
 
     @property
     def document(self) -> Document:

@@ -23,7 +23,7 @@ from armcontour.robot import SerialArm
 from armcontour.robot.chain import link_poses
 from armcontour.studio.arm_picture import triangles_of
 from armcontour.studio.document import Document
-from armcontour.studio.drafts import all_drafts, draft_file, make_private, state_folder
+from armcontour.studio.drafts import Draft, all_drafts, draft_file, make_private, state_folder
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.uploads import Uploads
 
@@ -135,7 +135,7 @@ def _recent_entries() -> dict[str, dict[str, Any]]:
     entries: dict[str, dict[str, Any]] = {
         draft_file(x.key).stem: {"name": x.name, "where": "not saved", "draft": x}
         for x in all_drafts()
-        if x.upload
+        if x.upload and not Draft.is_foreign(x.key)
     }
     for file_entry in _read_recent():
         file, cell = FilePath(file_entry["file"]), file_entry["cell"]

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.files.tables import refusals
 
+from armcontour.core.file_access import reading_below
 from armcontour.files.exports import SetPointTable, TemplateFormat, URScriptFormat
 from armcontour.files.exports.template import describe_program, templates
 from armcontour.motion import TimedEvent
@@ -247,6 +248,20 @@ def test_a_template_takes_others_only_from_its_folder(table, tmp_path, how):
     for name in ("inside.j2", "parts/head.j2"):
         text = made(table(), tmp_path, made_from(name))
         assert text == ("" if how == "import" else "HEAD")
+
+
+def test_where_files_are_confined_templates_are_those_of_the_package_and_of_the_folder(
+    table, tmp_path
+):
+    folder, outside = tmp_path / "jobs", tmp_path / "outside.j2"
+    folder.mkdir()
+    outside.write_text("SECRET")
+    (folder / "part.j2").write_text("HEAD")
+    inside = house(folder, "{% include 'part.j2' %}")
+    free = [made(table(6), tmp_path, x) for x in (*templates(), inside)]
+    with reading_below([folder]):
+        assert [made(table(6), tmp_path, x) for x in (*templates(), inside)] == free
+        refusals(lambda x: made(table(6), tmp_path, x), [(outside, "is not in")])
 
 
 SERVOJ = re.compile(r"servoj\(\[([^\]]*)\], 0, 0, ([\d.]+), lookahead, gain\)")

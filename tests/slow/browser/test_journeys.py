@@ -297,9 +297,10 @@ def test_j13_a_page_outlives_its_server_and_a_draft_both(pages, tmp_path):
         expect(studio.find(".exactness")).to_have_text("not connected")
         expect(studio.find("#messages")).to_contain_text("nothing can be changed")
         expect(studio.find("main")).to_have_attribute("inert", "")
-    with serving("--port", str(server.port), file, folder=tmp_path) as again:
-        # The old page has the key of the old server.
+        # A server that has ended does not come back at this address.
         studio.wait("body", link="refused")
+        expect(studio.find("#messages")).to_contain_text("has ended")
+    with serving("--port", str(server.port), file, folder=tmp_path) as again:
         fresh = pages(again)
         fresh.wait("body", link="open")
         press(fresh, "#question", "Take them up")
@@ -358,12 +359,21 @@ def test_j14_what_is_not_saved_outlives_its_server(browser, tmp_path, arguments,
         studio.is_cut_off = True
         studio.server.process.kill()
         studio.server.process.wait()
+    # The draft of a file is offered with it, others by the start page.
+    is_of_file = "plate.dxf" in arguments
     # A session that decides nothing leaves the offer.
     with opened() as studio:
-        press(studio, "#question", "Decide later")
+        if is_of_file:
+            press(studio, "#question", "Decide later")
+        assert bool(studio.told("body", "draft")) == is_of_file
     with opened() as studio:
+        if arguments and not is_of_file:
+            studio.find("#new").click()
         with studio.renewing():
-            press(studio, "#question", "Take them up")
+            if is_of_file:
+                press(studio, "#question", "Take them up")
+            else:
+                studio.find("#start .drafts button").click()
         assert studio.text == changed
         studio.rest()
         studio.page.reload()
@@ -373,6 +383,10 @@ def test_j14_what_is_not_saved_outlives_its_server(browser, tmp_path, arguments,
             studio.find("#undo").click()
     with opened() as studio:
         assert not studio.told("body", "draft")
+        if arguments:
+            studio.find("#new").click()
+        studio.wait_for("#start[open]")
+        expect(studio.find("#start .drafts button")).to_have_count(0)
 
 
 def test_j15_a_monkey_breaks_nothing_and_all_it_did_is_undone(studio):

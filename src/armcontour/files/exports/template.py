@@ -185,14 +185,15 @@ def write_template(
 def _read_template(template: str | FilePath) -> tuple[str, str, FilePath]:
     """File name, text and folder of a template, from its name or path."""
     if isinstance(template, str) and template in BUILT_IN:
+        # Templates of the package may be read where only some folders of the user may be.
         file = FilePath(__file__).parent / "templates" / BUILT_IN[template]
-    else:
-        file = FilePath(template)
-        if isinstance(template, str) and file.suffix == "" and not os.path.exists(file):
-            raise InvalidInput(
-                f"There is no template {template!r}. Specify one of {', '.join(BUILT_IN)}, or a "
-                f"file such as house{ENDING}."
-            )
+        return file.name, file.read_text(encoding="utf-8"), file.parent
+    file = FilePath(template)
+    if isinstance(template, str) and file.suffix == "" and not os.path.exists(file):
+        raise InvalidInput(
+            f"There is no template {template!r}. Specify one of {', '.join(BUILT_IN)}, or a "
+            f"file such as house{ENDING}."
+        )
     return file.name, read_text(file, "template"), file.parent
 
 

@@ -44,9 +44,10 @@ BODY_KINDS = {
 
 
 def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that move the part by `by` and rotate it about the point `about` in the picture."""
+    """Changes that move the part by `by` and rotate it about `about`, by default its centre."""
     plane, frame = state.handles.plane, state.handles.frame
-    by, about = uv_of("by", edit.get("by", [0, 0])), uv_of("about", edit.get("about", [0, 0]))
+    by = uv_of("by", edit.get("by", [0, 0]))
+    about = uv_of("about", edit.get("about", state.handles.centre))
     turn = checks.check_number("turn", edit.get("turn", 0.0), "rad")
     turned = exp(turn * plane.normal)
     pivot = plane.lift(about)

@@ -33,10 +33,22 @@ export class Painter {
       underlay.paint(context, view, this.store.theme);
       context.restore();
     }
-    context.globalAlpha = this.store.refusal?.head.tier === 1 ? 0.28 : 1;
+    const { refusal } = this.store;
+    // The last good motion is grey.
+    context.globalAlpha = refusal?.head.tier === 1 && picture.arrays.path.length ? 0.28 : 1;
     this.inMetres(context, view, () => this.lines(context, view, this.layers.fine(picture)));
     this.names(context, view, picture);
     context.globalAlpha = 1;
+    if (refusal?.head.outline) this.inMetres(context, view, () => this.refused(context, view, refusal, picture));
+  }
+
+  /** The refused path, with its contour at the place of the refusal in red. @param {Context} context @param {Viewport} view @param {Frame} refusal @param {Frame} picture */
+  refused(context, view, refusal, picture) {
+    const [u, v] = refusal.head.outline.centre;
+    const { path, contour } = this.layers.refused(refusal);
+    context.translate(u - picture.head.centre[0], v - picture.head.centre[1]);
+    stroke(context, path, themed("--ink"), 1 / view.scale);
+    stroke(context, contour, themed("--refusal"), 2.5 / view.scale);
   }
 
   /** @param {Context} context @param {Viewport} view @param {() => void} draw */

@@ -12,14 +12,20 @@ import { unpack } from "./page_frame.js";
  */
 /** @typedef {Record<string, any> & {op: string}} Message */
 
+/** Messages that the server answers with the changed document. @param {Message} message */
+const isChange = ({ op, final }) => Boolean(final) || op === "undo" || op === "redo" || op === "select";
+
 const KEPT_AS = "armcontour-token";
 const FIRST_WAIT = 250; // ms
 const LONGEST_WAIT = 4000;
+// A server that does not answer for this long has ended; a new one has another address.
+const GIVE_UP_AFTER = 15_000;
 // Edits without an answer at once; the screen may be faster than the server.
 const MAX_IN_FLIGHT = 3;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
 const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
+const ENDED = "The Studio has ended. Start it again, and open the address that it prints; it may be pasted into this tab.";
 
 /** True if the address has a token: other hashes are places in the page. */
 const hasToken = () => /^#[0-9a-f]{32}$/.test(location.hash);
@@ -45,12 +51,18 @@ export class Link {
     this.seq = 0;
     this.gestures = 0;
     this.wait = FIRST_WAIT;
+    /** When the connection was lost; 0 while it is open. */
+    this.lost = 0;
     this.retry = 0;
     /** @type {number[]} edits that have no answer yet, by seq */
     this.inFlight = [];
     this.late = 0;
     /** @type {Message[]} edits that wait; of each gesture only the last */
     this.pending = [];
+    /** Number of the newest change whose document has not arrived; 0 if the page has the newest document. */
+    this.change = 0;
+    /** @type {(() => void)[]} what waits for that document */
+    this.afterChange = [];
     /** @type {Map<number, number>} when messages were caused, by seq */
     this.causes = new Map();
   }
@@ -74,6 +86,7 @@ export class Link {
     this.token = takeToken();
     this.socket?.close();
     this.wait = FIRST_WAIT;
+    this.lost = 0;
     this.tell("lost", "Connecting with the new address");
     this.open();
   }
@@ -122,6 +135,12 @@ export class Link {
     return fetch(path, { ...init, headers });
   }
 
+  /** Call a function as soon as the page has the document with all changes that were sent. @param {() => void} then */
+  whenKnown(then) {
+    if (this.change) this.afterChange.push(then);
+    else then();
+  }
+
   flush() {
     for (const message of this.pending.splice(0)) {
       const { at, ...rest } = message;
@@ -134,6 +153,7 @@ export class Link {
   post(message, at = performance.now()) {
     if (this.socket?.readyState !== WebSocket.OPEN) return -1;
     const seq = ++this.seq;
+    if (isChange(message)) this.change = seq;
     this.causes.set(seq, at);
     if (this.causes.size > 200) this.causes.delete(/** @type {number} */ (this.causes.keys().next().value));
     this.socket.send(JSON.stringify({ ...message, seq }));
@@ -163,6 +183,7 @@ export class Link {
     frame.asked = frame.seq === null ? 0 : (this.causes.get(frame.seq) ?? 0);
     if (this.state.state !== "open") {
       this.wait = FIRST_WAIT;
+      this.lost = 0;
       this.store.restart();
       this.tell("open", "Connected");
     }
@@ -172,6 +193,11 @@ export class Link {
 
   /** @param {import("./state.js").Frame} frame */
   answered(frame) {
+    const isAnswer = frame.kind === "document" || (frame.kind === "failed" && frame.head.op);
+    if (isAnswer && (frame.seq ?? -1) >= this.change) {
+      this.change = 0;
+      for (const then of this.afterChange.splice(0)) this.whenKnown(then);
+    }
     if (frame.seq === null || !(this.inFlight[0] <= frame.seq)) return;
     // The server executes the plan while the next edit is on its way.
     if (["picture", "refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land(frame.seq);
@@ -182,9 +208,13 @@ export class Link {
     this.socket = null;
     const lost = this.pending.length > 0 || this.inFlight.length > 0;
     this.pending = [];
+    this.afterChange = [];
+    this.change = 0;
     this.land();
     if (event.code === 1008 || event.code >= 4000) return this.tell("refused", `${event.reason} ${REFUSED}`.trim());
     const change = lost ? " The last change may be lost." : "";
+    this.lost ||= performance.now();
+    if (performance.now() > this.lost + GIVE_UP_AFTER) return this.tell("refused", ENDED);
     this.tell("lost", `The server does not answer; the page tries again.${change}`);
     this.retry = setTimeout(() => this.open(), this.wait);
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT);

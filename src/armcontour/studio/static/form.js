@@ -261,7 +261,8 @@ function Range({ slider, at, written, place }) {
     if (place.current?.matches(":hover")) ghost.wish(slider, place.current);
   };
   const position = typeof slider.value === "number" ? positionOf(slider, slider.value) : STEPS;
-  return html`<input type="range" min="0" max=${STEPS} value=${gesture.current ? undefined : position} data-unset=${String(typeof slider.value !== "number")} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
+  // A document that lacks the newest change does not move the slider back, from where the next key would start.
+  return html`<input type="range" min="0" max=${STEPS} value=${gesture.current || link.change ? undefined : position} data-unset=${String(typeof slider.value !== "number")} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
     onInput=${slide} onChange=${end} onPointerDown=${() => ghost.hold(true)} onPointerUp=${free} onPointerCancel=${free} onLostPointerCapture=${free} />`;
 }
 

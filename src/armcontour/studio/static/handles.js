@@ -134,8 +134,16 @@ class Handles {
     if (!insert && event.key !== "Delete" && event.key !== "Backspace") return;
     event.preventDefault();
     event.stopPropagation();
-    const { waypoints } = this.store.document;
-    if (!insert) return waypoints[index].removable && this.link.edit([{ do: "remove_waypoint", index }]);
+    this.link.whenKnown(() => (insert ? this.insertAfter(index) : this.remove(index)));
+  }
+
+  /** @param {number} index */
+  remove(index) {
+    if (this.store.document.waypoints[index]?.removable) this.link.edit([{ do: "remove_waypoint", index }]);
+  }
+
+  /** @param {number} index */
+  insertAfter(index) {
     const [from, to] = [this.waypointAt(index), this.waypointAt(index + 1) ?? this.waypointAt(index - 1)];
     const before = this.waypointAt(index + 1) ? index + 1 : index;
     if (from && to && insertable(this.store.document, before)) {
@@ -173,14 +181,25 @@ class Handles {
     const element = this.shape("corner", index, [draw("path", { class: "stem" }), draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
     const corner = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
     const isOfAll = () => corner().waypoint === null || this.store.options.corners === "all";
-    return this.movable({
+    /** The tolerance of the file, which the corner need not use up. */
+    const tolerance = () => {
+      const { path, values } = this.store.document;
+      return path.tolerances[corner().waypoint] ?? values["corners.tolerance"]?.value ?? corner().error;
+    };
+    /** The error that is drawn, which the pointer grabs. */
+    const drawn = () => this.pointer.held(handle)?.[0] ?? corner().error;
+    const handle = this.movable({
       element,
       corner,
       answer: "picture",
       least: LEAST_TOLERANCE,
       at: () => corner()?.apex ?? null,
       shown: ([value]) => apexAt(corner(), value),
-      start: () => ({ names: [isOfAll() ? "tolerance of all corners" : "tolerance"], unit: this.store.document.path.tolerance_unit, values: [corner().error] }),
+      start: (event) => ({
+        names: [isOfAll() ? "tolerance of all corners" : "tolerance"],
+        unit: this.store.document.path.tolerance_unit,
+        values: [event instanceof KeyboardEvent ? tolerance() : drawn()],
+      }),
       moved: (by, [value], event) => [value + along(corner(), by, event instanceof KeyboardEvent)],
       edits: ([value]) => toleranceEdits(corner(), value, isOfAll()),
       describe: () => {
@@ -189,6 +208,7 @@ class Handles {
         mark(element, "aria-valuetext", wordsOf(corner()));
       },
     });
+    return handle;
   }
 
   /** @param {string} kind @param {number} index @param {SVGElement[]} parts @returns {SVGGElement} */
@@ -206,7 +226,7 @@ class Handles {
     /** @type {Handle} */
     const handle = {
       start: () => {
-        const [{ axes, unit }, place] = [store.document.path, at()];
+        const [{ axes, unit }, place] = [store.document.path, handle.at()];
         return { names: axes.names, unit, values: place && pointer.local(place) };
       },
       moved: (by, start) => pointer.turned(by).map((x, k) => start[k] + x),

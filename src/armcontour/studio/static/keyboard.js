@@ -6,6 +6,8 @@ import { find, make } from "./dom.js";
 /** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
 
+/** Keys that concern the job: with Ctrl, and those that show another run. */
+const COMMAND = /^(ctrl\+.*|\[|\])$/;
 const TABS = ["charts", "runs", "waypoints", "corners", "tasks", "text", "notes"];
 /** Content of the help. @type {[string, [string, string][]][]} */
 const HELP = [
@@ -121,7 +123,13 @@ export function init(store, link, view) {
     // Letters and signs of sliders and buttons are free, their arrows are not.
     if (event.target instanceof HTMLInputElement && event.key.startsWith("Arrow")) return;
     event.preventDefault();
-    if (store.document || name === "?") act[name]();
+    if (!store.document && name !== "?") return;
+    if (!COMMAND.test(name)) return act[name]();
+    // It concerns the job with the keys before it.
+    link.whenKnown(() => {
+      store.tell("command");
+      link.whenKnown(act[name]);
+    });
   });
 }
 

@@ -1,6 +1,6 @@
 // Cached drawing layers of the newest frames, until the frame, the theme or an option changes.
 
-import { labelsOf, largest, magnified, polyline, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
+import { labelsOf, largest, magnified, nearestLine, polyline, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -69,6 +69,16 @@ export class Layers {
   lines(picture, name) {
     const { [name]: points = new Float32Array(0), [`${name}_breaks`]: breaks } = picture.arrays;
     return this.keep(name, [points], () => polyline(points, breaks));
+  }
+
+  /** The path of a refusal, and its contour at the place of the refusal. @param {Frame} refusal @returns {{path: Path2D, contour: Path2D}} */
+  refused(refusal) {
+    return this.keep("refused", [refusal], () => {
+      const { objective: points, objective_breaks: breaks } = refusal.arrays;
+      const { at, outline } = refusal.head;
+      const place = at.uv?.map((/** @type {number} */ x, /** @type {number} */ k) => x - outline.centre[k]);
+      return { path: polyline(points, breaks), contour: place ? polyline(nearestLine(points, breaks, place)) : new Path2D() };
+    });
   }
 
   /** Parts of the tool path that are cut, by kerf. @param {Frame} picture @returns {{kerf: number, path: Path2D}[]} */

@@ -3,6 +3,7 @@
 
 import { draw, make, mark, say } from "./dom.js";
 import { mm, seconds } from "./format.js";
+import { squaredDistance } from "./polylines.js";
 import { along, indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -150,14 +151,6 @@ const slowest = (picture) => (picture?.head.shortfalls ?? []).filter((/** @type 
 
 /** Places that are slower than they were to be, as many as are marked. @param {Frame | null} picture */
 export const slowPlaces = (picture) => slowest(picture).slice(0, MAX_MARKS);
-
-/** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
-function squaredDistance(u, v, points, k) {
-  const [du, dv] = [points[k + 2] - points[k], points[k + 3] - points[k + 1]];
-  const square = du * du + dv * dv;
-  const share = square > 0 ? Math.min(1, Math.max(0, ((u - points[k]) * du + (v - points[k + 1]) * dv) / square)) : 0;
-  return (u - points[k] - share * du) ** 2 + (v - points[k + 1] - share * dv) ** 2;
-}
 
 /** @param {SVGElement} element @param {[number, number]} place px */
 function move(element, [x, y]) {

@@ -32,7 +32,8 @@ class PlaceHandle {
       this.about = pointer.centre;
       return { names, unit, values: names.map(() => 0) };
     };
-    const edit = (/** @type {Point} */ by, /** @type {number} */ turn) => [{ do: "place", by, turn, about: this.about }];
+    // The server turns the part about its centre in the file, which may be newer than the picture.
+    const edit = (/** @type {Point} */ by, /** @type {number} */ turn) => [{ do: "place", by, turn }];
     /** @type {import("./pointer.js").Movable} */
     this.moving = {
       answer: "picture",

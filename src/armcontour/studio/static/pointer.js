@@ -30,6 +30,7 @@ const SAME = 1e-9; // m
 const ASIDE = 18; // px
 // Arrow keys that follow each other within this time are one gesture.
 const KEYS_WITHIN = 600; // ms
+const TYPED = /^[-\d.,;x ]$/;
 /** @type {Record<string, Point>} */
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
@@ -50,6 +51,7 @@ export class Pointer {
     this.changed = new Map();
     this.follow = oncePerFrame(() => view.place());
     for (const event of ["document", "picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => this.answered(event, frame));
+    store.on("command", () => this.end());
     // Discarded changes are not shown.
     store.on("link", (/** @type {any} */ link) => link.state !== "open" && this.changed.size && (this.changed.clear(), this.follow()));
   }
@@ -127,6 +129,13 @@ export class Pointer {
       const { left, top, width } = element.getBoundingClientRect();
       const place = this.view.within(new MouseEvent("", { clientX: left + width / 2, clientY: top }));
       if (event.ctrlKey || event.metaKey || element.classList.contains("dragging")) return;
+      const isOurs = arrow || event.key === "Enter" || TYPED.test(event.key);
+      if (isOurs && !isHeld()) this.end();
+      if (isOurs && !isHeld() && this.link.change) {
+        event.preventDefault();
+        event.stopPropagation();
+        return this.link.whenKnown(() => element.isConnected && element.dispatchEvent(new KeyboardEvent("keydown", event)));
+      }
       if (!isHeld() && (arrow || /^[\d.]$/.test(event.key))) {
         if (!this.begin(what, place, event)) return;
         from = [0, 0];
@@ -189,7 +198,7 @@ export class Pointer {
   /** A key of a number, or several. @param {KeyboardEvent} event @returns {boolean} true if it was */
   type(event) {
     const { going } = this;
-    const isKey = /^[-\d.,;x ]$/.test(event.key) && (going?.typed || /[-\d.]/.test(event.key));
+    const isKey = TYPED.test(event.key) && (going?.typed || /[-\d.]/.test(event.key));
     if (!going || !(isKey || (event.key === "Backspace" && going.typed))) return false;
     event.preventDefault();
     event.stopPropagation();

@@ -26,6 +26,28 @@ export function polyline(points, breaks = []) {
   return buckets(points, () => 0, new Set([0, ...breaks])).get(0) ?? new Path2D();
 }
 
+/** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
+export function squaredDistance(u, v, points, k) {
+  const [du, dv] = [points[k + 2] - points[k], points[k + 3] - points[k + 1]];
+  const square = du * du + dv * dv;
+  const share = square > 0 ? Math.min(1, Math.max(0, ((u - points[k]) * du + (v - points[k + 1]) * dv) / square)) : 0;
+  return (u - points[k] - share * du) ** 2 + (v - points[k + 1] - share * dv) ** 2;
+}
+
+/**
+ * The line that is nearest to a point.
+ * @param {Numbers} points pairs @param {Numbers} breaks indices of first points, and the number of points @param {number[]} at @returns {Numbers} pairs
+ */
+export function nearestLine(points, breaks, [u, v]) {
+  let [best, least] = [points.subarray(0, 0), Infinity];
+  for (let line = 0; line + 1 < breaks.length; line++)
+    for (let i = breaks[line]; i + 1 < breaks[line + 1]; i++) {
+      const distance = squaredDistance(u, v, points, 2 * i);
+      if (distance < least) [best, least] = [points.subarray(2 * breaks[line], 2 * breaks[line + 1]), distance];
+    }
+  return best;
+}
+
 /**
  * One way per bucket of the pieces between successive points.
  * @param {Numbers} points pairs @param {(i: number) => number} bucketOf of the piece from point i to i + 1; below 0: not drawn

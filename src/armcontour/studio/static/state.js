@@ -16,6 +16,7 @@
 //   finer                   the drawing needs finer lines: listener({box, px}), metres
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
 //   reset                   another job or drawing is opened; those of a run are told null
+//   command                 a key such as Ctrl+Z or Ctrl+S follows: gestures end
 //   open                    a file is to be opened: listener({file, log})
 //   log                     a log of the robot is kept: listener(its name)
 //   measured                the measured motion of a log: listener(frame)

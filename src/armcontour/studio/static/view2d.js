@@ -66,6 +66,7 @@ export class View2d {
       this.fitOnce();
       this.follow();
     });
+    store.on("refusal", () => this.follow());
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
     for (const event of ["detail", "refusal", "theme", "view", "underlay", "measured"]) store.on(event, () => this.rest());
     new ResizeObserver(() => this.resize()).observe(this.region);
@@ -107,12 +108,17 @@ export class View2d {
     if (wasSeen && !this.isSeen) this.fit();
   }
 
-  /** The smallest box around the part [m]. */
+  /** The smallest box around the part [m], also if it is refused. */
   get box() {
     const picture = this.store.latest("picture");
     if (!picture) return null;
-    const { objective, path } = picture.arrays;
-    return this.layers.keep("box", [picture], () => boxOf(objective) ?? boxOf(path));
+    const { refusal } = this.store;
+    const { head, arrays } = refusal?.head.outline ? { ...refusal, head: refusal.head.outline } : picture;
+    return this.layers.keep("box", [picture, arrays], () => {
+      const [u, v] = [0, 1].map((k) => head.centre[k] - picture.head.centre[k]);
+      const box = boxOf(arrays.objective) ?? boxOf(picture.arrays.path);
+      return box && { left: box.left + u, right: box.right + u, bottom: box.bottom + v, top: box.top + v };
+    });
   }
 
   /** @returns {boolean} */
