@@ -77,7 +77,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     _check_moving_joints(tree, moving)
     description = Description(tree, route, moving, positions, start)
     chain = description.chain()
-    limits, lacking = _limits(
+    limits, lacking, assumed = _limits(
         tree, moving, options.limits_file, has_bodies=chain.masses is not None
     )
     missing = missing_meshes(tree, options.packages)
@@ -89,6 +89,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         source=file,
         limits_hint=_hint(limits, has_bodies=chain.masses is not None),
         notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
+        assumed_limits=assumed,
     )
     if all(x.find("collision") is None for x in tree.links.values()):
         return arm
@@ -168,8 +169,8 @@ def _lock_advice(joint: Joint) -> str:
 
 def _limits(
     tree: Tree, moving: list[Joint], file: FilePath | None, *, has_bodies: bool
-) -> tuple[Limits, str]:
-    """Limits of the moving joints, and a note on limits that are missing or assumed.
+) -> tuple[Limits, str, Limits | None]:
+    """Limits of the moving joints, a note on missing limits, and those that are assumed.
 
     `file` is a `joint_limits.yaml`; torque limits are used only if `has_bodies`.
     """
@@ -195,7 +196,11 @@ def _limits(
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
     note = "; ".join(x for x in (soft, _missing_limits_note(lacking, moving)) if x)
-    return assume_accelerations(limits_of(table, names, tree.file), note)
+    described_limits = limits_of(table, names, tree.file)
+    limits, note = assume_accelerations(described_limits, note)
+    if limits is described_limits:
+        return limits, note, None
+    return limits, note, Limits(joint_acceleration=limits.joint_acceleration)
 
 
 def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
