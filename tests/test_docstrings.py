@@ -200,7 +200,8 @@ def test_a_stated_default_is_the_one_in_use(file, pattern, used):
 
 def test_defaults_of_compensation_are_those_of_its_page():
     page = (ROOT / "docs/guides/compensations.md").read_text(encoding="utf-8")
-    (default,) = re.findall(r"\| `(\w+)`, \*\*the default", page)
+    default, of_bodies = re.findall(r"\| `(\w+)`, \*\*the default", page)
+    assert of_bodies == ac.InverseDynamics.method
     arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0)
     plan = ac.plan(ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)]), arm)
     for arm_argument in (arm, None):

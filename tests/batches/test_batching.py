@@ -158,6 +158,11 @@ def test_columns_are_rows_of_results_with_their_units(jobs):
         rows = dict(result.to_data().walk())
         if work == "certify":
             rows = dict(result.result.to_data().walk()) | rows
+        # The figures are those of the worse execution.
+        run = result.result if work == "certify" else result
+        if work in ("run", "certify") and run.judged is not run.evaluation:
+            bodies = run.experiment.evaluation.to_data()
+            rows |= {x.name: x for x in bodies.rows if x.value is not None}
         columns = [name for name, x in COLUMNS.items() if x.is_computed_by(work)]
         figures = dict(zip(columns, figures_of(result, columns, work), strict=True))
         for name in columns:

@@ -176,6 +176,17 @@ def test_samples_that_allow_no_verdict_end_with_7(tmp_path, check):
         assert use["highest"]["ratio"] == pytest.approx(ratio)
 
 
+def test_a_specified_limit_that_was_not_checked_ends_with_7(tmp_path, check):
+    t = np.arange(11) / 10
+    titles = "t [s]," + ",".join(f"q{j} [rad]" for j in range(1, 7))
+    write(tmp_path / "log.csv", titles, t, np.outer(t, np.full(6, 0.01)))
+    (tmp_path / "limits.yaml").write_text("joint_torque: [150, 150, 150, 28, 28, 28]\n")
+    assert check(tmp_path, "log.csv", "--arm", "ur5e").code == 0
+    outcome = check(tmp_path, "log.csv", "--arm", "ur5e", "--limits", "limits.yaml")
+    assert outcome.code == 7
+    assert "cannot tell" in outcome.out and "not judged: joint_torque" in outcome.out
+
+
 def test_an_arm_from_a_description_with_its_limits(tmp_path, check):
     data = FilePath(__file__).parents[1] / "files" / "robots" / "data"
     t = np.linspace(0, 1, 51)

@@ -171,7 +171,7 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
         ("a.csv --call", ["supports --call"]),
         ("a.npz --decimals 7", ["supports --decimals"]),
         ("a.csv --output spindle=1", ["--output requires"]),
-        ("a.script --output spindle=9", ["--export urscript", "spindle", "0 to 7"]),
+        ("a.script --output spindle=9", ["Error: a.script: The output of spindle", "0 to 7"]),
         ("part.ngc --format csv", ["part.ngc already exists", "--force"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("export", "out")) == []

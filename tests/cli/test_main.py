@@ -46,13 +46,15 @@ ROBOT = {
 
 
 @pytest.fixture
-def run(tmp_path, done, monkeypatch):
+def run(tmp_path, command, monkeypatch):
     """Run a job in a folder: the output, and the summary."""
     monkeypatch.chdir(tmp_path)
 
-    def call(job, *options):
+    def call(job, *options, code=0):
         FilePath("job.yaml").write_text(yaml.safe_dump(job))
-        return done("run", "job.yaml", "--out", "out", *options), summary(tmp_path / "out")
+        ended = command("run", "job.yaml", "--out", "out", *options)
+        assert ended.code == code, ended
+        return ended.out, summary(tmp_path / "out")
 
     return call
 
@@ -149,13 +151,39 @@ def test_an_experiment_has_its_columns_and_files(tmp_path, run):
     assert {"one/set_points.csv", "one/planned.csv", "one/torque.csv"} <= set(result["files"])
     header = (tmp_path / "out" / "one" / "torque.csv").read_text().splitlines()[0]
     assert header == "t [s],torque 1 [N m],torque 2 [N m]"
-    # A failed experiment leaves the other results.
-    shown, result = run(ROBOT, "--force")
+    # A failed experiment leaves the other results, but the run is not kept.
+    shown, result = run(ROBOT, "--force", code=1)
+    assert result["runs"]["one"]["kept"] is False
     assert "experiment: Joint 2 is unstable" in shown
     one = result["runs"]["one"]
     assert one["experiment"]["failed"].startswith("experiment: Joint 2 is unstable")
     assert one["contour_error"]["rms"] > 0
     assert (tmp_path / "out" / "one" / "set_points.csv").is_file()
+
+
+def test_the_exit_code_is_1_if_no_run_is_kept(tmp_path, run):
+    job = {**JOB, "corners": {"tolerance": 3e-4}, "experiment": {}}
+    late = {"compensation": {"method": "inverse"}}
+    shown, result = run({**job, "runs": {"one": late}}, code=1)
+    assert result["runs"]["one"]["kept"] is False and "NOT KEPT" in shown
+    shown, result = run({**job, "runs": {"one": late, "two": {}}}, "--force")
+    assert result["runs"]["two"]["kept"] is True and result["runs"]["one"]["kept"] is False
+    assert "rigid bodies" in shown and "servo" in shown
+
+
+def test_an_option_with_one_value_is_specified_once(tmp_path, refused):
+    rows = [
+        (
+            "learn job.yaml --set-points out --log a.csv --log b.csv",
+            ["--log has one value, but is specified 2 times"],
+        ),
+        (
+            "check a.csv --limits a.yaml --arm ur5e --limits b.yaml",
+            ["--limits has one value, but is specified 2 times"],
+        ),
+        ("run job.yaml -o a --out b", ["--out has one value, but is specified 2 times"]),
+    ]
+    assert refused(tmp_path, rows, codes=(2,)) == []
 
 
 def test_lists_arms_version_and_schema(done):

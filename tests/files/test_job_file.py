@@ -63,7 +63,11 @@ plant: {dead_time: 44 ms} => {plant_servo.kp: [25, 25], plant_servo.kv: [150, 15
 plant: {dead_time: 44 ms} => {plant_servo.dead_time: [0.044, 0.044], servo.dead_time: [0, 0]}
 plant: {order: first} => {plant_servo.order: first, plant_servo.kv: null}
 plant: {} => {plant_servo.order: second}
-experiment: {} => {runs.one.compensation.method: inverse}
+experiment: {} => {runs.one.compensation.method: inverse_dynamics}
+experiment: {runs: []} => {runs.one.compensation.method: inverse}
+experiment: {} | runs.one.compensation: {} => {runs.one.compensation.method: inverse_dynamics}
+experiment: {} | runs.one.compensation: {method: none} => {runs.one.compensation.method: none}
+experiment: {} | servo: {kp: 25 1/s, order: first} => {runs.one.compensation.method: inverse}
 corners: {speed: 0.03 m/s, acceleration: 0.05} => {runs.one.limits.centripetal_acceleration: 0.09}
 limits: {} | corners: {speed: 1, acceleration: 1} => {runs.0.limits.centripetal_acceleration: 1}
 """

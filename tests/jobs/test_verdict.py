@@ -12,6 +12,7 @@ from armcontour.core import render
 from armcontour.core.render import plain
 from armcontour.files import parse_job
 from armcontour.files.cell import read_cell
+from armcontour.jobs.advice import with_advice
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 JOB = {
@@ -120,3 +121,60 @@ def test_rounding_and_servo_of_different_contours_are_not_added():
     errors = [x.max for x in run.evaluation.contours]
     sums = [x + y for x, y in zip(roundings, errors, strict=True)]
     assert plain(run.to_data())["off_drawing"] == max(sums) < max(roundings) + max(errors)
+
+
+METHODS = ("inverse", "inverse_dynamics", "pole_placement", "none", None)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_worse_execution_of_a_job_with_an_experiment_is_the_verdict(seed):
+    """Random jobs; both executions are simulated here again, from the set-points."""
+    random = np.random.default_rng(seed)
+    method = METHODS[seed % len(METHODS)]
+    points = np.array([0.33, 0.2]) + random.uniform(-0.06, 0.06, (4, 2))
+    options = {} if method is None else {"compensation": {"method": method}}
+    runs = runs_of(
+        path={"points": points.tolist()},
+        servo={"kp": random.uniform(15, 40), "kv": random.uniform(100, 250)},
+        corners={"tolerance": random.uniform(3e-4, 3e-3)},
+        experiment={"viscous": random.uniform(0, 0.05)} if random.random() < 0.5 else {},
+        runs={"one": {"timing": {"reserve": 0.05}, **options}},
+    )
+    run = runs["one"]
+    assert run.run.compensation.method == (method or "inverse_dynamics")
+    experiment = run.experiment.plant
+    plants = {"servo": ac.ServoPlant(run.arm, run.servo), "rigid bodies": experiment}
+    errors = {
+        name: ac.evaluate(ac.simulate(run.set_points, x), run.path.path).contour_error.max
+        for name, x in plants.items()
+    }
+    # The servo model lacks the dynamics that `inverse_dynamics` compensates.
+    judges = {"rigid bodies"} if run.run.for_bodies else set(errors)
+    worst = max(errors[x] for x in judges)
+    data = run.to_data()
+    assert run.kept is data["kept"].value is bool(worst <= allowed(run))
+    assert set(data["judged_by"].value) == judges
+    off = data["off_drawing"]
+    assert off.value == pytest.approx(run.rounding_error + worst, rel=1e-3)
+    assert all(f"{name} {render.number(x, 'm')[:4]}" in off.note for name, x in errors.items())
+    assert run.judged.contour_error.max == pytest.approx(worst, rel=1e-3)
+
+
+def test_a_table_of_runs_has_the_figures_of_the_worse_execution():
+    study = ac.run(parse_job(yaml.safe_dump({**JOB, "experiment": {}, "runs": {"one": {}}})))
+    unjudged, judged = study.runs["one"].evaluation, study.runs["one"].experiment.evaluation
+    assert unjudged.contour_error.max > judged.contour_error.max
+    assert study.to_dict()["largest"] == [judged.contour_error.max]
+
+
+def test_a_run_that_is_not_kept_on_rigid_bodies_is_repaired_for_them():
+    changes = {"corners": {"tolerance": 3e-4}, "experiment": {}}
+    runs = {"one": {"compensation": {"method": "inverse"}}}
+    result = with_advice(ac.run(parse_job(yaml.safe_dump({**JOB, **changes, "runs": runs}))))
+    run = result.runs["one"]
+    assert run.kept is False and run.evaluation.contour_error.max < allowed(run)
+    (change,) = (x for x in run.advice.improvements if "inverse_dynamics" in x.label)
+    assert change.edits == (("compensation.method", "inverse_dynamics"),) and change.kept
+    (repaired,) = runs_of(**changes, runs={"one": {}}).values()
+    assert repaired.kept
+    assert repaired.to_data()["off_drawing"].value == pytest.approx(change.off_drawing)

@@ -251,7 +251,9 @@ def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view)
 
 @pytest.fixture(scope="module")
 def done(previewer_of_plans, plans, view):
-    executed = previewer_of_plans.execute(plans["uncompensated"])
+    planned = plans["uncompensated"]
+    planned = replace(planned, run=replace(planned.run, experiment=None))
+    executed = previewer_of_plans.execute(planned)
     return executed, packed(execution_frame(executed, view))
 
 
@@ -372,13 +374,13 @@ def whole(data, name, cycle):
     data = copy.deepcopy(data)
     data["runs"] = {name: data["runs"][name]}
     data["runs"][name]["cycle"] = cycle
-    data.pop("experiment", None)
     return run(parse_job(yaml.safe_dump(data))).runs[name]
 
 
 class TestResults:
     @pytest.mark.parametrize("name", ["optimal", "proposed"])
     def test_they_are_those_of_a_run_with_the_same_interval(self, previewer, paper, name):
+        del paper["experiment"]
         planned = previewer.plan(paper, name)
         executed = previewer.execute(planned)
         study_run = whole(paper, name, 4e-3)
@@ -402,6 +404,22 @@ class TestResults:
             planned = previewer.plan(paper, "inverse-dynamics", tier=tier)
             executed = previewer.execute(planned)
             assert executed.errors.max < 3 * judged.max < 1e-5
+
+    @pytest.mark.parametrize("method", ["inverse", "inverse_dynamics"])
+    def test_the_verdict_is_that_of_the_worse_execution(self, previewer, paper, view, method):
+        paper["experiment"] = {"payload": {"mass": 1.0, "center": [0.0, 0.0, 0.0]}}
+        paper["runs"] = {"one": {"cycle": 4e-3, "compensation": {"method": method}}}
+        (result,) = run(parse_job(yaml.safe_dump(paper))).runs.values()
+        executed = previewer.execute(previewer.plan(paper, tier=Tier.EXACT))
+        frame = execution_frame(executed, view)
+        rows = {x["name"]: x for x in frame.header["rows"]}
+        for name in ("kept", "off_drawing"):
+            row = result.to_data()[name]
+            assert rows[name]["value"] == row.value
+            # The preview does not simulate what does not judge.
+            assert row.note.startswith(rows[name]["note"])
+        assert result.judged is result.experiment.evaluation
+        assert figure(frame.header, "contour_error.max") == result.judged.contour_error.max
 
 
 class TestWhatIsDoneAgain:
@@ -457,6 +475,7 @@ def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewe
 
 
 def test_while_something_moves_errors_are_those_at_fewer_samples(previewer, paper):
+    del paper["experiment"]
     planned = previewer.plan(paper, "optimal")
     moving = replace(planned, tier=Tier.MOVING)
     every, fewer = previewer.execute(planned), previewer.execute(moving)

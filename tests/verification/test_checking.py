@@ -90,11 +90,11 @@ def test_jerky_motion_that_keeps_its_limits_is_never_blamed(arm):
 
 
 def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(arm):
-    """Rest at both ends of one interval: to go 0.1 rad in 1 s takes 0.2 rad/s² on the way."""
+    """Rest at both ends of one interval: to go 0.1 rad in 1 s takes 0.4 rad/s² on the way."""
     still = np.zeros((2, 2))
     log = SimpleNamespace(t=[0.0, 1.0], q=[[0.3, 0.9], [0.4, 0.9]], dq=still, ddq=still)
     check = ac.check(log, arm, ac.Limits.only(joint_acceleration=0.1, joint_velocity=0.09))
-    assert check["joint_acceleration"].value == pytest.approx(0.2)
+    assert check["joint_acceleration"].value == pytest.approx(0.4)
     assert check["joint_velocity"].value == pytest.approx(0.1)
     assert {x.name for x in check.violations} == {"joint_acceleration", "joint_velocity"}
     # Velocities that do not belong to the positions are found.
@@ -408,3 +408,48 @@ def test_no_motion_is_blamed_for_what_it_did_not_do(arm, names):
         log.t = np.round(t, digits)
         check = ac.check(log, arm, limits, resolution={**resolution, "t": 10.0**-digits})
         assert not check.violated, (seed, check.worst)
+
+
+def test_a_specified_limit_that_was_not_checked_leaves_the_verdict_open():
+    """A limit of torque needs accelerations; that of the arm itself is only named."""
+    arm = ac.load_arm("ur5e")
+    t = np.arange(11) / 10
+    log = SimpleNamespace(
+        t=t, q=np.full((11, 6), 0.1) + 0.01 * t[:, None], dq=np.full((11, 6), 0.01)
+    )
+    own = ac.check(log, arm)
+    assert own.verdict == "kept" and own.not_judged == ("joint_torque",) and own.missing == ()
+    assert "not judged: joint_torque" in str(own)
+    torque = ac.Limits(joint_torque=arm.limits.joint_torque.tolist())
+    for limits in (torque, ac.Limits(path_jerk=1.0)):
+        check = ac.check(log, arm, limits)
+        (name,) = check.missing
+        assert check.verdict == "cannot tell" and name in str(check) and name in repr(limits)
+        assert check.to_data()["kept"].value is None
+    # A certain violation remains one.
+    tight = torque.replace(joint_velocity=0.005)
+    assert ac.check(log, arm, tight).verdict == "violated"
+    log.ddq = np.zeros((11, 6))
+    assert ac.check(log, arm, torque).missing == ()
+
+
+def test_a_limit_that_is_only_assumed_is_never_violated(tmp_path):
+    limit = '<limit lower="-9" upper="9" velocity="4" effort="9"/>'
+    joint = (
+        '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>'
+        f'<origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>{limit}</joint>'
+    )
+    links = "".join(f'<link name="{x}"/>' for x in ("base", "arm", "tool0"))
+    joints = joint.format("a", "base", "arm") + joint.format("b", "arm", "tool0")
+    (tmp_path / "own.urdf").write_text(f'<robot name="own">{links}{joints}</robot>')
+    arm = ac.load_arm(tmp_path / "own.urdf")
+    t = np.arange(101) / 100
+    log = SimpleNamespace(t=t, q=np.outer(0.4 * np.sin(2 * np.pi * t), [1.0, 0.0]))
+    check = ac.check(log, arm)
+    assert check["joint_acceleration"].certain > 3 and check.verdict == "cannot tell"
+    assert any("only assumed" in x for x in check.to_data().notes) and "assumed" in str(check)
+    for specified in (ac.Limits(joint_acceleration=4.0), ac.Limits(joint_velocity=2.0)):
+        assert ac.check(log, arm, specified).verdict == "violated"
+    own = arm.with_limits(ac.Limits(joint_acceleration=4.0))
+    assert ac.check(log, own).verdict == "violated"
+    assert ac.check(log, arm.with_limits(ac.Limits(joint_velocity=5.0))).verdict == "cannot tell"

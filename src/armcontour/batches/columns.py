@@ -111,7 +111,8 @@ def figures_of(result: Any, names: Iterable[str], work: str) -> tuple[float | No
 
     rows: list[Row] = []
     if work != PLACE:
-        rows += judging_rows(result.result if work == CERTIFY else result)
+        run = result.result if work == CERTIFY else result
+        rows += judging_rows(run, run.to_data().rows)
     if work in (CERTIFY, PLACE):
         rows += result.to_data().rows
     figures_by_name = {x.name: x.figure for x in rows if COLUMNS.get(x.name)}

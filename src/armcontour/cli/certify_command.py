@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from armcontour.studies.certification import Certificate
 
 
-def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOptions) -> None:
-    """Certify a job, print the certificate, and write it with its set-points."""
+def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOptions) -> int:
+    """Certify a job, print and write the certificate; return 1 if it is not kept, else 0."""
     from armcontour.cli.inputs import open_job
     from armcontour.cli.progress_bars import search_progress
     from armcontour.core.errors import InvalidInput
@@ -50,6 +50,7 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
         )
     if options.open_report and options.out is not None:
         open_page(options.out / "report.html")
+    return int(not certificate.kept)
 
 
 def _refuse_nothing_shared(goal: CertificateGoal) -> None:

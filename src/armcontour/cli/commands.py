@@ -130,12 +130,15 @@ def run(
     job_options: JobOptions,
     exports: ExportOptions,
 ) -> None:
-    """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV)."""
+    """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV).
+
+    Exit codes: 0 done, 1 done but no run is kept; others as for errors.
+    """
     from armcontour.cli.exports import exports_of
     from armcontour.cli.inputs import open_job
     from armcontour.cli.run_command import run_job
 
-    run_job(
+    code = run_job(
         lambda progress: open_job(job, job_options, progress),
         out,
         force=options.force,
@@ -144,6 +147,7 @@ def run(
         simulate=options.simulate,
         changes=options.changes,
     )
+    raise typer.Exit(code)
 
 
 @_command(RUN, "demo --open")
@@ -217,7 +221,7 @@ def certify(
     """Find the fastest plan whose execution stays within a tolerance; exit code 4 without one."""
     from armcontour.cli.certify_command import certify_file
 
-    certify_file(job, job_options, options)
+    raise typer.Exit(certify_file(job, job_options, options))
 
 
 @_command(PREPARE, "place gasket.dxf --cell ur5e --over 'x: -300 mm .. 300 mm, 25' --out place")

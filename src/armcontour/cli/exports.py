@@ -39,6 +39,7 @@ class Target:
 
     format: ExportFormat  # Format with its options and the outputs of events
     ending: str  # File name extension
+    option: str  # Command line option or file name that requests this file, for messages
 
     @property
     def plans(self) -> bool:
@@ -46,12 +47,6 @@ class Target:
         from armcontour.files.exports.template import templates
 
         return self.format.label in templates()
-
-    @property
-    def option(self) -> str:
-        """Command line option that requests this file, for messages."""
-        kind = "template" if self.format.kind == "template" else "export"
-        return f"--{kind} {self.format.label}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,11 +120,12 @@ def exports_of(command: ExportOptions) -> Exports:
         raise InvalidInput(
             "--export template does not specify a template. Use --template NAME instead."
         )
-    targets = [Target(format=kind(), ending=kind.ending) for kind in kinds]
-    targets += [
-        Target(format=TemplateFormat(template=name), ending=ending_of(name))
-        for name in command.template or ()
+    targets = [
+        Target(format=kind(), ending=kind.ending, option=f"--export {kind.kind}") for kind in kinds
     ]
+    for name in command.template or ():
+        format, option = TemplateFormat(template=name), f"--template {name}"
+        targets.append(Target(format=format, ending=ending_of(name), option=option))
     cycle = read_option("--cycle", command.cycle, Interval)
     if not targets:
         options = {
@@ -197,7 +193,7 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str]) -> list[Targe
 
     takers = [x.format.label for x in targets if isinstance(x.format, WITH_OUTPUTS)]
     if texts and not takers:
-        raise InvalidInput("--output requires --export urscript or --template.")
+        raise InvalidInput("--output requires the format urscript or a template.")
     # Outputs by format, then by event; the key "" means all formats.
     outputs: dict[str, Outputs] = {}
     for text in texts:
@@ -229,7 +225,7 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str]) -> list[Targe
         if isinstance(format, WITH_OUTPUTS):
             merged = outputs.get("", {}) | outputs.get(format.label, {})
             format = dataclasses.replace(format, outputs=merged)
-        complete.append(Target(format=format, ending=target.ending))
+        complete.append(dataclasses.replace(target, format=format))
     return complete
 
 
@@ -454,7 +450,10 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour.files.trajectory_file import read_run
     from armcontour.verification.evaluation import duration_row
 
-    (target,) = _with_options([Target(format=_format(file, options), ending=file.suffix)], options)
+    requested = [x for x in ("template", "format") if getattr(options, x) is not None]
+    option = f"--{requested[0]} {getattr(options, requested[0])}" if requested else file.name
+    target = Target(format=_format(file, options), ending=file.suffix, option=option)
+    (target,) = _with_options([target], options)
     cycle = read_option("--cycle", options.cycle, Interval)
     if cycle is not None and not options.reference:
         raise InvalidInput("--cycle requires --reference, because set-points have a fixed cycle.")

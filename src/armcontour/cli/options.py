@@ -13,9 +13,10 @@ from pathlib import Path as FilePath
 from typing import Annotated, Any, TypeAlias, get_args, get_origin, get_type_hints
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.models import OptionInfo
 
+from armcontour.core.errors import InvalidInput
 from armcontour.core.text import describe_fields
 
 # Options that set job keys, by name; `python -m tests.cli.test_options` writes the file.
@@ -51,7 +52,17 @@ _TYPE = re.compile(r"<(?:list\[)?(str|int|float|path)\]?(?: range)?>", re.IGNORE
 
 
 class Command(TyperCommand):
-    """Command whose help lists the options by topic."""
+    """Command whose help lists the options by topic, and that refuses repeated options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments; refuse an option with one value that is specified several times."""
+        *_, parameters = self.make_parser(ctx).parse_args(list(args))
+        for x in parameters:
+            single = isinstance(x, TyperOption) and not (x.multiple or x.is_flag)
+            if single and (times := parameters.count(x)) > 1:
+                name = max(x.opts, key=len)
+                raise InvalidInput(f"{name} has one value, but is specified {times} times.")
+        return super().parse_args(ctx, args)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write sections for the arguments, for options without a topic, and for each topic."""

@@ -91,8 +91,8 @@ def run_job(
     exports: Exports | None = None,
     simulate: bool = True,
     changes: bool | None = None,
-) -> None:
-    """Read a job, run it, and print and write its results."""
+) -> int:
+    """Read and run a job, print and write its results; return 1 if no run is kept, otherwise 0."""
     # Slow imports follow the checks, so that an invalid folder or job is rejected at once.
     from armcontour.core.compilation import compile_for_run
     from armcontour.core.errors import InvalidInput
@@ -139,6 +139,9 @@ def run_job(
         _show_report(out, open_report)
     else:
         Console().print(f"The run was not simulated. Set-points: {out.resolve()}")
+    # Runs that are not kept may be there for comparison with a run that is kept.
+    verdicts = {x.kept for x in study.runs.values()}
+    return int(False in verdicts and True not in verdicts)
 
 
 def write_motions(

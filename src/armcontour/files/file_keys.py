@@ -138,8 +138,9 @@ class Methods(KeyMark):
 
     text: str  # Description of the mapping
     method: str  # Description of the key `method`
-    kinds: tuple[Any, ...]  # Dataclasses with an attribute `method`; the first is the default
+    kinds: tuple[Any, ...]  # Dataclasses with an attribute `method`; without it, the first
     more: tuple[Any, ...] = ()  # Additional annotations of the key `method`
+    has_default: bool = True  # False: without keys, the value is None
 
     @property
     def keys(self) -> list[str]:
@@ -157,8 +158,10 @@ class Methods(KeyMark):
     def _build(self, model: BaseModel) -> Any:
         """Make the dataclass from the validated keys."""
         values = {x: getattr(model, x) for x in model.model_fields_set}
-        method: str = getattr(model, "method")  # noqa: B009
+        method = getattr(model, "method") or self.kinds[0].method  # noqa: B009
         specified = {key: x for key, x in values.items() if x is not None and key != "method"}
+        if not self.has_default and not specified and values.get("method") is None:
+            return None
         kind = next(x for x in self.kinds if x.method == method)
         for key in specified.keys() - _parameters(kind).keys():
             raise ValueError(f"{key} requires the method {self.methods(key)}, not {kind.method}")
@@ -210,9 +213,12 @@ def _model(kind: type, *, specified: bool = False, null: bool = False) -> type[B
 @cache
 def _methods_model(mark: Methods) -> type[BaseModel]:
     """Pydantic model with the keys of all methods."""
-    default, *_ = names = tuple(str(x.method) for x in mark.kinds)
-    one_of = Annotated[(Literal[names], *mark.more)] if mark.more else Literal[names]
-    fields: dict[str, Any] = {"method": (one_of, Field(default, description=mark.method))}
+    names = tuple(str(x.method) for x in mark.kinds)
+    one_of: Any = Annotated[(Literal[names], *mark.more)] if mark.more else Literal[names]
+    default = names[0] if mark.has_default else None
+    fields: dict[str, Any] = {
+        "method": (one_of if default else one_of | None, Field(default, description=mark.method))
+    }
     every = {key: x for kind in mark.kinds for key, x in _keys(kind).items()}
     for key in mark.keys:
         annotation, info = every[key]

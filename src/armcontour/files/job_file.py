@@ -27,6 +27,7 @@ from armcontour.files.key_errors import Patch
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Experiment, Job, Rounding, Run
+from armcontour.jobs.experiment import default_compensation
 from armcontour.motion import DEFAULT_CYCLE
 from armcontour.planning import Optimal, Paper, PlanOptions
 from armcontour.program import Event, Process, Program
@@ -247,7 +248,8 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         if corners.tolerance is None:
             _check_corner_speed(key, corners, limits)
     cycle = model.cycle or job.cycle or DEFAULT_CYCLE
-    compensation = dataclasses.replace(model.compensation, command_limits=command_limits)
+    compensation = model.compensation or default_compensation(job.servo, arm, experiment)
+    compensation = dataclasses.replace(compensation, command_limits=command_limits)
     if isinstance(compensation, InverseDynamics) and compensation.gravity_feedforward is None:
         # By default, gravity feedforward is the same as in the simulation of rigid bodies.
         fed = experiment is None or experiment.gravity_feedforward
@@ -263,6 +265,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             end_time=model.end_time,
             experiment=experiment,
             accuracy=job.accuracy,
+            default_compensation=model.compensation is None,
         )
 
 

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from armcontour.control.compensation import CompensationOptions, compensator
-from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core.quantities import (
     About,
     Angle,
@@ -79,8 +78,10 @@ Compensation = Annotated[
     Methods(
         "Compensation of the servo's delay.",
         "The exact inverse of the servo, pole placement (servo of order second only), inverse "
-        "dynamics of drives and arm (arm with masses, servo of order second), or none.",
+        "dynamics of drives and arm (arm with masses, servo of order second), or none. By default "
+        "inverse_dynamics for a run with an experiment, if arm and servo permit it, else inverse.",
         tuple(compensator.METHODS.values()),
+        has_default=False,
     ),
 ]
 
@@ -364,14 +365,15 @@ class RunModel(SharedModel):
 
     Args:
         timing: Timing of the path.
-        compensation: Compensation of the servo's delay.
+        compensation: Compensation of the servo's delay; by default the inverse of the plant that
+            judges the run.
         end_time: End of the time over which errors are evaluated [s]; by default the time at which
             all joints are at rest.
         duration: Duration of the motion [s]; by default the shortest possible duration.
     """
 
     timing: Timing = FASTEST
-    compensation: Compensation = INVERSE
+    compensation: Compensation | None = None
     end_time: Interval | None = None
     duration: Interval | None = None
 

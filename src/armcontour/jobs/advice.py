@@ -10,19 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core.errors import ArmContourError
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import split
-from armcontour.jobs.experiment import build_plant
+from armcontour.jobs.experiment import default_compensation
 from armcontour.jobs.improvements import Advice, Improvement
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.job_result import JobResult, RunResult
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one
-from armcontour.jobs.study import compute_set_points, simulate_run
-from armcontour.jobs.verdict import farthest, judge, weave_speed
+from armcontour.jobs.study import compute_set_points, simulate_experiment
+from armcontour.jobs.verdict import Errors, judge, judging_executions, weave_speed, worst_contour
 from armcontour.motion import Method
 from armcontour.planning.explanation import DWELLS, NAMES, RAPIDS
 from armcontour.robot.limits import UNITS
@@ -132,21 +131,21 @@ def _plan_change(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Impr
         edits=candidate.edits,
         saved=result.trajectory.duration - duration,
         duration=duration,
-        off_drawing=sum(filter(None, farthest(planned, errors))),
+        off_drawing=float(worst_contour(planned, errors).value),
         kept=judge(planned, errors)[0],
         condition=candidate.condition,
     )
 
 
-def _contour_errors(job: Job, planned: Planned) -> list[float]:
-    """Largest contour error of each contour [m], simulated with the plant that judges the run."""
-    run = planned.run
+def _contour_errors(job: Job, planned: Planned) -> Errors:
+    """Largest contour error of each contour [m] in each execution that judges the run."""
+    run, errors = planned.run, dict[str, list[float]]()
     set_points = compute_set_points(job, run, planned.trajectory)
-    plant = None
-    if run.judge is not None:
-        plant = build_plant(run.judge, job.arm, job.plant_servo, run.limits)
-    executed = simulate_run(job, set_points, plant)
-    return [x.max for x in evaluate(executed, planned.path, end_time=run.end_time).contours]
+    for name, experiment in judging_executions(run).items():
+        executed = simulate_experiment(job, run, set_points, experiment)
+        contours = evaluate(executed, planned.path, end_time=run.end_time).contours
+        errors[name] = [x.max for x in contours]
+    return errors
 
 
 def _rounded(value: float, digits: int = 3) -> float:
@@ -288,14 +287,15 @@ def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
         room = ACCURACY_SHARE * run.accuracy - 2 * e.contour_error.max
         if 0 < room < result.tolerance:
             yield iter([_tolerance(job, run, _rounded(room))])
-    if run.compensation.method != INVERSE.method:
+    inverse = default_compensation(job.servo, job.arm, run.experiment)
+    if run.compensation.method != inverse.method:
         limits = run.compensation.command_limits
-        changed = replace(run, compensation=replace(INVERSE, command_limits=limits))
+        changed = replace(run, compensation=replace(inverse, command_limits=limits))
         yield iter(
             [
                 _Candidate(
-                    label=f"Compensate the servo by {INVERSE.method}",
-                    edits=(("compensation.method", INVERSE.method),),
+                    label=f"Compensate the servo by {inverse.method}",
+                    edits=(("compensation.method", inverse.method),),
                     job=job,
                     run=changed,
                 )

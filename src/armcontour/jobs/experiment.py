@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from armcontour.control.compensation import CompensationOptions, InverseDynamics
+from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
@@ -113,6 +115,15 @@ class Experiment(Checked):
                 listed = values if np.ptp(values) else values.ravel()[:1]
                 parts.append(f"{words} {', '.join(f'{x:g}' for x in listed.ravel())} {unit}")
         return "; ".join(parts)
+
+
+def default_compensation(
+    servo: ServoModel, arm: Arm, experiment: Experiment | None
+) -> CompensationOptions:
+    """Inverse of the plant that judges a run: of the arm's rigid bodies, or of the servo model."""
+    if experiment is None or not arm.has_bodies or not servo.is_plain("second"):
+        return INVERSE
+    return InverseDynamics(gravity_feedforward=experiment.gravity_feedforward)
 
 
 def build_plant(

@@ -235,6 +235,8 @@ class Run(Checked):
         accuracy: Largest allowed distance of the tool from the drawing [m]. By default, corners may
             have errors up to their tolerances, and the contour error may be a tenth of the smallest
             tolerance.
+        default_compensation: Whether the job file specifies no compensation. Then a certificate
+            for servos has the inverse of the servo also for a run with an experiment.
 
     Raises:
         InvalidInput: A cycle out of range, a time that is not above zero, or a rounding
@@ -250,6 +252,7 @@ class Run(Checked):
     end_time: Interval | None = None
     experiment: Experiment | None = None
     accuracy: Distance | None = None
+    default_compensation: bool = False
 
     def _check_together(self) -> None:
         check_cycle(self.cycle)
@@ -275,11 +278,6 @@ class Run(Checked):
     def for_bodies(self) -> bool:
         """True if compensation uses the dynamics of the arm, which the servo model lacks."""
         return isinstance(self.compensation, InverseDynamics)
-
-    @property
-    def judge(self) -> Experiment | None:
-        """Experiment with which the run is judged; None if it is judged with the servo model."""
-        return self.experiment if self.for_bodies else None
 
     @property
     def is_shaped(self) -> bool:

@@ -32,7 +32,7 @@ from armcontour.jobs.run_data import (
     torque_rows,
     warning_rows,
 )
-from armcontour.jobs.verdict import time_limit_row, verdict_rows
+from armcontour.jobs.verdict import BODIES, SERVO, judging, time_limit_row, verdict_rows
 from armcontour.motion import Execution, SetPoints
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
@@ -41,12 +41,12 @@ from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
-# Prefix of the labels of values from the rigid-body simulation.
-BODIES_LABEL = "on rigid bodies: "
+# Prefixes of the labels of values from the execution that is not the worst of those that judge.
+OTHERS_LABELS = {SERVO: "servo model: ", BODIES: "on rigid bodies: "}
 # Prefix of the names of values from the rigid-body simulation.
 EXPERIMENT_PREFIX = "experiment."
-# Values from the rigid-body simulation that are shown even if the servo model judges the run.
-SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
+# Values of that execution that are shown.
+SHOWN_OF_OTHERS = ("contour_error", "torque")
 # Values of the verdict, in the displayed order. Values of the clearance are in a separate part.
 OF_VERDICT = ("kept", "off_drawing", "duration", "time_limit", "saturated", "warning_count")
 
@@ -111,15 +111,17 @@ class RunResult(Planned, Result):
     def kept(self) -> bool | None:
         """True if the tool deviates from the drawing by no more than allowed, without collision.
 
+        If several executions judge the run, the worse one counts.
         None without a simulation, and without an accuracy and a tolerance.
         """
-        satisfied: bool | None = next(verdict_rows(self, self._errors, self._failure)).value
+        satisfied: bool | None = next(self.verdict).value
         return satisfied
 
     @property
-    def _errors(self) -> list[float] | None:
-        """Largest error of each contour in the judging simulation [m]; None without simulation."""
-        return None if self.judged is None else [x.max for x in self.judged.contours]
+    def verdict(self) -> Iterator[Row]:
+        """Rows of the verdict and of the deviation from the drawing."""
+        errors = {name: [x.max for x in e.contours] for name, e in self.evaluations.items()}
+        yield from verdict_rows(self, errors or None, self._failure)
 
     @property
     def _failure(self) -> str:
@@ -176,13 +178,21 @@ class RunResult(Planned, Result):
         return tuple(remarks)
 
     @property
-    def judged(self) -> Evaluation | None:
-        """Evaluation that judges the run: of the rigid-body simulation, or with the servo model.
+    def evaluations(self) -> dict[str, Evaluation]:
+        """Evaluations of all executions by their names `SERVO` and `BODIES`."""
+        bodies = None if self.experiment is None else self.experiment.evaluation
+        both = {SERVO: self.evaluation, BODIES: bodies}
+        return {name: x for name, x in both.items() if x is not None}
 
-        None without a simulation.
+    @property
+    def judged(self) -> Evaluation | None:
+        """The worst evaluation of those that judge the run; None without a simulation.
+
+        Set-points that compensate the dynamics of the arm are judged on rigid bodies only, if the
+        run has an experiment.
         """
-        bodies = None if self.run.judge is None else self.experiment
-        return self.evaluation if bodies is None else bodies.evaluation
+        judges = judging(self.run, self.evaluations).values()
+        return max(judges, key=lambda x: x.contour_error.max, default=None)
 
 
 # Columns of `JobResult.to_dict`, each with the name of its value in the data of a run.
@@ -225,7 +235,10 @@ class JobResult:
             `run`; `motion`, `settled` [s]; `rms`, `largest` contour error [m]; `demand`, the
             largest share of a limit of acceleration. None where nothing was simulated.
         """
-        rows = [dict(data.walk()) for data in self.figures.values()]
+        rows = [
+            {x.name: x for x in judging_rows(self.runs[name], data.rows)}
+            for name, data in self.figures.items()
+        ]
         return {"run": list(self.runs)} | {
             column: [x[name].figure if name in x else None for x in rows]
             for column, name in COLUMNS.items()
@@ -345,17 +358,8 @@ def promoted(rows: Iterable[Row]) -> tuple[Row, ...]:
     return tuple(replace(x, level=VERDICT) if rank(x) < len(ranks) else x for x in ordered)
 
 
-def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[Row, ...]:
-    """Rows of a run, with the values of the evaluation that judges the run.
-
-    If the rigid-body simulation judges the run, its figures replace the figures of the servo model.
-    """
-    if rows is None:
-        rows = [*_plan(result, None), *_set_points(result)]
-        if result.evaluation is None:
-            rows.append(duration_row(result.trajectory.duration))
-        else:
-            rows += [*_executed(result, result.evaluation), *_experiment(result)]
+def judging_rows(result: RunResult, rows: Iterable[Row]) -> tuple[Row, ...]:
+    """Rows of a run, with the values of the execution that is the verdict."""
     named = {x.name: x for x in rows}
     if result.judged is not result.evaluation:
         bodies = [
@@ -373,19 +377,15 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
 
 def _verdict(result: RunResult) -> Iterator[Row]:
     """Yield rows of verdict, deviation from the drawing, longest active limit, and warnings."""
-    yield from verdict_rows(result, result._errors, result._failure)
+    yield from result.verdict
     yield from time_limit_row(result)
     yield from warning_rows(result.warnings)
 
 
 def _executed(result: RunResult, evaluation: Evaluation) -> Iterator[Row]:
-    """Yield rows of the execution with the servo model.
-
-    They are only written to files if the rigid-body simulation judges the run.
-    """
+    """Yield rows of the execution with the servo model."""
     for row in evaluation.to_data().rows:
-        judges = result.judged is evaluation or row.name == "limit_ratios"
-        yield row if judges else replace(row, level=FILE)
+        yield row if row.name == "limit_ratios" else _shown(result, row, SERVO)
     yield from angular_rows(result.motion)
     yield Row("unsettled", result.motion.unsettled, "rad")
 
@@ -405,12 +405,20 @@ def _clearance(result: RunResult) -> Data:
     return replace(data, rows=(*rows, Row("avoided", result.avoided)))
 
 
+def _shown(result: RunResult, row: Row, execution: str) -> Row:
+    """Row of an execution, which is a main result only if this execution is the verdict."""
+    if result.judged is result.evaluations[execution]:
+        return row
+    if row.label and row.name.startswith(SHOWN_OF_OTHERS):
+        return replace(row, label=OTHERS_LABELS[execution] + row.label, level=TABLE)
+    return replace(row, level=FILE)
+
+
 def _experiment(result: RunResult) -> Iterator[Row]:
-    """Yield rows of the rigid-body simulation; they are main results if they judge the run."""
+    """Yield rows of the rigid-body simulation."""
     if result.failure is not None:
-        yield Row(
-            "experiment.failed", str(result.failure), "", f"{BODIES_LABEL}failed", level=FIRST
-        )
+        label = f"{OTHERS_LABELS[BODIES]}failed"
+        yield Row("experiment.failed", str(result.failure), "", label, level=FIRST)
     experiment = result.experiment
     if experiment is None:
         return
@@ -419,13 +427,7 @@ def _experiment(result: RunResult) -> Iterator[Row]:
     limit = result.run.limits.joint_torque
     rows += torque_rows(applied_torques(experiment.execution), limit, result.arm, "applied")
     for row in rows:
-        row = replace(row, name=f"{EXPERIMENT_PREFIX}{row.name}")
-        if result.run.for_bodies:
-            yield row
-        elif row.label and row.name.startswith(SHOWN_OF_BODIES):
-            yield replace(row, label=f"{BODIES_LABEL}{row.label}", level=TABLE)
-        else:
-            yield replace(row, level=FILE)
+        yield replace(_shown(result, row, BODIES), name=f"{EXPERIMENT_PREFIX}{row.name}")
     (cornering,) = data.tables
     yield Row("experiment.cornering", cornering.as_dicts())
 
@@ -448,7 +450,7 @@ def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
         )
     if path.single_path is None:
         starts = resume_intervals(0.0 if job is None else job.process.resume_at, result.objective)
-        errors = () if result.evaluation is None else result.evaluation.contours
+        errors = () if result.judged is None else result.judged.contours
         yield move_table(trajectory, path, starts, errors)
         yield Table(
             "events",

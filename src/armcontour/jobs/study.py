@@ -12,7 +12,7 @@ from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.core.errors import ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.jobs.experiment import build_plant
+from armcontour.jobs.experiment import Experiment, build_plant
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
 from armcontour.jobs.planned_run import Planned
@@ -127,6 +127,16 @@ def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None =
         return simulate(set_points, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
     # The resolution is at least the drive cycle, because the plant has no results within a cycle.
     return simulate(set_points, plant, resolution=max(RESOLUTION, plant.step))
+
+
+def simulate_experiment(
+    job: Job, run: Run, set_points: SetPoints, experiment: Experiment | None
+) -> Execution:
+    """Simulate set-points on the rigid bodies of an experiment, or with the servo model if None."""
+    if experiment is None:
+        return simulate_run(job, set_points)
+    plant = build_plant(experiment, job.arm, job.plant_servo, run.limits)
+    return simulate_run(job, set_points, plant)
 
 
 def evaluate_run(run: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from armcontour.core.render import number
 from armcontour.core.result import JUDGED, VERDICT, Row
 
 if TYPE_CHECKING:
+    from armcontour.jobs.experiment import Experiment
+    from armcontour.jobs.job import Run
     from armcontour.jobs.planned_run import Planned
+
+T = TypeVar("T")
+# Names of the executions with the servo model and on rigid bodies (the experiment), and the largest
+# error of each contour [m] in each execution.
+SERVO, BODIES = "servo", "rigid bodies"
+Errors: TypeAlias = Mapping[str, Sequence[float]]
 
 # Default of the allowed contour error, as a share of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1
@@ -19,19 +28,32 @@ ASSIGNED = "assigned velocity"
 ROUNDING = 1e-9
 
 
+def judging(run: Run, executions: Mapping[str, T]) -> dict[str, T]:
+    """Executions that judge a run, by name; the worst of them is the verdict."""
+    # The servo model lacks the dynamics that set-points for rigid bodies compensate.
+    bodies_only = run.for_bodies and BODIES in executions
+    return {name: x for name, x in executions.items() if name == BODIES or not bodies_only}
+
+
+def judging_executions(run: Run) -> dict[str, Experiment | None]:
+    """Experiments of the executions that judge a run, by name; None for the servo model."""
+    bodies = {} if run.experiment is None else {BODIES: run.experiment}
+    return judging(run, {SERVO: None, **bodies})
+
+
 def off_drawing(
     rounding: float | None,
     tolerance: float | None,
-    error: float,
+    errors: Mapping[str, float],
     allowed: float | None = None,
     label: str = "off the drawing",
 ) -> Row:
     """Row with the distance of the tool from the drawing: sum, and parts in the note.
 
-    `rounding` and `error` are the parts due to corners and servo [m], `tolerance` and `allowed`
-    their limits [m].
+    `rounding` is the part due to corners and `errors` that due to each execution [m], `tolerance`
+    and `allowed` are their limits [m]. The largest error counts.
     """
-    parts = [("servo", error, allowed)]
+    parts = [(name, error, allowed) for name, error in errors.items()]
     if rounding is not None:
         parts.insert(0, ("rounding", rounding, tolerance))
     note = ", ".join(
@@ -39,7 +61,7 @@ def off_drawing(
         + ("" if limit is None else f" of {number(limit, 'm')} allowed")
         for name, value, limit in parts
     )
-    return Row("off_drawing", (rounding or 0.0) + error, "m", label, note, VERDICT)
+    return Row("off_drawing", (rounding or 0.0) + max(errors.values()), "m", label, note, VERDICT)
 
 
 def allowed_error(planned: Planned) -> float | None:
@@ -51,13 +73,26 @@ def allowed_error(planned: Planned) -> float | None:
     return None if smallest is None else smallest * DEFAULT_ACCURACY
 
 
-def farthest(planned: Planned, errors: Sequence[float]) -> tuple[float | None, float]:
-    """Rounding and contour error of the contour with the largest sum of both [m]."""
+def worst_contour(planned: Planned, errors: Errors) -> Row:
+    """`off_drawing` of the contour with the largest sum of rounding and contour error."""
+    judges = judging(planned.run, errors)
     roundings = [getattr(x.path, "deviation", None) for x in planned.path.contours]
-    return max(zip(roundings, errors, strict=True), key=lambda x: (x[0] or 0.0) + x[1])
+    worst = (max(x) for x in zip(*judges.values(), strict=True))
+    sums = [(rounding or 0.0) + x for rounding, x in zip(roundings, worst, strict=True)]
+    k = sums.index(max(sums))
+    # If an accuracy is specified, only the sum is limited, not the parts.
+    free = planned.run.accuracy is not None
+    tolerance, allowed = (None, None) if free else (planned.tolerance, allowed_error(planned))
+    row = off_drawing(roundings[k], tolerance, {n: x[k] for n, x in judges.items()}, allowed)
+    others = (
+        f"; {name} {number(max(x), 'm')}, not judged, because it lacks the compensated dynamics"
+        for name, x in errors.items()
+        if name not in judges
+    )
+    return replace(row, note=row.note + "".join(others))
 
 
-def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
+def judge(planned: Planned, errors: Errors) -> tuple[bool | None, str]:
     """Verdict on the contour errors of a run [m], and a sentence with the reason or the limit.
 
     The verdict is None if the run has neither an accuracy nor a tolerance.
@@ -71,9 +106,9 @@ def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
     if tolerance is not None and rounding > tolerance * (1 + ROUNDING):
         return False, f"the allowed corner error is {number(tolerance, 'm')}"
     if run.accuracy is not None:
-        satisfied = sum(filter(None, farthest(planned, errors))) <= run.accuracy * (1 + ROUNDING)
+        satisfied = worst_contour(planned, errors).value <= run.accuracy * (1 + ROUNDING)
         return satisfied, f"the allowed distance from the drawing is {number(run.accuracy, 'm')}"
-    if max(errors) <= allowed:
+    if max(map(max, judging(run, errors).values())) <= allowed:
         return True, ""
     return False, (
         f"the allowed contour error is {number(allowed, 'm')}, a tenth of the smallest corner "
@@ -81,20 +116,15 @@ def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
     )
 
 
-def verdict_rows(
-    planned: Planned, errors: Sequence[float] | None, failure: str = ""
-) -> Iterator[Row]:
+def verdict_rows(planned: Planned, errors: Errors | None, failure: str = "") -> Iterator[Row]:
     """Yield rows of the verdict and of the deviation from the drawing."""
     satisfied, note = (None, "") if errors is None else judge(planned, errors)
     if failure:
         satisfied, note = False, failure
     yield Row("kept", satisfied, JUDGED, "verdict", note, VERDICT)
     if errors is not None:
-        # If an accuracy is specified, only the sum is limited, not the parts.
-        free = planned.run.accuracy is not None
-        limits = (None, None) if free else (planned.tolerance, allowed_error(planned))
-        rounding, error = farthest(planned, errors)
-        yield off_drawing(rounding, limits[0], error, limits[1])
+        yield worst_contour(planned, errors)
+        yield Row("judged_by", tuple(judging(planned.run, errors)))
     yield Row("accuracy", planned.run.accuracy, "m")
     yield Row("contour_error_allowed", allowed_error(planned), "m")
 

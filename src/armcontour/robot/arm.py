@@ -145,6 +145,8 @@ class Arm(Immutable, ABC):
         chain: The joints and links as data; None if the arm has no such data.
         limits_hint: Advice on how to add the limits that the arm lacks, for messages.
         notes: Sentences on data that were ignored or chosen when the arm was read from a file.
+        assumed_limits: Limits that are only assumed, because the robot description lacks them;
+            None if there are none.
     """
 
     name: str
@@ -156,6 +158,7 @@ class Arm(Immutable, ABC):
     chain: Chain | None = None
     limits_hint: str = ""
     notes: tuple[str, ...] = ()
+    assumed_limits: Limits | None = None
     _read_shapes: Callable[[], ArmShapes] | None = None
     _instead = "Use with_limits, with_name, with_tool, with_work or with_dynamics instead"
 

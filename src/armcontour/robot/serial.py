@@ -238,6 +238,7 @@ class SerialArm(ChainArm):
         source: Where the data of the arm come from.
         limits_hint: Advice on how to add the limits that the arm lacks, for messages.
         notes: Sentences on data that were ignored or chosen when the arm was read.
+        assumed_limits: Those of the limits that are only assumed; None if there are none.
     """
 
     dimension = 3
@@ -253,9 +254,11 @@ class SerialArm(ChainArm):
         source: str = "",
         limits_hint: str = "",
         notes: tuple[str, ...] = (),
+        assumed_limits: Limits | None = None,
     ) -> None:
         self._describe(name, chain, limits, source, limits_hint)
         self.notes = notes
+        self.assumed_limits = assumed_limits
 
     @cached_property
     def closed_form(self) -> ClosedForm | None:

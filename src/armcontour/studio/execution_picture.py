@@ -103,7 +103,7 @@ def _figures(executed: PreviewExecution) -> Data:
     return Data(
         "Preview",
         (
-            *verdict_rows(planned, [x.contour_error.max for x in executed.pieces]),
+            *verdict_rows(planned, executed.contour_errors),
             settled_row(executed.settled),
             *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
             demand_row(demand_ratio(execution, limits)),

@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -21,14 +22,14 @@ from armcontour.files.job_model import JobModel
 from armcontour.files.job_path import part_of, placed_path, unplaced_path
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
-from armcontour.jobs import Experiment, Job, Run
+from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
-from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
 from armcontour.jobs.run_plan import explain_plan, plan_one
-from armcontour.jobs.study import compute_set_points, simulate_run
-from armcontour.motion import Execution, SetPoints
+from armcontour.jobs.study import compute_set_points, simulate_experiment
+from armcontour.jobs.verdict import Errors, judging_executions
+from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
@@ -90,7 +91,7 @@ class Preview(Planned):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreviewExecution:
-    """Simulated execution of a plan."""
+    """Simulated execution of a plan; the worst one if several judge the run."""
 
     planned: Preview
     execution: Execution
@@ -100,6 +101,8 @@ class PreviewExecution:
     errors: ErrorProfile
     # Time at which the tool comes to rest [s].
     settled: float
+    # Largest error of each contour [m] in all executions that judge the run.
+    contour_errors: Errors
 
 
 class CoarsePlanner:
@@ -197,29 +200,39 @@ class CoarsePlanner:
                 lambda: compute_set_points(job, run, planned.trajectory),
                 samples=lambda x: len(x.q),
             )
-            bodies = _experiment_of(run, moving)
-            execution = get(
-                "execution",
-                (set_points, servos[1], comparable(run.limits), comparable(bodies)),
-                lambda: _execute_judged(job, run, set_points, bodies),
-                maximum=LARGE_RESULTS,
-                samples=lambda x: len(x.t),
-            )
-            if moving and planned.path.single_path is not None:
-                execution = _with_fewer_samples(execution)
-            pieces, errors, settled = get(
-                "evaluation",
-                (execution, planned.path, run.end_time),
-                lambda: _contour_errors(execution, planned.path, run.end_time),
-                maximum=LARGE_RESULTS,
-                samples=lambda x: len(x[1].t),
-            )
+            outcomes = {}
+            for name, experiment in judging_executions(run).items():
+                if moving and experiment is not None:
+                    step = max(experiment.step, MOVING_STEP)
+                    experiment = dataclasses.replace(experiment, step=step)
+                execution = get(
+                    f"execution, {name}",
+                    (set_points, servos[1], comparable(run.limits), comparable(experiment)),
+                    partial(simulate_experiment, job, run, set_points, experiment),
+                    maximum=LARGE_RESULTS,
+                    samples=lambda x: len(x.t),
+                )
+                if moving and planned.path.single_path is not None:
+                    execution = _with_fewer_samples(execution)
+                evaluated = get(
+                    f"evaluation, {name}",
+                    (execution, planned.path, run.end_time),
+                    partial(_contour_errors, execution, planned.path, run.end_time),
+                    maximum=LARGE_RESULTS,
+                    samples=lambda x: len(x[1].t),
+                )
+                outcomes[name] = execution, *evaluated
+        execution, pieces, errors, settled = max(outcomes.values(), key=lambda x: x[2].max)
         return PreviewExecution(
             planned=planned,
             execution=execution,
             pieces=pieces,
             errors=errors,
             settled=settled,
+            contour_errors={
+                name: [x.contour_error.max for x in each]
+                for name, (_, each, *_) in outcomes.items()
+            },
         )
 
     def _make_job(self, data: Mapping[str, Any], run: str | None) -> Job:
@@ -359,25 +372,6 @@ def coarser_run(job: Job, job_run: Run, tier: Tier) -> tuple[Run, tuple[str, ...
         run = dataclasses.replace(run, timing=timing)
         differs.append(f"during a drag, the timing uses a grid of {few} intervals.")
     return run, tuple(differs)
-
-
-def _experiment_of(run: Run, moving: bool) -> Experiment | None:
-    """Experiment with which a run is evaluated; with a longer drive cycle while a handle moves.
-
-    None if the run is evaluated with the servo model.
-    """
-    experiment = run.judge
-    if experiment is None or not moving:
-        return experiment
-    return dataclasses.replace(experiment, step=max(experiment.step, MOVING_STEP))
-
-
-def _execute_judged(
-    job: Job, run: Run, set_points: SetPoints, bodies: Experiment | None
-) -> Execution:
-    """Simulate set-points with the rigid bodies of an experiment, or with the servo model."""
-    plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, run.limits)
-    return simulate_run(job, set_points, plant)
 
 
 def _with_fewer_samples(execution: Execution) -> Execution:

@@ -114,7 +114,8 @@ class LimitUse(Result, Occurrence):
         highest: Use with the largest ratio of the printed numbers, in the narrowest windows;
             rounding may have caused it.
         verdict: "violated": every motion through the samples, within their digits, exceeds the
-            limit. "kept": the motion satisfies the limit everywhere. "cannot tell": neither.
+            limit. "kept": the motion satisfies the limit everywhere. "cannot tell": neither, or
+            the violated limit is only assumed for the arm.
     """
 
     name: str
@@ -129,15 +130,16 @@ class LimitUse(Result, Occurrence):
     def to_data(self) -> Data:
         """Use of the limit, with time and joint."""
         highest = self.highest.rows(self.unit)
-        printed = f"as printed {number(self.highest.ratio, '1')}"
+        note = (
+            f"as printed {number(self.highest.ratio, '1')}" if self.verdict == CANNOT_TELL else ""
+        )
+        note = "of an assumed limit" if note and self.certain > 1 else note
         return Data(
             f"Use of {self.name}",
             (
                 Row("name", self.name, "", "limit"),
                 *self.rows(self.unit),
-                Row(
-                    "verdict", self.verdict, "", "verdict", printed * (self.verdict == CANNOT_TELL)
-                ),
+                Row("verdict", self.verdict, "", "verdict", note),
                 *(replace(x, label="") for x in Data("", highest).with_prefix("highest")),
             ),
         )

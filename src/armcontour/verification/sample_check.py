@@ -1,27 +1,24 @@
 """Check of samples by lower bounds of the peaks that every motion through them must reach."""
 
 # Over a window between samples, the mean of a derivative is known exactly, whatever the motion does
-# between the samples, and its peak is at least the mean. Divided differences are such means. Two
-# more means of the joint acceleration follow from the positions q0, q1 and velocities v0, v1 at the
-# ends of a window of length T:
-#
-#     2 (q1 - q0 - v0 T) / T²                 weight 2 (T - t) / T²
-#     2 (v1 T - q1 + q0) / T²                 weight 2 t / T²
-#
-# All weights are positive and integrate to 1. The resolution of a column bounds the errors of its
-# numbers. Errors have less effect in wider windows, so windows of 1, 2, 4, ... samples are checked
-# until the effect is negligible.
+# between the samples, and its peak is at least the mean. Divided differences are such means. If the
+# derivatives at both ends of a window are known, the smallest peak follows exactly, see
+# `_smallest_factor` for accelerations and `_smallest_jerk`. The resolution of a column bounds the
+# errors of its numbers. Errors have less effect in wider windows, so windows of 1, 2, 4, ...
+# samples are checked until the effect is negligible.
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.robot import Limits, SerialArm
-from armcontour.robot.limit_use import SLOWEST, States, across, angular
+from armcontour.robot.limit_use import SLOWEST, States, across, angular, length
+from armcontour.robot.limits import DIRECTED, JOINT_LIMITS
 from armcontour.verification.limit_verdict import LimitUseAccumulator
 
 # Windows are widened until rounding is at most this fraction of every limit.
@@ -31,6 +28,11 @@ BETWEEN = np.arange(1, 8) / 8
 # In windows in which the direction of motion turns by more than this sine, the whole acceleration
 # of the tool may be centripetal.
 WIDEST_TURN = 0.2
+
+# Number of steps of Newton's method for the smallest jerk. The first step determines the sign. The
+# others leave a relative error below 1e-7, and their result is a lower bound.
+NEWTON_STEPS = 5
+ONE = np.ones(1)
 
 # Values at the samples, (n, columns), and bounds on the errors, (n, columns), or on the norm of the
 # error, (n, 1).
@@ -81,7 +83,7 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
     tally.record_states(log.t, states)
     if log.dq is None and log.ddq is not None:
         tally.record_rates("joint_acceleration", log.t, log.ddq, log.q, log.errors[2])
-    rows, tool = _mean_rows(log, states, tally.limits)
+    rows, joints, tool = _mean_rows(log, states, tally.limits)
     frames = None
     if tally.limits.angular_speed is not None and isinstance(tally.arm, SerialArm):
         frames = tally.arm.pose(log.q)[1]
@@ -97,7 +99,8 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
         if frames is not None:
             slack = max(slack, _record_angular_speed(log, tally, frames, k))
         if log.dq is not None:
-            _record_windows(log, log.dq, tally, k)
+            _record_windows(log, tally, joints, ["joint_acceleration", "joint_jerk"], k)
+            _record_windows(log, tally, tool, ["tool_acceleration", "tool_jerk"], k)
         if tally.limits.centripetal_acceleration is not None and (
             log.dq is None or log.ddq is None
         ):
@@ -121,8 +124,8 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
 
 def _mean_rows(
     log: SampledMotion, states: States, limits: Limits
-) -> tuple[list[tuple[str, Column, int]], list[Column]]:
-    """Rates to check (limit, column, difference order), and columns of the tool motion."""
+) -> tuple[list[tuple[str, Column, int]], list[Column], list[Column]]:
+    """Rates to check (limit, column, difference order); columns of the joints and of the tool."""
     # Velocities follow from positions, accelerations from velocities if available, and jerks from
     # the highest derivative. The columns of the tool are positions; velocities if joint velocities
     # are known; and accelerations if joint accelerations are known, too, and tool jerk is limited.
@@ -150,7 +153,7 @@ def _mean_rows(
     if base and limits.angular_acceleration is not None and isinstance(arm, SerialArm):
         rate, error = states.bounded(angular(arm.tool_twist), 1)
         rows.append(("angular_acceleration", (rate, error[:, None]), 1))
-    return [x for x in rows if getattr(limits, x[0]) is not None], tool
+    return [x for x in rows if getattr(limits, x[0]) is not None], list(joints.values()), tool
 
 
 def _record_angular_speed(
@@ -203,23 +206,90 @@ def _record_centripetal(
     return float(error.max()) / limit
 
 
-def _record_windows(log: SampledMotion, dq: FloatArray, tally: LimitUseAccumulator, k: int) -> None:
-    """Record mean accelerations and jerks from positions and velocities at the ends of windows."""
+def _record_windows(
+    log: SampledMotion, tally: LimitUseAccumulator, columns: list[Column], names: list[str], k: int
+) -> None:
+    """Record the peaks of acceleration and jerk that the ends of windows of `k` samples require."""
+    limits, of_joints = tally.limits, names[0] in JOINT_LIMITS
+    if all(getattr(limits, x) is None for x in names):
+        return
     (span, time_error), (t, q) = log.spans(k), log.middles(k)
-    step, total = log.q[k:] - log.q[:-k], dq[k:] + dq[:-k]
-    position_error = 2 * log.errors[0] + log.errors[1] * (span + time_error)
-    for v, sign in ((dq[:-k], 1.0), (dq[k:], -1.0)):
-        residual = step - v * span
-        smallest = np.abs(residual) - position_error - np.abs(v) * time_error
-        error = 2 * np.abs(residual) / span**2 - 2 * smallest / (span + time_error) ** 2
-        tally.record_rates("joint_acceleration", t, sign * 2 * residual / span**2, q, error)
-    residual = np.abs(total * span - 2 * step)
-    mean, smallest = (
-        6 * residual / span**3,
-        residual - 2 * position_error - np.abs(total) * time_error,
-    )
-    # `highest` must not include this mean jerk, because with rounded positions it can be far above
-    # the jerk of the recorded motion.
-    narrow, tally.narrow = tally.narrow, False
-    tally.record_rates("joint_jerk", t, mean, q, mean - 6 * smallest / (span + time_error) ** 3)
-    tally.narrow = narrow
+    # Of two neighbouring columns, the differences from the trapezoid rule and the changes.
+    ends = []
+    for (y, y_error), (rate, rate_error) in pairwise(columns):
+        total, changed = rate[k:] + rate[:-k], rate_error[k:] + rate_error[:-k]
+        size = np.abs(total) if of_joints else length(total)[:, None]
+        error = y_error[k:] + y_error[:-k] + (changed * (span + time_error) + size * time_error) / 2
+        shift = y[k:] - y[:-k] - span * total / 2
+        ends.append([(shift, error), (rate[k:] - rate[:-k], changed)])
+    if not of_joints:
+        # The components of tool vectors in one direction bound their length.
+        first = ends[0][0][0]
+        along = first / np.maximum(length(first), np.finfo(np.float64).tiny)[:, None]
+        ends = [[(np.sum(x * along, axis=1, keepdims=True), e) for x, e in y] for y in ends]
+    for name, ((shift, error), (change, changed)) in zip(names, ends, strict=False):
+        if getattr(limits, name) is None:
+            continue
+        low, high = limits.bounds(name, log.q.shape[1]) if name in DIRECTED else (-ONE, ONE)
+        factor = _smallest_factor(np.abs(shift), (change, 0 * ONE), span, low, high)
+        least = np.maximum(np.abs(shift) - error, 0.0)
+        certain = _smallest_factor(least, (change, changed), span + time_error, low, high)
+        bound = np.where(change < 0, low, high)
+        tally.record_rates(name, t, factor * bound, q, (factor - certain) * np.abs(bound))
+    if getattr(limits, names[1]) is not None:
+        stretch, moments = span / np.maximum(span - time_error, 1e-6 * span), list[Column]()
+        parts = [ends[0][0], *(x for y in ends[1:] for x in y)]
+        for (x, error), scale, order in zip(parts, (16, 4, 2), (3, 2, 1), strict=False):
+            moment = scale * x / span**order
+            error = scale * error * (stretch / span) ** order
+            moments.append((moment, error + np.abs(moment) * (stretch**order - 1)))
+        # `highest` must not include these jerks, because with rounded positions they can be far
+        # above the jerk of the recorded motion.
+        tally.narrow = False
+        jerk, error = _smallest_jerk(moments)
+        tally.record_rates(names[1], t, np.maximum(jerk, 0.0), q, error)
+        tally.narrow = k == 1
+
+
+def _smallest_factor(
+    shift: FloatArray, change: Column, span: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Smallest factor of the bounds of a rate that a shift and a change within its error need."""
+    # The integral of the rate is `change`, and its double integral differs from that of a constant
+    # rate by `shift`. Among all rates from f low to f high, the shift is largest if the rate is
+    # first f high and then f low:
+    #     2 shift f (high - low) = (change - f low span) (f high span - change)
+    # The positive solution f is smallest for the change `middle`.
+    down, up = -1 / low, 1 / high
+    middle = 4 * shift * (down - up) / ((down + up) * span)
+    gain = np.clip(middle, change[0] - change[1], change[0] + change[1]) * span
+    b = 2 * shift * (down + up) - gain * (down - up)
+    return np.asarray((b + np.sqrt(b**2 + 4 * down * up * gain**2)) / (2 * span**2))
+
+
+def _smallest_jerk(moments: list[Column]) -> Column:
+    """Lower bound of the largest jerk with the given moments, and a bound on its error."""
+    # With x from -1 to 1 in a window, the moments are the integrals of the jerk times x² - 1, -x
+    # and 1. For every polynomial p(x), the integral of p times the jerk is at most the largest jerk
+    # times the integral of |p|. Equality requires a bang-bang jerk with the sign of p. The smallest
+    # jerk has at most two switches, so p is (x - middle)² - half². Its roots follow from the last
+    # two moments and the largest bound so far. This is Newton's method for the smallest jerk.
+    (bend, *others), errors = zip(*moments, strict=True)
+    if not others:
+        # If the accelerations are unknown, p is x² - 1.
+        return np.abs(bend) * 0.75, errors[0] * 0.75
+    tilt, change = others
+    jerk = np.maximum((np.abs(tilt) + np.hypot(tilt, change)) / 2, np.finfo(np.float64).tiny)
+    for step in range(NEWTON_STEPS):
+        half = np.maximum(0.5 - change / (4 * jerk), 1e-12)
+        middle = np.clip(tilt / (4 * jerk * half), half - 1, 1 - half)
+        norm = 2 / 3 + 2 * (middle**2 - half**2) + 8 / 3 * half**3
+        weights = 1 / norm, 2 * middle / norm, (1 + middle**2 - half**2) / norm
+        bound = weights[0] * bend + weights[1] * tilt + weights[2] * change
+        if step == 0:
+            # For one sign of the jerk, the bound is not below that of the last two moments.
+            sign = np.where(bound < jerk, -1.0, 1.0)
+            bend, tilt, change = sign * bend, sign * tilt, sign * change
+        else:
+            jerk = np.maximum(jerk, bound)
+    return bound, sum(np.abs(w) * e for w, e in zip(weights, errors, strict=True))

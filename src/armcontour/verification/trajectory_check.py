@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Annotated, Any, Protocol
 
@@ -84,6 +84,7 @@ class Check(Result):
         uses: One entry for every limit that was checked.
         not_judged: Limits that cannot be checked with these samples, and requirements of the path
             for which no limit was specified.
+        missing: Those of them that were specified for this check or for the plan.
         reconstruction: Assumption about the motion between samples, as text.
         tolerance: Fraction by which a limit may be exceeded.
         states: Number of checked times.
@@ -97,6 +98,7 @@ class Check(Result):
 
     uses: tuple[LimitUse, ...]
     not_judged: tuple[str, ...]
+    missing: tuple[str, ...]
     reconstruction: str
     tolerance: float
     states: int
@@ -116,6 +118,8 @@ class Check(Result):
         """The verdict, the distance from the path, and the use of every limit."""
         worst, deviation = self.worst, self.path_deviation
         note = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
+        if unknown := ", ".join(x for x in self.not_judged if x in LIMIT_UNITS):
+            note = "; ".join(filter(None, [f"not judged: {unknown}", note]))
         distance = [Row("path_deviation", None)]
         if deviation is not None:
             location = f"at t = {number(deviation.t, 's')}, s = {number(deviation.s, 'm')}"
@@ -144,7 +148,7 @@ class Check(Result):
                 *(Row(x, getattr(self, x), "s") for x in ("start", "end")),
                 Row("end_speeds", self.end_speeds, "rad/s"),
                 *(Row(x, getattr(self, x)) for x in ("tolerance", "rounding")),
-                *(Row(x, getattr(self, x)) for x in ("not_judged", "reconstruction")),
+                *(Row(x, getattr(self, x)) for x in ("not_judged", "missing", "reconstruction")),
             ),
             (Table.from_rows("limits", [x.to_data().rows for x in self.uses]),),
             notes=tuple(self._notes()),
@@ -152,8 +156,13 @@ class Check(Result):
 
     def _notes(self) -> Iterator[str]:
         """Sentences on undecided verdicts and on limits that were not checked."""
-        names = ", ".join(x.name for x in self.uses if x.verdict == CANNOT_TELL)
-        if names:
+        undecided = [x for x in self.uses if x.verdict == CANNOT_TELL]
+        if names := ", ".join(x.name for x in undecided if x.certain > 1):
+            yield (
+                f"Cannot tell: {names}. The motion exceeds the limit, but this limit of the arm is "
+                "only assumed. Specify the manufacturer's limit."
+            )
+        if names := ", ".join(x.name for x in undecided if x.certain <= 1):
             yield (
                 f"Cannot tell: {names}. The printed numbers exceed the limit, but the cause may be "
                 "their rounding, or a reversal between two samples. Print more digits, add columns "
@@ -162,7 +171,7 @@ class Check(Result):
         yield self.reconstruction
         if self.not_judged:
             names = ", ".join(self.not_judged)
-            yield f"Not judged, since a limit or the necessary samples are missing: {names}."
+            yield f"Not judged, because a limit, masses or samples are missing: {names}."
         if "path_jerk" in self.not_judged:
             yield "Jerk along the path is checked only for plans: samples have no arc length."
         for end, speed in zip(("start", "end"), self.end_speeds, strict=True):
@@ -190,14 +199,15 @@ class Check(Result):
 
     @property
     def verdict(self) -> str:
-        """The verdict on all checked limits: "violated", "cannot tell" or "kept".
+        """The verdict on all limits: "violated", "cannot tell" or "kept".
 
         "violated" if any limit is violated; otherwise "cannot tell" if any limit has this verdict,
-        or if no specified limit could be checked; otherwise "kept". See `LimitUse` for one limit.
+        or if a specified limit or all limits could not be checked; otherwise "kept". See `LimitUse`
+        for one limit.
         """
-        if not self.uses:
-            return CANNOT_TELL if self.not_judged else KEPT
-        return max((x.verdict for x in self.uses), key=VERDICTS.index)
+        unknown = self.missing or (not self.uses and self.not_judged)
+        verdicts = (*(x.verdict for x in self.uses), CANNOT_TELL if unknown else KEPT)
+        return max(verdicts, key=VERDICTS.index)
 
     def __getitem__(self, name: str) -> LimitUse:
         """The use of one limit, by its name."""
@@ -227,17 +237,19 @@ def check(
 
     A law, such as a `Trajectory`, is checked on both sides of every break and at random times
     between breaks. If jerk is limited, the accelerations of a law must not jump. For samples, the
-    check covers the printed values and, between samples, the mean velocities and accelerations that
-    every motion through the samples must reach. A reported violation is real within the rounding; a
-    peak between samples may be higher than reported.
+    check covers the printed values and, between samples, the smallest peaks that every motion
+    through two samples must reach. These are exact if the samples have the lower derivatives:
+    velocities for a limit of joint acceleration, and accelerations for a limit of joint jerk. A
+    reported violation is real within the rounding; a peak between samples may be higher.
 
     In a program, tool limits are checked along contours with their leads, and joint limits on every
     move. Samples are assigned to contours such that the distances from the tool are smallest.
 
     "violated" means that every motion through the samples exceeds the limit, for all true numbers
-    within their printed digits. "kept" means that the samples, and the means between neighbours,
-    satisfy the limit; an excess by rounding below 0.1 % is ignored. Otherwise the verdict is
-    "cannot tell".
+    within their printed digits. "kept" means that the samples, and the smallest peaks between
+    neighbours, satisfy the limit; an excess by rounding below 0.1 % is ignored. Otherwise the
+    verdict is "cannot tell", also for a specified limit that these samples do not show, and for a
+    violated limit that is only assumed for the arm.
 
     >>> ac.check(planned.sample(0.004), arm, limits, path).verdict
     'kept'
@@ -275,7 +287,10 @@ def check(
     not_judged: dict[str, None] = {}
     farthest: PathDeviation | None = None
     whole: dict[str, Any] | None = None
-    for part in _split(samples, arm, program, limits):
+    planned = samples.limits if isinstance(samples, Trajectory) else None
+    bounds = resolve_limits("check", arm, limits, planned)
+    of_arm = {x for x in LIMIT_UNITS if getattr(bounds, x) is getattr(arm.limits, x)}
+    for part in _split(samples, arm, program, bounds):
         tally = LimitUseAccumulator(arm, part.limits, part.path, deviation, orientation_deviation)
         motion = part.motion
         if _is_law(motion):
@@ -287,6 +302,11 @@ def check(
         if coverage_error is not None and part.path is not None:
             record_coverage(motion, tally, coverage_error)
         part_uses = {x.name: shift_use(x, part.t, part.s) for x in tally.uses(tolerance)}
+        for name, use in part_uses.items():
+            assumed = getattr(arm.assumed_limits, name, None)
+            exceeded = use.verdict == VIOLATED and assumed is not None
+            if exceeded and getattr(bounds, name) is assumed:
+                part_uses[name] = replace(use, verdict=CANNOT_TELL)
         not_judged |= dict.fromkeys(_not_judged(part.limits, part.path, set(part_uses)))
         uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in part_uses.items()}
         farthest_point = tally.farthest
@@ -302,6 +322,7 @@ def check(
     return Check(
         uses=tuple(uses.values()),
         not_judged=tuple(not_judged),
+        missing=tuple(x for x in not_judged if x in LIMIT_UNITS and x not in of_arm),
         tolerance=tolerance,
         path_deviation=farthest,
         **whole,
@@ -323,10 +344,8 @@ class _Part:
     s: float = 0.0  # Length of the previous contours, added to its arc lengths [m]
 
 
-def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | None) -> list[_Part]:
+def _split(samples: Any, arm: Arm, program: Program | None, bounds: Limits) -> list[_Part]:
     """Split a motion: the whole motion with joint limits, and its contours with tool limits."""
-    planned = samples.limits if isinstance(samples, Trajectory) else None
-    bounds = resolve_limits("check", arm, limits, planned)
     spans, plural = (
         getattr(samples, "spans", ()),
         program is not None and len(program.moves) > 1,
@@ -465,9 +484,9 @@ def _reconstruction(log: SampledMotion) -> str:
         else " Centripetal acceleration is estimated from neighbouring samples."
     )
     return (
-        f"The values of the samples ({listed}) are checked. Between samples, the mean velocities "
-        "and accelerations that every motion through the samples must reach are checked, so peaks "
-        f"between samples may be higher.{cubic if log.dq is not None else ''}{centripetal}"
+        f"The values of the samples ({listed}) are checked. Between samples, the smallest peaks "
+        "that every motion through the samples must reach are checked, so peaks between samples "
+        f"may be higher.{cubic if log.dq is not None else ''}{centripetal}"
     )
 
 

@@ -10,6 +10,7 @@ from soak.certificates import until_rest
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
+from armcontour.core.render import number
 from armcontour.files import certificate_json, derating_csv, parse_job
 from armcontour.jobs import CertificateGoal
 from armcontour.motion.set_point_check import check_set_points
@@ -106,6 +107,28 @@ def test_the_papers_job_every_four_milliseconds_and_the_parts_of_its_budget(cert
     distance = certificate.path.path.project(tool).distance.max()
     assert budget.servo == pytest.approx(distance, abs=1e-11)
     assert 0 < certificate.headroom.max() < certificate.largest_headroom.max() < 1
+
+
+def test_an_experiment_judges_a_certificate_too(certified):
+    """On rigid bodies, the same set-points exceed 2 um, but not 5 mm."""
+    error = certified.experiment.evaluation.contour_error.max
+    assert error > 2e-6 > certified.budget.executed
+    assert certified.kept is False and certified.experiment_error >= error
+    note = certified.to_data()["kept"].note
+    assert note.endswith(f"on rigid bodies {number(certified.experiment_error, 'm')}")
+    wide = replace(
+        certified,
+        contours=tuple(
+            replace(x, budget=replace(x.budget, servo_allowed=5e-3)) for x in certified.contours
+        ),
+    )
+    assert wide.kept is True
+    # Without a compensation, the certificate is for the servo, and a run is for its bodies.
+    text = LINE.replace("only: {compensation: {method: inverse}}", "only: {}") + "experiment: {}\n"
+    line = parse_job(text)
+    assert line.runs[0].compensation.method == "inverse_dynamics"
+    certificate = ac.certify(line, goal=ac.CertificateGoal(servo_error=2e-5))
+    assert certificate.set_points.method == certificate.run.compensation.method == "inverse"
 
 
 def test_without_compensation_a_tool_is_slowed_until_it_keeps_its_budget():

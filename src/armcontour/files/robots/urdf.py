@@ -92,7 +92,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     _check_moving_joints(tree, moving)
     description = Description(tree, route, moving, positions, start)
     chain = description.chain()
-    limits, lacking = _limits(
+    limits, lacking, assumed = _limits(
         tree, moving, options.limits_file, has_bodies=chain.masses is not None
     )
     missing = missing_meshes(tree, options.packages)
@@ -104,6 +104,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         source=file,
         limits_hint=_hint(limits, has_bodies=chain.masses is not None),
         notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
+        assumed_limits=assumed,
     )
     if all(x.find("collision") is None for x in tree.links.values()):
         return arm
@@ -183,8 +184,8 @@ def _lock_advice(joint: Joint) -> str:
 
 def _limits(
     tree: Tree, moving: list[Joint], file: FilePath | None, *, has_bodies: bool
-) -> tuple[Limits, str]:
-    """Limits of the moving joints, and a note on limits that are missing or assumed.
+) -> tuple[Limits, str, Limits | None]:
+    """Limits of the moving joints, a note on missing limits, and those assumed for all joints.
 
     `file` is a `joint_limits.yaml`; torque limits are used only if `has_bodies`.
     """
@@ -198,11 +199,14 @@ def _limits(
         override_limits(stated, names, file)
     if not has_bodies:
         table["joint_torque"] = [None] * len(moving)
-    limits = limits_of(table, names, tree.file)
+    described = limits_of(table, names, tree.file)
     _check_radians(table, stated, moving, tree.file)
-    limits, assumed = assume_accelerations(limits, names)
+    limits, assumed_note = assume_accelerations(described, names)
     missing = _missing_limits_note(limits, moving, has_bodies=has_bodies)
-    return limits, "; ".join(x for x in (soft, missing, assumed) if x)
+    note = "; ".join(x for x in (soft, missing, assumed_note) if x)
+    if not assumed_note or described.joint_acceleration is not None:
+        return limits, note, None
+    return limits, note, Limits(joint_acceleration=limits.joint_acceleration)
 
 
 def assume_accelerations(limits: Limits, joints: Sequence[str]) -> tuple[Limits, str]:

@@ -65,7 +65,7 @@ def contours(study: JobResult) -> Section | None:
 def _table(name: str, result: RunResult) -> TextTable:
     """Table with a row per contour, with at most MAX_ROWS rows."""
     program, limit = result.path, result.run.limits.speed
-    errors = () if result.evaluation is None else result.evaluation.contours
+    errors = () if result.judged is None else result.judged.contours
     spans, limit_speed = result.trajectory.contour_spans, np.inf if limit is None else limit
     contours = list[ContourJudgement](
         zip(program.contours, spans, errors or [None] * len(spans), strict=True)

@@ -20,7 +20,7 @@ from armcontour.jobs.job import ARC, FREE, Job, Run
 from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
 from armcontour.jobs.run_data import field_rows, warning_rows
 from armcontour.jobs.run_warnings import beyond_logs
-from armcontour.jobs.verdict import ROUNDING, off_drawing, time_limit_row
+from armcontour.jobs.verdict import ROUNDING, SERVO, off_drawing, time_limit_row
 from armcontour.motion import Execution, JointPath, SetPoints, Trajectory
 from armcontour.planning import Tracing, explain
 from armcontour.program import Program
@@ -328,8 +328,9 @@ class Certificate(Result):
         budget, accuracy = worst.budget, self.run.accuracy if self.goal.tolerance is None else None
         allowed = budget.servo_allowed if budget.allowed is None else None
         tolerance = None if budget.allowed is not None else self.result.tolerance
-        row = off_drawing(rounding, tolerance, budget.executed, allowed, GUARANTEED)
+        row = off_drawing(rounding, tolerance, {SERVO: budget.executed}, allowed, GUARANTEED)
         sums = {"certified within": budget.allowed, "the job allows": accuracy}
+        sums["on rigid bodies"] = self.experiment_error
         ends = (f"; {words} {number(x, 'm')}" for words, x in sums.items() if x is not None)
         yield replace(row, note=row.note + self._on(worst))
         note = f"limits {self.check.verdict}, between samples too" + "".join(ends)
@@ -410,9 +411,23 @@ class Certificate(Result):
 
     @property
     def kept(self) -> bool:
-        """True if every contour satisfies its budget and the plan satisfies its limits."""
+        """True if all contours satisfy their budgets, and the plan satisfies its limits.
+
+        Rigid bodies judge the certificate if the run has an experiment.
+        """
         within = (x.budget.left >= -ROUNDING * x.budget.servo_allowed for x in self.contours)
-        return all(within) and self.check.verdict != "violated"
+        bodies = (
+            self.failure is None and (self.experiment_error or 0.0) <= self.budget.servo_allowed
+        )
+        return all(within) and bodies and self.check.verdict != "violated"
+
+    @property
+    def experiment_error(self) -> float | None:
+        """Largest contour error of the experiment [m]; None without its result."""
+        if self.experiment is None:
+            return None
+        e = self.experiment.evaluation
+        return max(e.contour_error.max, e.coverage_error.max)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -503,9 +518,8 @@ class Certificate(Result):
         if self.goal.plant == "rigid_body" or not bodies:
             return None
         limitation = "coupled dynamics of the arm's rigid bodies can increase the error"
-        if self.experiment is not None:
-            e, allowed = self.experiment.evaluation, self.budget.servo_allowed
-            error = max(e.contour_error.max, e.coverage_error.max)
+        if (error := self.experiment_error) is not None:
+            allowed = self.budget.servo_allowed
             limitation = (
                 "in the experiment on the arm's rigid bodies the contour error is "
                 f"{number(error, 'm')} of {number(allowed, 'm')} allowed for servos"

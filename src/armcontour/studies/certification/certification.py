@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core import checks
 from armcontour.core.errors import ArmContourError, ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
@@ -123,6 +124,9 @@ def certify(
         plant = build_plant(chosen.experiment, job.arm, job.plant_servo, chosen.limits)
     if goal.box is not None and goal.plant == "servo":
         half_widths(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
+    if goal.plant == "servo" and chosen.default_compensation:
+        options = replace(INVERSE, command_limits=chosen.compensation.command_limits)
+        chosen = replace(chosen, compensation=options)
     # Derating replaces the reserve, so the reserve is not used.
     free = chosen.rounding is not None and chosen.rounding.free
     intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None

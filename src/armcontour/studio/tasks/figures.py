@@ -140,8 +140,8 @@ def _speed(result: RunResult, s: FloatArray) -> FloatArray:
 
 def _error(result: RunResult, t: FloatArray) -> FloatArray:
     """Contour errors at times, interpolated [m], (n,); NaN before the first and after the last."""
-    assert result.evaluation is not None
-    e = result.evaluation.contour_error
+    assert result.judged is not None
+    e = result.judged.contour_error
     return np.interp(t, e.t, e.values, left=np.nan, right=np.nan)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -83,12 +83,10 @@ class Request:
 
     @cached_property
     def result(self) -> RunResult:
-        """Result of the run, simulated with the same experiment as in the preview."""
+        """Result of the run, simulated with its experiment."""
         from armcontour.jobs import run
 
-        (single,) = self.job.runs
-        single = replace(single, experiment=single.judge)
-        (result,) = run(replace(self.job, runs=(single,)), progress=self.progress).runs.values()
+        (result,) = run(self.job, progress=self.progress).runs.values()
         if result.failure is not None:
             raise result.failure
         return result
