@@ -259,8 +259,11 @@ class Player:
         stopper = Stopper(points, job.servo, options, job.arm, controller.cycle)
         t = points.times(len(stopper.q), controller.cycle)
         if set_points is None:
-            assert planned.execution is not None
             simulated = planned.execution
+            bodies = planned.experiment
+            if bodies is not None and planned.judged is bodies.evaluation:
+                simulated = bodies.execution
+            assert simulated is not None
             predicted = np.column_stack([np.interp(t, simulated.t, x) for x in simulated.q.T])
         else:
             predicted = planned.trajectory.with_rests(t)
@@ -456,7 +459,7 @@ def _measure_distance(job: Job, limits: Limits, position: FloatArray, start: Flo
 def _result_rows(played: Played, begin: float, cycle: float, band: float | None) -> tuple[Row, ...]:
     """Verdict on a motion that began at a time [s], and its differences from the simulation."""
     record, motion, planned, arm = played.record, played.motion, played.plan, played.job.arm
-    assert record is not None and motion.predicted is not None and planned.evaluation is not None
+    assert record is not None and motion.predicted is not None and planned.judged is not None
     k = np.rint(record.t / cycle).astype(int)
     if record.stopped is not None:
         k = k[k < max(record.stopped, 1)]
@@ -475,9 +478,9 @@ def _result_rows(played: Played, begin: float, cycle: float, band: float | None)
     if record.stopped is None:
         pieces = measured_pieces(played.job, planned, begin + record.t, record.measured)
         errors = [x.contour_error.max for x in pieces]
-        note = f"simulated {number(planned.evaluation.contour_error.max, 'm')}"
+        note = f"simulated {number(planned.judged.contour_error.max, 'm')}"
         rows.append(Row("contour_error.max", max(errors), "m", "contour error", note, FIRST))
-        kept, reason = judge(planned, errors)
+        kept, reason = judge(planned, {"measured": errors})
         j = int(joints[-1].argmax())
         if joints[-1, j] > (LEAST if band is None else band):
             kept = False
