@@ -203,7 +203,7 @@ def test_refuses_weaves_that_cannot_be():
         (woven(shape="moon"), "zigzag"),
         (woven(up=[0, 0, 0]), "direction"),
         (woven(tall), "parallel"),
-        (woven(pitch=None), "pitch or a frequency"),
+        (woven(pitch=None), "pitch and frequency"),
         (woven(BENT, pitch=None, frequency=2.0), "assigned velocity"),
         (woven(dwell=0.3), "0.2 s"),
         (woven(comb), "nothing is woven"),
