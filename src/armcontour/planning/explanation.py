@@ -342,8 +342,10 @@ def _explain_law(
             continue
         joints = range(arm.dof) if limit in JOINT_LIMITS else (None,)
         names += [(name, x) for x in joints]
+    # A limit of the run that is used up, too, is the cause, not a slightly stricter constraint.
+    free = np.concatenate(used, axis=1).max(axis=1) < ACTIVE
     for constraint in constraints:
-        used.append(constraint.usage(ends))
+        used.append(constraint.usage(ends) * free[:, None])
         names += constraint.names
     shares = np.concatenate(used, axis=1)
     limit_index = _find_active(shares, ACTIVE_WITH_JERK if bounds.jerk_limits else ACTIVE)

@@ -196,11 +196,13 @@ def test_seeds(job):
 def test_a_dead_time_that_joints_share_draws_the_same_contour(job):
     set_points, path, arm, _, limits = job
     setting = set_points, path, arm, SERVO.replace(dead_time=4e-3), limits
-    shared = spread(*setting, Uncertainty(dead_time=2e-3), samples=8, end_time=6.0)
+    shared = spread(
+        *setting, Uncertainty(dead_time=2e-3, dead_time_shared=True), samples=8, end_time=6.0
+    )
     assert shared.names == ("dead time",)
     assert (shared.dead_time[:, 0] == shared.dead_time[:, 1]).all()
     np.testing.assert_allclose(shared.max, shared.nominal_max, rtol=1e-4)
-    apart = spread(*setting, Uncertainty(dead_time=2e-3, dead_time_shared=False), samples=8)
+    apart = spread(*setting, Uncertainty(dead_time=2e-3), samples=8)
     assert apart.names == ("dead time of joint 1", "dead time of joint 2")
     assert np.ptp(apart.max) > 0.1 * apart.nominal_max
 

@@ -25,6 +25,7 @@ ALL = Uncertainty(
     friction=[0.0, 1.0],
     armature=0.2,
     dead_time=[1e-3, 2e-3],
+    dead_time_shared=True,
 )
 
 

@@ -211,16 +211,23 @@ def test_gains_ten_percent_off():
 def test_dead_times_that_err():
     delayed = job(SHORT, servo=", dead_time: 40 ms")
     # Shared by all joints, it costs nothing.
+    shared = Uncertainty(dead_time=2e-3, dead_time_shared=True)
     certificate = ac.certify(
-        delayed,
-        goal=ac.CertificateGoal(servo_error=2e-6, box=Uncertainty(dead_time=2e-3), samples=200),
+        delayed, goal=ac.CertificateGoal(servo_error=2e-6, box=shared, samples=200)
     )
+    assert "dead time ±2 ms (the same error for all joints)" in certificate.model
     assert certificate.duration <= 1.002 * certificate.uncertified.duration
     assert certificate.worst.spread.within(2e-6) == 1.0
-    box = Uncertainty(dead_time=2e-3, dead_time_shared=False)
+    box = Uncertainty(dead_time=2e-3)
     certificate = ac.certify(
         delayed, goal=ac.CertificateGoal(servo_error=0.06e-3, box=box, samples=200)
     )
+    data = certificate.to_data()
+    assert "dead time ±2 ms (independent for each joint)" in data["model"].value
+    # The robots of the box are what slows the plan down, and the report names them.
+    assert certificate.duration > 1.005 * certificate.uncertified.duration
+    limit = "contour error of robots of the box"
+    assert limit in certificate.result.explanation.kinds and data["time_limit"].value != limit
     assert certificate.worst.spread.within(0.06e-3) == 1.0 and certificate.uncertified.box > 0.06e-3
     with pytest.raises(ac.NotRealizable) as caught:
         ac.certify(delayed, goal=ac.CertificateGoal(servo_error=0.03e-3, box=box, slowest=1.2))

@@ -9,8 +9,7 @@ import numpy as np
 from armcontour.core.render import figure, number
 from armcontour.core.result import Table
 from armcontour.core.text import capitalise
-from armcontour.jobs.advice import IF_DRIVE, IF_PROCESS
-from armcontour.planning.explanation import BETWEEN, DWELLS, RAPIDS
+from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
@@ -28,12 +27,13 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
     data, model = certificate.to_data(), capitalise(certificate.model)
     rows = {x.name: x for x in data.shown()}
     deviation, verdict = rows["off_drawing"], data["kept"]
+    doubts = [x for x in data.warnings if x not in certificate.path.notes]
     sentences = [
         *time_sentences(certificate.result),
         *(("What to change", x) for x in [_change(certificate)] if x),
         ("Valid for", f"{model}. It does not cover collisions and flexibility."),
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
-        ("Weakest point", (*data.warnings, *data.notes, "None known.")[0]),
+        ("Weakest point", (*doubts, *data.notes, "None known.")[0]),
     ]  # fmt: skip
     words = "Certified" if verdict.value else "Not certified"
     return Front(
@@ -46,19 +46,17 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
 
 
 def _change(certificate: Certificate) -> str:
-    """Advice on the limit that is active for the longest time; empty if this limit is unknown."""
+    """What sets the limit that is active for the longest time; empty if this limit is unknown."""
     explanation = certificate.result.explanation
-    shares = () if explanation is None else explanation.shares
-    share = next((x for x in shares if x.kind != BETWEEN), None)
-    if share is None:
+    if explanation is None or explanation.longest is None:
         return ""
-    advice = "raise that limit, if " + (IF_DRIVE if share.kind != share.name else IF_PROCESS)
-    if share.kind in (RAPIDS, DWELLS):
+    name, share = explanation.longest
+    advice = "raise that limit, if the drive and the process allow it"
+    if name in (RAPIDS, DWELLS):
         advice = "shorten them, for example by process.order: shortest"
-    return (
-        f"{capitalise(share.name)} takes {number(share.of_time, '1')} of the time: {advice}. The "
-        "command run with --changes plans changes without a certificate."
-    )
+    elif "contour error" in name:
+        advice = "allow a larger error" + ", or reduce the box" * (certificate.goal.box is not None)
+    return f"{capitalise(name)} takes {number(share, '1')} of the time: {advice}."
 
 
 def certificate(result: Certificate) -> Section:

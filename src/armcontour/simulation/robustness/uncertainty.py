@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, quantities
 from armcontour.core.quantities import (
     COULOMB,
     DEAD_TIME,
@@ -21,9 +21,13 @@ from armcontour.core.quantities import (
     Axes,
     Duration,
 )
+from armcontour.core.render import number_range
 from armcontour.robot import Arm
 from armcontour.robot.chain import Payload
 from armcontour.robot.servo import ServoModel
+
+# Clauses on the errors of joints: independent, or shared.
+EACH = (" (independent for each joint)", " (the same error for all joints)")
 
 
 @checks.explain_calls
@@ -65,7 +69,7 @@ class Uncertainty(Checked):
 
     gains: Annotated[FloatArray | float, GAIN_ERROR, Axes(...)] = 0.0
     dead_time: Annotated[FloatArray | float, DEAD_TIME] = 0.0
-    dead_time_shared: bool = True
+    dead_time_shared: bool = False
     payload: Annotated[FloatArray | float, MORE_PAYLOAD] = 0.0
     payload_known: bool = False
     jitter: Duration = 0.0
@@ -83,6 +87,22 @@ class Uncertainty(Checked):
             )
         for name in ("payload", "friction"):
             object.__setattr__(self, name, _range(name, getattr(self, name)))
+
+    def __str__(self) -> str:
+        """Ranges of the errors, and whether all joints share an error."""
+        rubs = self.friction_shared
+        shared = {"dead_time": self.dead_time_shared, "viscous": rubs, "coulomb": rubs}
+        signs = {"payload": "", "viscous": "up to ", "coulomb": "up to "}
+        ranges = {
+            x: np.unique(getattr(self, x)) for x in quantities(Uncertainty) if x != "friction"
+        }
+        return "; ".join(
+            f"{name.replace('_', ' ')} {signs.get(name, '±')}"
+            + number_range(values, quantities(Uncertainty)[name].unit)
+            + ("" if name in ("payload", "jitter") else EACH[shared.get(name, False)])
+            for name, values in ranges.items()
+            if values.any()
+        )
 
     def gains_of(self, dof: int) -> FloatArray:
         """Largest relative errors of kp and kv, (2, dof)."""

@@ -26,7 +26,7 @@ from armcontour.planning import Tracing, explain
 from armcontour.program import Program
 from armcontour.simulation.rigid_body_plant import can_simulate
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
-from armcontour.studies.certification.derating import DeratedInterval, Derating
+from armcontour.studies.certification.derating import DeratedInterval, DeratedLimits, Derating
 from armcontour.verification import Check, Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
@@ -532,14 +532,18 @@ class Certificate(Result):
     @cached_property
     def result(self) -> RunResult:
         """The certified plan as the result of its run."""
-        single = self.path.single_path
+        single, deratings = (
+            self.path.single_path,
+            [(x.joint_path, x.derating) for x in self.contours],
+        )
+        derated = DeratedLimits(deratings, self.run.limits)
         return RunResult(
             run=self.run,
             objective=self.objective,
             path=self.path,
             traced=None if single is None else Tracing.along(self.contours[0].joint_path, single),
             trajectory=self.trajectory,
-            explanation=explain(self.trajectory, self.job.arm),
+            explanation=explain(self.trajectory, self.job.arm, constraints=[derated]),
             set_points=self.set_points,
             servo=self.job.servo,
             execution=self.execution,

@@ -450,7 +450,7 @@ def describe_model(case: Case) -> str:
     if np.isfinite(case.demand_bounds).any():
         parts.append("accelerations that saturate at the joints' limits")
     if case.box is not None:
-        parts.append("and every such robot of the box that was executed")
+        parts.append(f"and the executed robots of the box: {case.box}")
     return "; ".join(parts)
 
 
@@ -467,7 +467,7 @@ def _describe_bodies(case: Case, held: str) -> str:
     if fed:
         payload = "of the true payload" if case.box.payload_known else "of the nominal payload"
         parts.append(f"gravity {payload} fed forward")
-    parts.append("and every such robot of the box that was executed")
+    parts.append(f"and the executed robots of the box: {case.box}")
     return "; ".join(parts)
 
 

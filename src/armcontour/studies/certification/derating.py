@@ -15,7 +15,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.render import number
 from armcontour.core.text import joint_label
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.constraints import Constraint, JointMotion, OnGrid
+from armcontour.planning.constraints import Constraint, IntervalEnds, JointMotion, OnGrid
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.path_grid import Grid, place_grid
@@ -110,6 +110,31 @@ class SpeedCap(Constraint):
         """Ceilings of ds² at both ends of each interval."""
         cap = self.derating.cap[self.derating.cell_of(path.grid)]
         return (Ceiling(np.stack([cap, cap], axis=1)),)
+
+
+@dataclass(frozen=True)
+class DeratedLimits(Constraint):
+    """The derated limits of all contours by cause, with which a certified plan is explained."""
+
+    deratings: Sequence[tuple[JointPath, Derating]]
+    limits: Limits
+
+    @property
+    def names(self) -> list[tuple[str, int | None]]:
+        """Names of the requirements by which limits are derated."""
+        return [(REASONS[x].removeprefix("the "), None) for x in CAUSES]
+
+    def usage(self, ends: IntervalEnds) -> FloatArray:
+        """Used share of the derated speed and acceleration on each interval, (n, causes)."""
+        derating = next(y for x, y in self.deratings if x is ends.law.joint_path)
+        bounded = DeratedAcceleration(*self.limits.acceleration_bounds(ends.arm.dof), derating)
+        acceleration, cell = bounded.usage(ends).max(axis=1), derating.cell_of(ends.grid)
+        speed = np.sqrt(ends.x.max(axis=1) / derating.cap[cell])
+        used = [np.where(derating.cap_by[cell] == k, speed, 0.0) for k in range(len(CAUSES))]
+        for cause, share in derating.share_by.items():
+            derated, k = share[cell].min(axis=1) < 1 - LEAST_REDUCTION, CAUSES.index(cause)
+            used[k] = np.maximum(used[k], acceleration * derated)
+        return np.stack(used, axis=1)
 
 
 def plan_derated(

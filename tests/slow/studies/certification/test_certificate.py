@@ -21,8 +21,8 @@ def test_every_millisecond():
     ("servo", "budget", "box", "slowest", "samples"),
     [
         ("", 1e-3, {"gains": 0.1}, 5.55, 2000),
-        (", dead_time: 40 ms", 2e-6, {"dead_time": 2e-3}, 5.36, 200),
-        (", dead_time: 40 ms", 0.6e-3, {"dead_time": 2e-3, "dead_time_shared": False}, 5.40, 200),
+        (", dead_time: 40 ms", 2e-6, {"dead_time": 2e-3, "dead_time_shared": True}, 5.36, 200),
+        (", dead_time: 40 ms", 0.6e-3, {"dead_time": 2e-3}, 5.40, 200),
     ],
 )
 def test_robots_of_a_box(servo, budget, box, slowest, samples):
