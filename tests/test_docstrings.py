@@ -18,7 +18,6 @@ from armcontour.control.identification.fit_options import DRIVE_CYCLE, LONGEST_D
 from armcontour.control.learning import Recording
 from armcontour.core.text import MAX_LINES, format_table
 from armcontour.files import parse_job
-from armcontour.files.exports import CsvFormat
 from armcontour.jobs import PlaceSearch
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.robot.scene import MARGINS
@@ -154,11 +153,6 @@ STATED = [
         "docs/guides/gcode.md",
         r"tolerance \((\S+) (um) by default\)",
         field(ac.ReadOptions, "chord_tolerance"),
-    ),
-    (
-        "docs/guides/export.md",
-        r"`derivatives` \|.*\| `(\d)` \(default\)",
-        field(CsvFormat, "derivatives"),
     ),
     (
         "docs/guides/checking.md",

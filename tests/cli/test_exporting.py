@@ -68,6 +68,41 @@ def test_the_plan_is_sampled_at_the_period_and_outputs_are_of_their_format(resul
     assert not (exports / "set_points.mod").exists() and not (exports / "set_points.src").exists()
 
 
+LIMITED = """
+name: square
+arm: ur5e
+path:
+  points: [[0.45, -0.05, 0.3], [0.55, -0.05, 0.3], [0.55, 0.05, 0.3]]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 250 mm/s, joint_jerk: 400 rad/s^3}
+corners: {tolerance: 1 mm, continuity: curvature}
+servo: {kp: 25 1/s, kv: 150 1/s}
+cycle: 4 ms
+runs:
+  free: {timing: {reserve: 20 %}}
+  kept: {timing: {reserve: 20 %}, command_limits: {joint_acceleration: 3.14159 rad/s^2}}
+"""
+
+
+def test_a_warning_of_accelerations_names_command_limits_with_their_effect(call, folder):
+    (folder / "square.yaml").write_text(LIMITED)
+    base = ("run", "square.yaml", "--no-changes", "--force", "--out", "square")
+    printed = call(*base, "--export", "ros-yaml")
+    assert printed.count("times the acceleration limit") == 1 and "reserve:" not in printed
+    assert printed.count("as command_limits") == 1
+    files = [folder / "square" / x / "export" / "set_points.yaml" for x in ("free", "kept")]
+    free, kept = (yaml.safe_load(x.read_text())["points"][0]["accelerations"] for x in files)
+    assert len(free) == 6 and len(kept) == 0
+    # The stated effect is that of the run with these limits.
+    (change,) = (x for x in printed.split("Warning: ") if "command_limits change" in x)
+    assert change.split("contour error ")[1].split(" at most")[0] in printed.split("and cause")[1]
+    # The derivatives of an earlier result are those of the run.
+    call("export", "square", "stored.yaml", "--run", "kept", "--force")
+    assert not yaml.safe_load((folder / "stored.yaml").read_text())["points"][0]["accelerations"]
+    printed = call(*base, "--export", "ros-yaml", "--derivatives", "2")
+    assert printed.count("files have only positions") == 1
+
+
 @needs_dynamics
 def test_tool_motion_is_that_of_the_arm(result, folder):
     columns = pd.read_csv(result / "compensated" / "export" / "reference.csv")

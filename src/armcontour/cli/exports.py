@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from armcontour.jobs import Job, RunResult
     from armcontour.motion import SetPoints, Trajectory
     from armcontour.program import Event
-    from armcontour.robot import Arm, Limits
+    from armcontour.robot import Arm
 
 # Labels of exported set-points, and of the exported plan (without compensation).
 SET_POINTS, REFERENCE = "set_points", "reference"
@@ -55,7 +55,7 @@ class Exports:
 
     targets: tuple[Target, ...] = ()
     cycle: float | None = None  # Time between points of the plan [s]; None: cycle of the run
-    derivatives: int = 2  # Highest derivative of the positions in files
+    derivatives: int | None = None  # Highest derivative of the positions in files
     tool_motion: bool = False  # True if files have point, orientation and speed of the tool
     effort: bool = False  # True if files have the joint torques of the plan
     # Ratio of the tolerances in ros-yaml files to the predicted errors; None: no tolerances.
@@ -130,7 +130,7 @@ def exports_of(command: ExportOptions) -> Exports:
     if not targets:
         options = {
             "--cycle": cycle is not None,
-            "--derivatives": command.derivatives != 2,
+            "--derivatives": command.derivatives is not None,
             "--tool-motion": command.tool_motion,
             "--effort": command.effort,
             "--decimals": command.decimals is not None,
@@ -369,12 +369,12 @@ def write_exports(
             several = f" to {files[-1].name}" if len(parts) > 1 else ""
             written.append(f"Exported {files[0].as_posix()}{several}: {_total(table, sizes)}.")
         if target.format.kind in JOINED_BY_QUINTICS:
-            if exports.derivatives == 0 and job.arm.name.lower().startswith("ur"):
+            if table.dq is None and job.arm.name.lower().startswith("ur"):
                 warnings.append(
                     f"{target.option}, run {name}: the trajectory interface of UR (passthrough "
-                    "controller) requires velocities. Remove --derivatives 0."
+                    "controller) requires velocities. Use --derivatives 2."
                 )
-            warnings += _warn_of_jumps(target, table, result.run.limits, name)
+            warnings += _warn_of_jumps(target, table, result, job)
         warnings += [f"{target.option}, run {name}: {x}" for x in sentences]
     return written, warnings
 
@@ -406,35 +406,50 @@ def _total(table: SetPointTable, sizes: Sequence[int]) -> str:
     return f"{several}{count_noun(len(table.t), 'point')}, {size} MB"
 
 
-def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: str) -> list[str]:
-    """Warnings if set-points require accelerations far above the joint acceleration limits."""
+def _warn_of_jumps(target: Target, table: SetPointTable, result: RunResult, job: Job) -> list[str]:
+    """Warnings if exported accelerations exceed command limits, or by far the joint limits."""
     import numpy as np
 
+    from armcontour.motion.trajectory import COMMAND_SLACK
     from armcontour.robot.limit_use import use_of
 
+    commands = table.command_limits
+    limits = result.run.limits if commands is None else commands
     if table.ddq is None or limits.joint_acceleration is None:
         return []
     ratio = use_of("joint_acceleration", limits, table.ddq).largest
     joint = int(np.argmax(ratio))
-    if ratio[joint] < MAX_ACCELERATION_RATIO:
+    if ratio[joint] < (MAX_ACCELERATION_RATIO if commands is None else 1 + COMMAND_SLACK):
         return []
-    smooth = limits.joint_jerk is not None and bool(np.isfinite(limits.joint_jerk[joint]))
-    cause, advice = (
-        (
-            "the compensated set-points change faster than the plan",
-            "The setting reserve: 10 % reduces this acceleration.",
-        )
-        if smooth
-        else (
-            "the velocity of the compensated set-points jumps where the planned acceleration jumps",
-            "A jerk limit (limits: joint_jerk) reduces this acceleration; --derivatives does not.",
-        )
-    )
+    effect = " Without --derivatives, files have only positions, which satisfy command_limits."
+    if commands is None:
+        effect = _try_command_limits(result, job)
     return [
-        f"{target.option}, run {name}: {cause}, so a controller that follows the set-points "
-        f"requires up to {ratio[joint]:.0f} times the acceleration limit of "
-        f"{table.joint_names[joint]}. {advice}"
+        f"{target.option}, run {result.run.name}: a controller that follows the exported "
+        f"accelerations requires up to {ratio[joint]:.3g} times the acceleration limit of "
+        f"{table.joint_names[joint]}.{effect}"
     ]
+
+
+def _try_command_limits(result: RunResult, job: Job) -> str:
+    """Sentence on the effect of the run's acceleration limits as command limits, or empty."""
+    from armcontour.control.compensation.nearest_set_points import limit_set_points
+    from armcontour.core.errors import CompensationError
+    from armcontour.core.render import number
+    from armcontour.robot import Limits
+
+    allowed = Limits.only(joint_acceleration=result.run.limits.joint_acceleration)
+    servo = job.servo.for_joints(job.arm.dof)
+    try:
+        cost = limit_set_points(result.set_points, servo, allowed, job.arm).limit_cost
+    except CompensationError:
+        return ""
+    if cost is None or cost.contour_max is None:
+        return ""
+    return (
+        " With the same limits as command_limits, the differences of the set-points satisfy them, "
+        f"and cause a contour error of {number(cost.contour_max, 'm')}."
+    )
 
 
 def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions) -> None:

@@ -292,6 +292,7 @@ class PointOptions:
             format abb:tool=doTool.
         cycle: Time between points of an exported plan, such as '48 ms'.
         derivatives: Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.
+            Default: 2, or 0 for set-points with command_limits.
         tool_motion: Also export the commanded point, orientation and speed of the tool.
         decimals: With csv and ros-yaml: decimals of joint positions in rad, 4 to 12. Default: 7, or
             9 with cycles below 4 ms.
@@ -303,7 +304,7 @@ class PointOptions:
 
     output: Texts = None
     cycle: Text = None
-    derivatives: Annotated[int, typer.Option("--derivatives", min=0, max=2)] = 2
+    derivatives: Annotated[int | None, typer.Option("--derivatives", min=0, max=2)] = None
     tool_motion: bool = False
     decimals: Annotated[int | None, typer.Option("--decimals", min=4, max=12)] = None
     comments: bool = False

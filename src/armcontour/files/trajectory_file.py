@@ -195,13 +195,16 @@ class StoredRun:
     events: tuple[TimedEvent, ...]  # Events, with times since the start of the plan
     analog: tuple[str, ...] = ()  # Names of analog outputs; the folder does not have their values
     plain: bool = False  # Whether the set-points are those of the plan, without compensation
+    limited: bool = False  # Whether the set-points have command limits
 
     def set_points(self, **options: Any) -> SetPointTable:
         """Table of the set-points; `options` are arguments of `tabulate`."""
         stored = self._read("set_points.csv")
         start = float(stored.t[0])
+        if self.limited and options.get("derivatives") is None:
+            options["derivatives"] = 0
         return tabulate(
-            self._set_points(stored, options.get("derivatives", 2)),
+            self._set_points(stored, options.get("derivatives")),
             name=f"{self.title} set-points",
             cycle=self.cycle,
             events=tuple(x.shifted(-start) for x in self.events),
@@ -241,9 +244,9 @@ class StoredRun:
             **options,
         )
 
-    def _set_points(self, set_points: TrajectoryFile, derivatives: int) -> Samples:
+    def _set_points(self, set_points: TrajectoryFile, derivatives: int | None) -> Samples:
         """Samples of set-points with the same derivatives as in `make_table`."""
-        if not self.plain or derivatives < 2:
+        if not self.plain or derivatives not in (None, 2):
             return sample_spline(set_points.q, self.cycle)
         plan = self._read("planned.csv")
         if plan.dq is None or plan.ddq is None or not equals_plan(set_points.q, plan.q):
@@ -279,6 +282,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             ),
             analog=tuple(about.get("analog", ())),
             plain=about.get("compensation") == "none",
+            limited="command_use" in about,
         )
     except InvalidInput:
         raise

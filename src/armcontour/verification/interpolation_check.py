@@ -229,8 +229,7 @@ def _advise(result: InterpolationCheck, points: TimeSamples, limits: Limits, arm
     if result.own_acceleration > FAR_ABOVE:
         return (
             f"The velocity of the points changes in steps, so joint {joint} needs {needed}. No "
-            "interpolation reduces this much. Limit the jerk (limits: joint_jerk) or plan with a "
-            "reserve."
+            "interpolation reduces this much."
         )
     if result.law in IN_STEPS:
         smooth = _commands(interpolate_points(points, "jtc_spline"), result.rate)
@@ -238,9 +237,6 @@ def _advise(result: InterpolationCheck, points: TimeSamples, limits: Limits, arm
         return (
             f"The velocity of {result.law} changes in steps at the points, so joint {joint} needs "
             f"{needed}. With velocities and accelerations at the points (--derivatives 2) it needs "
-            f"{number(spline, '1')}. One point per cycle also reduces this."
+            f"{number(spline, '1')}."
         )
-    return (
-        f"Between the points, the {result.law} of joint {joint} need {needed}. One point per "
-        "cycle, a jerk limit or a reserve reduces this."
-    )
+    return f"Between the points, the {result.law} of joint {joint} need {needed}."

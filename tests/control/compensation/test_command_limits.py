@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.core.render import number
-from armcontour.files.exports import CsvFormat, NpzFormat, export
+from armcontour.files.exports import CsvFormat, NpzFormat, export, make_table
 from armcontour.files.job_file import read_job
 from armcontour.files.result_folder import data_json
 from armcontour.report import render_report
@@ -222,6 +222,12 @@ def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
         exact = arrays["q"]
     for q in (table[:, 1:8], exact):
         assert max(largest_shares(q, CYCLE, LIBFRANKA)) <= 1
+    # By default, a file has what the limits refer to, so that a check of the file agrees.
+    export(limited, tmp_path / "default.csv", arm=arm)
+    allowed = arm.limits.replace(joint_acceleration=LIBFRANKA.joint_acceleration)
+    checked = ac.check(ac.read_trajectory(tmp_path / "default.csv", arm.joint_names), arm, allowed)
+    assert checked["joint_acceleration"].ratio == pytest.approx(1, abs=1e-4)
+    assert make_table(limited, name="square", derivatives=2).ddq is not None
 
 
 def test_programs_with_fewer_digits_report_the_effect_of_rounding(tmp_path):

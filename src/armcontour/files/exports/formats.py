@@ -135,12 +135,13 @@ class TrajectoryFormat(ExportFormat):
 
     Args:
         derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller then
-            interpolates by quintics, cubics or lines.
+            interpolates by quintics, cubics or lines. The default is 2, and 0 for set-points with
+            command limits.
         effort: Whether points have the torques of the drives in the plan [N m], for an arm with
             masses.
     """
 
-    derivatives: Derivatives = 2
+    derivatives: Derivatives | None = None
     effort: bool = False
 
 

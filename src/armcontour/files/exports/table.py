@@ -208,7 +208,7 @@ def make_table(
     arm: Arm | None = None,
     joint_names: Sequence[str] | None = None,
     cycle: float | None = None,
-    derivatives: int = 2,
+    derivatives: int | None = None,
     tool_motion: bool = False,
     effort: bool = False,
     at_stops: bool = False,
@@ -228,7 +228,8 @@ def make_table(
         arm: The arm; gives joint names and tool points.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
         cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
-        derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
+        derivatives: 2, 1 for positions and velocities only, or 0 for positions only; by default 2,
+            but 0 for set-points with command limits, which are limits of their differences.
         tool_motion: Whether the table has orientation and speed of the tool too.
         effort: Whether the table has the torques of the plan, which need an arm with bodies.
         at_stops: Whether a sampled trajectory has points where it stops between moves.
@@ -239,7 +240,6 @@ def make_table(
         raise InvalidInput(
             f"data must be SetPoints or a Trajectory, but is of type {type(data).__name__}."
         )
-    derivatives = checks.check_int("derivatives", derivatives, 0, 2)
     if isinstance(data, SetPoints):
         samples, step = _sample_set_points(data, cycle, derivatives), data.cycle
         stops = np.zeros(0)
@@ -283,7 +283,7 @@ def tabulate(
     *,
     arm: Arm | None = None,
     joint_names: Sequence[str] | None = None,
-    derivatives: int = 2,
+    derivatives: int | None = None,
     tool_motion: bool = False,
     effort: Samples | None = None,
     **about: Any,
@@ -293,6 +293,9 @@ def tabulate(
     `about` are further fields of `SetPointTable`.
     """
     name, dof = about["name"], samples.q.shape[1]
+    if derivatives is None:
+        # The derivatives of a curve through set-points can exceed limits of their differences.
+        derivatives = 0 if about.get("command_limits") is not None else 2
     checks.check_int("derivatives", derivatives, 0, 2)
     tool: dict[str, Any] = {}
     if arm is not None:
@@ -386,7 +389,9 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
     return step
 
 
-def _sample_set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
+def _sample_set_points(
+    set_points: SetPoints, cycle: float | None, derivatives: int | None
+) -> Samples:
     """Set-points with their derivatives, as documented in `make_table`."""
     requested = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
     if not math.isclose(requested, set_points.cycle, rel_tol=1e-9):
@@ -397,7 +402,7 @@ def _sample_set_points(set_points: SetPoints, cycle: float | None, derivatives: 
             allowed=set_points.cycle,
         )
     plan, t = set_points.trajectory, set_points.t
-    if derivatives > 1 and equals_plan(set_points.q, plan.with_rests(t)):
+    if derivatives in (None, 2) and equals_plan(set_points.q, plan.with_rests(t)):
         dq, ddq = plan.with_rests(t, 1), plan.with_rests(t, 2)
         for values in (dq, ddq):
             values.setflags(write=False)

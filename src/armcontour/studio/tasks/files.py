@@ -108,7 +108,6 @@ def export(request: Request) -> PageFrame:
             name=f"{request.job.name} {'set-points' if set_points else 'reference'}",
             arm=request.job.arm,
             cycle=None if set_points else request.option("cycle", plan.run.cycle),
-            derivatives=2,
             analog=_analog(format, plan, request.job, analog_outputs),
         )
         notes = describe_program(
