@@ -30,7 +30,7 @@ DRAWN = "() => new Promise((go) => requestAnimationFrame(() => requestAnimationF
 
 def agree(studio, judgement):
     """What the page shows at rest is what the library finds."""
-    error = judgement.evaluation.contour_error
+    error = judgement.judged.contour_error
     assert studio.figure("duration") == pytest.approx(judgement.trajectory.duration, abs=EXACT)
     assert studio.figure("contour_error.rms") == pytest.approx(error.rms, abs=EXACT)
     deviation = (judgement.rounding_error or 0.0) + error.max

@@ -165,7 +165,7 @@ def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there():
         return run(job(process, Contour(path=path))).runs["compensated"].warnings
 
     (warning,) = warnings(BEND, lead_in=0.001)
-    assert "contour 1 begins at" in warning and "with a lead of 1 mm. Use a longer lead" in warning
+    assert "contour 1 begins at" in warning and "with a lead of 1 mm." in warning
     assert warnings(BEND) == ()
     # From 50 mm/s the tool does not stop within 3 mm, however long the lead before them.
     line = Path.polyline([[0.3, 0.2], [0.303, 0.2]])
@@ -336,7 +336,7 @@ def test_transitions_in_space(orientation, stops):
     limits = arm.limits.replace(speed=0.1, joint_jerk=100.0).for_joints(6)
     (plan,) = plans(turned, {"limits": limits, "rounding": rounding}, arm=arm)
     assert len(plan.jerk_stops) == stops
-    assert sum("constant tool orientation" in x for x in plan.warnings) == (stops > 0)
+    assert sum("full stop" in x for x in plan.warnings) == (stops > 0)
 
 
 def test_corners_have_no_such_stops_unless_arcs_are_asked_for():
@@ -344,7 +344,7 @@ def test_corners_have_no_such_stops_unless_arcs_are_asked_for():
     assert curved.full_stops == {} and tangent.full_stops == {"curvature jumps": 2}
     assert curved.trajectory.duration < tangent.trajectory.duration
     (warning,) = stops_said(tangent.warnings)
-    assert "corners: {continuity: curvature}" in warning
+    assert warning.startswith("2 full stops")
     c = tangent.path.path.corners
     assert [x.s for x in tangent.jerk_stops] == pytest.approx([c.start[0], c.end[0]], abs=1e-9)
     # The corner error is the same.

@@ -75,9 +75,19 @@ def test_a_demand_far_above_the_limit_is_warned_of_with_its_cause():
     assert ratio.max() > 1.5
     (warning,) = result.warnings
     joint = int(ratio.argmax())
-    assert f"the demand of joint {joint + 1} is " in warning and "a larger reserve" in warning
+    assert f"the demand of joint {joint + 1} is " in warning
     assert f"{ratio[joint]:.3g} times its acceleration limit at " in warning
-    assert f"{result.evaluation.contour_error.max * 1e3:.4g} mm. " in warning
+    assert f"{result.evaluation.contour_error.max * 1e3:.4g} mm." in warning
+
+
+def test_a_truncated_transient_is_warned_of_with_its_cause():
+    feeds = ac.ServoModel(kp=1.0, kv=150.0, velocity_feedforward=0.5)
+    integrates = ac.ServoModel(kp=25.0, kv=150.0, ki=0.5, velocity_feedforward=0.5)
+    for servo, cause, other in ((feeds, "feed-forward", "ki"), (integrates, "ki", "feed-forward")):
+        result = only(dataclasses.replace(job(drawn()), servo=servo))
+        assert result.set_points.truncated is not None
+        (warning,) = (x for x in result.warnings if "truncated" in x)
+        assert cause in warning and other not in warning
 
 
 def test_a_duration_is_kept():

@@ -194,7 +194,7 @@ _JOINTS = {
 }
 _REAL = {
     "friction": 0.0, "drive_cycle": 1e-3, "acceleration_limit": 5.0, "model_error": 1e-4,
-    "logged_velocity": 2.0, "logged_acceleration": 9.0,
+    "offset": 1e-4, "logged_velocity": 2.0, "logged_acceleration": 9.0,
     "contour_ratio": 0.2, "programs": 2,
 }  # fmt: skip
 _FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}

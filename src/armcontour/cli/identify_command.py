@@ -85,7 +85,7 @@ def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | 
 
 def _verdict(fit: Identification) -> int:
     """Exit code of a servo identification."""
-    if any(y.note for y in fit.joints) or not fit.judgement.trusted:
+    if not fit.trusted:
         return DOUBTFUL
     return PROVISIONAL if fit.judgement.programs == 1 else DONE
 

@@ -168,7 +168,8 @@ JOINT_PARAMETERS = {
     "friction": "rad",
     "dead_time": "s",
     "acceleration_limit": "rad/s^2; none means no saturation",
-    "model_error": "rad, largest error on motion that was not fitted",
+    "offset": "rad, static deviation (or encoder offset), which is not compensated",
+    "model_error": "rad, with the offset, largest error on motion that was not fitted",
     "logged_velocity": "rad/s, largest velocity of this motion",
     "logged_acceleration": "rad/s^2, largest acceleration of this motion",
 }

@@ -80,10 +80,7 @@ def _parse_text(text: str, unit: str) -> float:
             f"{MAX_CHARACTERS}. Write a number and a unit"
         )
     if plain_number(text) is not None:
-        raise ValueError(
-            f"{text!r} has no unit. Write a unit, such as '{text} {unit}', or a plain "
-            f"number in {unit}"
-        )
+        raise ValueError(f"{text!r} has no unit. Write a unit, such as '{text} {unit}'")
     # The form is checked here, because pint would compute any arithmetic expression in the text.
     match = QUANTITY.fullmatch(text)
     if not match:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import floor, inf, log10
 from types import MappingProxyType
@@ -20,8 +20,15 @@ from armcontour.jobs.job_result import JobResult, RunResult
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one
-from armcontour.jobs.study import compute_set_points, simulate_experiment
-from armcontour.jobs.verdict import Errors, judge, judging_executions, weave_speed, worst_contour
+from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
+from armcontour.jobs.verdict import (
+    EXPECTED,
+    Errors,
+    judge,
+    judging_executions,
+    weave_speed,
+    worst_contour,
+)
 from armcontour.motion import Method
 from armcontour.planning.explanation import DWELLS, NAMES, RAPIDS
 from armcontour.robot.limits import UNITS
@@ -139,12 +146,16 @@ def _plan_change(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Impr
 
 def _contour_errors(job: Job, planned: Planned) -> Errors:
     """Largest contour error of each contour [m] in each execution that judges the run."""
-    run, errors = planned.run, dict[str, list[float]]()
+    run, errors = planned.run, dict[str, Sequence[float]]()
     set_points = compute_set_points(job, run, planned.trajectory)
     for name, experiment in judging_executions(run).items():
         executed = simulate_experiment(job, run, set_points, experiment)
-        contours = evaluate(executed, planned.path, end_time=run.end_time).contours
-        errors[name] = [x.max for x in contours]
+        evaluation = evaluate(executed, planned.path, end_time=run.end_time)
+        errors[name] = [x.max for x in evaluation.contours]
+        if experiment is None and (
+            expected := expect_errors(job, run, executed, planned.path, evaluation)
+        ):
+            errors[EXPECTED] = expected.contours
     return errors
 
 

@@ -32,7 +32,15 @@ from armcontour.jobs.run_data import (
     torque_rows,
     warning_rows,
 )
-from armcontour.jobs.verdict import BODIES, SERVO, judging, time_limit_row, verdict_rows
+from armcontour.jobs.verdict import (
+    BODIES,
+    EXPECTED,
+    SERVO,
+    ExpectedErrors,
+    judging,
+    time_limit_row,
+    verdict_rows,
+)
 from armcontour.motion import Execution, SetPoints
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
@@ -84,6 +92,7 @@ class RunResult(Planned, Result):
         servo: The servo model of the compensation.
         execution: The executed motion; None without a simulation.
         evaluation: Errors of the executed motion; None without a simulation.
+        expected: Errors to expect of the robot, if its servo was identified from logs.
         executed_clearance: Clearance of the arm from itself and its cell, as executed.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.
@@ -94,6 +103,7 @@ class RunResult(Planned, Result):
     servo: ServoModel | None = None
     execution: Execution | None = None
     evaluation: Evaluation | None = None
+    expected: ExpectedErrors | None = None
     executed_clearance: Clearance | None = None
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
@@ -121,6 +131,8 @@ class RunResult(Planned, Result):
     def verdict(self) -> Iterator[Row]:
         """Rows of the verdict and of the deviation from the drawing."""
         errors = {name: [x.max for x in e.contours] for name, e in self.evaluations.items()}
+        if self.expected is not None:
+            errors[EXPECTED] = [*self.expected.contours]
         yield from verdict_rows(self, errors or None, self._failure)
 
     @property
@@ -143,7 +155,7 @@ class RunResult(Planned, Result):
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
         run = self.run
         yield from super()._warnings(self.executed_clearance)
-        yield from run_warnings.changed_commands(self.set_points)
+        yield from run_warnings.changed_commands(self.set_points, self.servo)
         if self.servo is not None:
             yield run_warnings.beyond_logs(self.servo, self.trajectory)
             if not isinstance(run.compensation, NoCompensation):
@@ -378,6 +390,8 @@ def judging_rows(result: RunResult, rows: Iterable[Row]) -> tuple[Row, ...]:
 def _verdict(result: RunResult) -> Iterator[Row]:
     """Yield rows of verdict, deviation from the drawing, longest active limit, and warnings."""
     yield from result.verdict
+    if result.expected is not None and result.evaluation is not None:
+        yield result.expected.row(result.evaluation.contour_error.max)
     yield from time_limit_row(result)
     yield from warning_rows(result.warnings)
 

@@ -111,11 +111,10 @@ class Planned:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about deviations of the result from the request, without the run's name."""
-        return tuple(filter(None, self._warnings()))
+        return tuple(filter(None, (*self._warnings(), *self.path.notes)))
 
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
         run, trajectory = self.run, self.trajectory
-        yield from self.path.notes
         yield from run_warnings.capped(self.objective, run)
         yield compare_limits(run.limits, self.arm)
         yield from run_warnings.stops(self.jerk_stops)

@@ -85,7 +85,7 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
 
     Contours that are too short for the assigned velocity, and stops of the path, are ignored.
     """
-    slow: list[tuple[float, str, str]] = []
+    slow: list[tuple[float, str]] = []
     for i, (contour, span) in enumerate(
         zip(program.contours, trajectory.contour_spans, strict=True)
     ):
@@ -96,21 +96,14 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
                     speed / assigned,
                     f"{name} {word} at {number(speed, 'm/s')} instead of "
                     f"{number(assigned, 'm/s')}, with a lead of {number(lead, 'm')}",
-                    "Use a longer lead, with a larger radius if it has an arc. If the contour "
-                    "itself is too tight or too short, ",
                 )
                 for word, speed, assigned, lead in slow_ends(contour, span.trajectory, run)
             )
             if not ends_only and not isinstance(run.timing, Conventional):
                 slow += _missed_speed(name, contour.path, span.trajectory, run)
     if slow:
-        _, label, advice = min(slow)
         others = f" (the slowest of {len(slow)} cases)" if len(slow) > 1 else ""
-        reduce = "reduce" if advice else "Reduce"
-        yield (
-            f"{label}{others}. {advice}{reduce} the assigned velocity, or increase the limit that "
-            "the report shows as active."
-        )
+        yield f"{min(slow)[1]}{others}."
 
 
 def assigned_speed(contour: Contour, s: float, side: str, run: Run) -> float:
@@ -138,8 +131,8 @@ def slow_ends(
 
 def _missed_speed(
     name: str, path: Path, motion: Trajectory, run: Run
-) -> Iterator[tuple[float, str, str]]:
-    """Yield ratio of mean speed to assigned velocity, sentence and empty advice if too slow."""
+) -> Iterator[tuple[float, str]]:
+    """Yield ratio of mean speed to assigned velocity, and a sentence, if too slow."""
     speeds = np.fmin(path.speeds, np.inf if run.limits.speed is None else run.limits.speed)
     ideal = float(np.sum(path.lengths / speeds))
     if not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:
@@ -156,7 +149,6 @@ def _missed_speed(
             mean / assigned,
             f"{name} moves at {number(mean, 'm/s')} on average and {number(float(v.max()), 'm/s')} "
             f"at most instead of {number(assigned, 'm/s')}",
-            "",
         )
 
 
@@ -168,9 +160,7 @@ def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
         contour = f" of {first.contour}" if first.contour else ""
         yield (
             f"{count_noun(count, 'full stop')}, the first at s = {number(first.s, 'm')} ({point})"
-            f"{contour}. Jerk limits require these stops, because the curvature of the path jumps. "
-            "To reduce them, use corners: {continuity: curvature} with a larger tolerance or "
-            "transition_tolerance, longer lines and arcs, or a constant tool orientation."
+            f"{contour}. Jerk limits require these stops, because the curvature of the path jumps."
         )
 
 
@@ -200,24 +190,22 @@ def coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
         )
 
 
-def changed_commands(set_points: SetPoints) -> Iterator[str]:
+def changed_commands(set_points: SetPoints, servo: ServoModel | None) -> Iterator[str]:
     """Yield warnings for set-points that are truncated, changed, or beyond limits of the plan."""
     if set_points.truncated is not None and set_points.truncated.max() >= MIN_JOINT_ERROR:
         j = int(np.argmax(set_points.truncated))
+        integrates = servo is not None and servo.for_joints(set_points.q.shape[1]).ki[j] > 0
+        cause = "integrator (ki)" if integrates else "velocity feed-forward"
         yield (
-            "the velocity feed-forward of the servo requires set-points long after the motion, "
-            f"which are truncated. This adds up to {number(set_points.truncated[j], 'rad')} to the "
-            f"error of joint {j + 1} after the end of the plan. A servo model with a larger kp or "
-            "a velocity_feedforward nearer to 1 reduces this error."
+            f"the {cause} of the servo requires set-points long after the motion, which are "
+            f"truncated. This adds up to {number(set_points.truncated[j], 'rad')} to the error of "
+            f"joint {j + 1} after the end of the plan."
         )
     if (
         set_points.limit_cost is not None
         and set_points.limit_cost.deviation.max() >= MIN_JOINT_ERROR
     ):
-        yield (
-            f"command_limits change the set-points by {set_points.limit_cost}. A larger "
-            "timing.reserve or jerk limits reduce these changes."
-        )
+        yield f"command_limits change the set-points by {set_points.limit_cost}."
     yield describe_excess(set_points)
 
 
@@ -228,8 +216,7 @@ def unsettled(executed: Execution) -> Iterator[str]:
         waited = executed.t[-1] - executed.set_points.t[-1]
         yield (
             f"joint {j + 1} is not at rest {waited:.3g} s after its last set-point; its distance "
-            f"from the set-point is {number(executed.unsettled[j], 'rad')}. Increase its servo "
-            "gains or limits, or use the compensation inverse."
+            f"from the set-point is {number(executed.unsettled[j], 'rad')}."
         )
 
 
@@ -249,14 +236,10 @@ def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Itera
     elif ratio > FAR_ABOVE and not isinstance(run.timing, Conventional):
         t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
         name = executed.arm.joint_names[joint]
-        reserve = (
-            "a larger reserve" if run.timing.reserve > 0 else "a reserve, such as {reserve: 10 %}"
-        )
         yield (
             f"the demand of {name if name.startswith('joint') else f'joint {name}'} is {ratio:.3g} "
             f"times its acceleration limit at {t:.4g} s, so the joint saturates; the contour error "
-            f"is {error}. Use {reserve}, another start configuration, slower poles, or limits and "
-            "gains that agree with the plant."
+            f"is {error}."
         )
 
 
@@ -290,5 +273,10 @@ def beyond_logs(servo: ServoModel, trajectory: Trajectory) -> str:
     """Warning if the plan exceeds the motion with which the servo was identified; else empty."""
     if servo.model_error is None or servo.logged_velocity is None:
         return ""
+    return servo.describe_excess(*sample_rates(trajectory))
+
+
+def sample_rates(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Joint velocities [rad/s] and accelerations [rad/s²] of a plan, (n, dof) each."""
     t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, PLAN_SAMPLES))
-    return servo.describe_excess(trajectory(t, 1), trajectory(t, 2))
+    return trajectory(t, 1), trajectory(t, 2)

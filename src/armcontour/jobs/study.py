@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
@@ -18,9 +19,12 @@ from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import ROUNDING, SHAPING, explain_plan, plan_one
+from armcontour.jobs.run_warnings import sample_rates
+from armcontour.jobs.verdict import ExpectedErrors
 from armcontour.motion import Execution, Method, SetPoints, Trajectory
 from armcontour.planning import check_jerk_support
 from armcontour.program import Program
+from armcontour.robot.servo.model import TRUSTED
 from armcontour.simulation import RigidBodyPlant, ServoPlant, simulate
 from armcontour.simulation.rigid_body_plant import require_mujoco
 from armcontour.verification import Evaluation, evaluate
@@ -98,9 +102,11 @@ def _simulate(
     progress(Step(("execution",)))
     executed = simulate_run(job, set_points)
     progress(Step(("evaluation",)))
+    evaluation = evaluate_run(run, executed, path, objective)
     fields: dict[str, Any] = {
         "execution": executed,
-        "evaluation": evaluate_run(run, executed, path, objective),
+        "evaluation": evaluation,
+        "expected": expect_errors(job, run, executed, path, evaluation),
         "executed_clearance": _executed_clearance(job, planned, executed),
     }
     if plant is None:
@@ -144,6 +150,36 @@ def evaluate_run(run: Run, executed: Execution, path: Program, objective: Progra
     return evaluate(executed, path, objective=objective, end_time=run.end_time, limit_use=True)
 
 
+def expect_errors(
+    job: Job, run: Run, executed: Execution, path: Program, evaluation: Evaluation
+) -> ExpectedErrors | None:
+    """Contour errors to expect of the robot; None if the logs do not support an expectation.
+
+    `executed`, `evaluation`: simulation with the servo model, and its evaluation.
+    """
+    servo, plan, unexplained = job.servo, executed.set_points.trajectory, evaluation.model_error
+    ratio, similar = servo.contour_ratio, servo.is_similar(*sample_rates(plan))
+    plain = isinstance(run.compensation, NoCompensation)
+    if ratio is None or ratio > TRUSTED or unexplained is None or plain or not similar:
+        return None
+    without = _simulate_uncompensated(job, run, plan, path, None)
+    moved = replace(executed, q=executed.q + servo.offset, plant=None)
+    still = evaluate(moved, path, end_time=run.end_time)
+    worst = evaluation.contour_error.max + unexplained[1]
+    pairs = zip(without.contours, still.contours, strict=True)
+    contours = tuple(min(math.hypot(ratio * x.max, y.max), worst) for x, y in pairs)
+    return ExpectedErrors(contours=contours, worst=worst)
+
+
+def _simulate_uncompensated(
+    job: Job, run: Run, plan: Trajectory, path: Program, plant: RigidBodyPlant | None
+) -> Evaluation:
+    """Evaluate the simulation of a plan without compensation."""
+    plain = replace(run, compensation=NoCompensation())
+    done = simulate_run(job, compute_set_points(job, plain, plan), plant)
+    return evaluate(done, path, end_time=run.end_time)
+
+
 def _executed_clearance(job: Job, planned: Planned, executed: Execution) -> Clearance | None:
     """Clearance of the executed motion; None if the plan was not checked.
 
@@ -170,10 +206,9 @@ def simulate_rigid_bodies(
     executed = simulate_run(job, set_points, plant)
     uncompensated = None
     if not isinstance(run.compensation, NoCompensation):
-        plain = replace(run, compensation=NoCompensation())
         with suppress(ExecutionError):
-            done = simulate_run(job, compute_set_points(job, plain, set_points.trajectory), plant)
-            uncompensated = evaluate(done, path, end_time=run.end_time)
+            plan = set_points.trajectory
+            uncompensated = _simulate_uncompensated(job, run, plan, path, plant)
     return ExperimentResult(
         plant=plant,
         execution=executed,

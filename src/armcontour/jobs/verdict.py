@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from armcontour.core.render import number
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from armcontour.jobs.planned_run import Planned
 
 T = TypeVar("T")
-# Names of the executions with the servo model and on rigid bodies (the experiment), and the largest
-# error of each contour [m] in each execution.
-SERVO, BODIES = "servo", "rigid bodies"
+# Names of the executions with the servo model, on rigid bodies (the experiment) and on the robot
+# whose logs determined the servo, and the largest error of each contour [m] in each execution.
+SERVO, BODIES, EXPECTED = "servo", "rigid bodies", "expected"
 Errors: TypeAlias = Mapping[str, Sequence[float]]
 
 # Default of the allowed contour error, as a share of the smallest corner tolerance.
@@ -26,6 +26,28 @@ DEFAULT_ACCURACY = 0.1
 ASSIGNED = "assigned velocity"
 # Relative excess of a limit that is ignored as a rounding error.
 ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedErrors:
+    """Contour errors to expect of a robot whose servo was identified from its logs.
+
+    Args:
+        contours: Largest error of each contour [m].
+        worst: Largest error if every joint deviates as far as it did at most in the logs [m].
+    """
+
+    contours: tuple[float, ...]
+    worst: float
+
+    def row(self, model: float) -> Row:
+        """Row of the expected error; `model` is the largest error of the servo model alone [m]."""
+        note = (
+            f"with the largest errors of the logs {number(self.worst, 'm')}; servo model alone "
+            f"{number(model, 'm')}"
+        )
+        value = max(self.contours)
+        return Row("expected.max", value, "m", "contour error expected, largest", note, VERDICT)
 
 
 def judging(run: Run, executions: Mapping[str, T]) -> dict[str, T]:

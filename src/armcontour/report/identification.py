@@ -60,10 +60,12 @@ def _front(result: Identification | BodyIdentification, data: Data) -> Front:
         value=f"{sum(determined)} of {len(determined)}",
     )
     words = [first.label if first.value else f"not {first.label}", first.note]
+    sure = not isinstance(result, Identification) or result.judgement.programs > 1
     clauses = [f"{x.label} {figure(x)}" + f" ({x.note})" * bool(x.note) for x in rows]
     return Front(
         verdict=capitalise("; ".join([": ".join(filter(None, words)), *clauses])) + ".",
         good=bool(first.value),
+        doubtful=not first.value or not sure,
         tiles=(*tiles(rows[:2]), joints),
         tables=(shown,),
         sentences=tuple(("Weakest point", x) for x in notes[:1]),

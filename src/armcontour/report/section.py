@@ -76,6 +76,8 @@ class Front:
     verdict: str = ""
     # True if the verdict is positive; None if there is no criterion
     good: bool | None = None
+    # True if the verdict is a warning, whether positive or negative
+    doubtful: bool = False
     # The most important values
     tiles: tuple[Tile, ...] = ()
     tables: tuple[TextTable, ...] = ()

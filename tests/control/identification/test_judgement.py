@@ -13,6 +13,7 @@ from armcontour.cli.options import IdentifyOptions
 from armcontour.control.compensation import METHODS
 from armcontour.files import parse_job
 from armcontour.files.robot_file import read_servo
+from armcontour.report.identification import render_identification
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
 SERVOS = (
@@ -52,11 +53,23 @@ def good():
 
 def test_compensation_of_known_joints_is_judged_on_the_other_program(good):
     judged = good.judgement
-    assert judged.programs == 2 and judged.ratio < 0.02 and judged.trusted
+    assert judged.programs == 2 and 0 < judged.ratio < 0.02 and judged.trusted
     assert all(x.contour_ratio < 0.02 for x in good.joints) and judged.errors.shape == (2, 2)
     servo = good.servo_model()
     assert servo.programs == 2 and servo.contour_ratio == pytest.approx(judged.ratio, rel=0.01)
     assert not servo.doubt
+
+
+def test_a_result_with_a_weak_joint_is_not_trusted(good):
+    weak = dataclasses.replace(good.joints[1], note="The model of joint 2 is weak.")
+    doubtful = dataclasses.replace(good, joints=(good.joints[0], weak))
+    sole = dataclasses.replace(good, judgement=dataclasses.replace(good.judgement, programs=1))
+    for fit, trusted, state in (
+        (good, True, "kept"), (sole, True, "doubtful"), (doubtful, False, "doubtful")
+    ):  # fmt: skip
+        assert fit.judgement.trusted
+        assert fit.trusted == fit.to_data()["judgement.trusted"].value == trusted
+        assert f'class="verdict {state}"' in render_identification(fit)
 
 
 def test_errors_at_the_tool_of_an_arm(good):
@@ -66,8 +79,7 @@ def test_errors_at_the_tool_of_an_arm(good):
     # Without compensation, by another way: distance to the nearest point of a dense path.
     log = fit.logs[0]
     use = np.isfinite(fit.joints[0].rests[0])
-    error = log.measured - log.command
-    tool = arm.tool_position(log.command + error - error[use].mean(axis=0))
+    tool = arm.tool_position(log.measured)
     dense = np.linspace(T[0], T[-1], 300 * len(T))
     path = arm.tool_position(np.stack([np.interp(dense, T, x) for x in log.command.T], axis=1))
     away = [
@@ -149,6 +161,96 @@ def test_a_fit_of_one_program_is_marked_provisional_in_the_file(good, tmp_path, 
     }
     study = ac.run(parse_job(yaml.safe_dump(job)))
     assert any("may be worse than none" in x for y in study.runs.values() for x in y.warnings)
+
+
+def respond(t, u, coupling=0.0, sag=0.0):
+    """Positions of the joints; a velocity of the first one moves the second one, which sags."""
+    first, second = (
+        follow(LoggedCommand(t, u[:, j].copy(), "linear"), s, u[0, j], 0.0).ravel()
+        for j, s in enumerate(SERVOS)
+    )
+    return np.stack([first, second + sag + coupling * np.gradient(first, t)], axis=1)
+
+
+def one_way_log(offset):
+    """A log that ends elsewhere than it begins, from encoders with an offset [rad]."""
+    share = np.clip((T - 0.5) / 4.5, 0, 1)
+    u = program(3) / 10 + np.outer(share**3 * (10 - 15 * share + 6 * share**2), [1.2, -0.8])
+    y = respond(T, u) + np.random.default_rng(4).normal(0, 1e-6, u.shape)
+    return ac.Log(t=T, command=u, measured=y + offset, source="one_way.csv")
+
+
+def test_the_mean_lag_of_a_log_is_error_and_the_offset_of_an_encoder_is_not():
+    arm = ac.load_arm("pmk3s")
+    options = ac.ServoFit(model="second", kinematics=arm)
+    plain, offset = (ac.identify(one_way_log(x), options) for x in (0.0, [2e-3, -1e-3]))
+    log, errors = plain.logs[0], plain.judgement.errors
+    dense = np.linspace(T[0], T[-1], 40 * len(T))
+    path = arm.tool_position(np.stack([np.interp(dense, T, x) for x in log.command.T], axis=1))
+    tool = arm.tool_position(log.measured)
+    away = [
+        np.linalg.norm(path[max(40 * i - 1400, 0) : 40 * i + 80] - tool[i], axis=1).min()
+        for i in np.flatnonzero(np.isfinite(plain.joints[0].rests[0]))
+    ]
+    assert errors[0, 0] == pytest.approx(np.sqrt(np.mean(np.square(away))), rel=0.1)
+    assert offset.judgement.errors[0, 0] == pytest.approx(errors[0, 0], rel=0.05)
+    assert [x.offsets[0] for x in offset.joints] == pytest.approx([2e-3, -1e-3], abs=1e-5)
+
+
+def test_the_error_to_expect_is_that_of_the_robot_on_another_program():
+    """A robot with a coupling that the servo model does not have, and with a joint that sags."""
+    arm, timing = ac.load_arm("pmk3s"), ac.Optimal(reserve=0.3)
+    limits = arm.limits.replace(speed=0.1)
+    first, path = (
+        ac.round_corners(ac.Path.polyline(x), tolerance=2e-3)
+        for x in (
+            [(0.32, 0.12), (0.42, 0.10), (0.40, 0.18), (0.33, 0.16), (0.38, 0.08)],
+            [(0.35, 0.10), (0.41, 0.15), (0.35, 0.18)],
+        )
+    )
+    logged = ac.compensate(
+        ac.plan(first, arm, limits, timing),
+        ac.ServoModel(kp=25.0, kv=150.0),
+        ac.NoCompensation(),
+        cycle=4e-3,
+    )
+    for coupling, sag in ((2e-3, 0.0), (2e-3, 3e-4)):
+        measured = respond(logged.t, logged.q, coupling, sag)
+        log = ac.Log(t=logged.t, command=logged.q, measured=measured, source="log.csv")
+        servo = ac.identify(log, ac.ServoFit(kinematics=arm)).servo_model()
+        runs = [
+            ac.Run(name=x, limits=limits, timing=timing, compensation=METHODS[x](), cycle=4e-3)
+            for x in ("inverse", "none")
+        ]
+        job = ac.Job(name="corner", title="corner", arm=arm, path=path, servo=servo, runs=runs)
+        study = ac.run(job)
+        result, plain = study.runs.values()
+        set_points = result.set_points
+        t = set_points.times(len(set_points.q) + 100, 4e-3)
+        q = np.pad(set_points.q, ((0, 100), (0, 0)), mode="edge")
+        measured = respond(t - t[0], q, coupling, sag)
+        rates = np.gradient(measured, t, axis=0)
+        executed = dataclasses.replace(
+            result.execution, t=t, q=measured, dq=rates, ddq=0 * q, demand=0 * q, plant=None
+        )
+        error = ac.evaluate(executed, path).contour_error
+        expected = result.expected
+        assert 0.5 < max(expected.contours) / error.max < 2 and error.max < expected.worst
+        assert result.evaluation.contour_error.max < 0.1 * expected.contours[0] < expected.worst
+        data = result.to_data()
+        assert data["expected.max"].value == max(expected.contours)
+        # The deviation from the drawing is the expected one.
+        drawing = result.rounding_error + expected.contours[0]
+        assert data["off_drawing"].value == pytest.approx(drawing, rel=1e-9)
+        assert plain.expected is None
+    # Logs of much faster reversals say nothing of this motion.
+    fast = servo.replace(logged_velocity=0.1, logged_acceleration=100.0)
+    result = ac.run(dataclasses.replace(job, servo=fast, runs=runs[:1])).runs["inverse"]
+    assert result.expected is None and any("reverses" in x for x in result.warnings)
+    # A servo that hardly reduces the error of its logs is warned of instead.
+    doubtful = dataclasses.replace(job, servo=servo.replace(contour_ratio=0.6), runs=runs[:1])
+    result = ac.run(doubtful).runs["inverse"]
+    assert result.expected is None and any("60%" in x for x in result.warnings)
 
 
 def test_values_of_the_record_are_checked():

@@ -11,7 +11,12 @@ import numpy as np
 
 from armcontour._version import __version__
 from armcontour.control.identification.estimates import IdentifiedJoints, JointEstimates
-from armcontour.control.identification.joint_fit import LogSegment, predict, split_logs
+from armcontour.control.identification.joint_fit import (
+    LogSegment,
+    predict,
+    predict_from_start,
+    split_logs,
+)
 from armcontour.control.identification.residuals import fastest_motion
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
@@ -57,6 +62,8 @@ class JointIdentification(JointEstimates):
         saturation: A sentence about samples at a limit of the drive, or empty.
         contour_ratio: RMS deviation from the contour with compensation divided by the deviation
             without compensation, in the worst log.
+        offsets: Static deviation of the joint (or offset of its encoder) that was fitted with
+            `servo` [rad], by index of the log.
 
     The residuals in `rests` are those of predictions from the other parts of the logs.
     """
@@ -74,6 +81,7 @@ class JointIdentification(JointEstimates):
     effective: bool = False
     saturation: str = ""
     contour_ratio: float = math.nan
+    offsets: dict[int, float] = field(default_factory=dict)
 
     def to_data(self) -> Data:
         """Data of the errors on parts that were not fitted, and of the estimates."""
@@ -163,12 +171,14 @@ class Identification(IdentifiedJoints):
         """Data of the verdict, then of every joint and its parameters."""
         result = self.judgement
         count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
-        doubt = "" if result.trusted else "compensation may be worse than none"
+        doubt = "compensation may be worse than none" if not result.trusted else ""
+        if result.trusted and not self.trusted:
+            doubt = "not all joints have a good model"
         sole = "provisional: judged on only one program; record a different program"
         return Data(
             f"Servo models of {count} from {self.source}",
             (
-                Row("judgement.trusted", result.trusted, "", "trusted", doubt, VERDICT),
+                Row("judgement.trusted", self.trusted, "", "trusted", doubt, VERDICT),
                 Row(
                     "judgement.ratio", result.ratio, "1", "contour error left", RATIO_NOTE, VERDICT
                 ),
@@ -187,6 +197,11 @@ class Identification(IdentifiedJoints):
             self._tables(),
             notes=(*dict.fromkeys(x.note for x in self.joints if x.note), *self.remarks),
         )  # fmt: skip
+
+    @property
+    def trusted(self) -> bool:
+        """True if all joints have a good model, and compensation halves the contour error."""
+        return self.judgement.trusted and not any(x.note for x in self.joints)
 
     @property
     def determined(self) -> bool:
@@ -219,11 +234,14 @@ class Identification(IdentifiedJoints):
         if not np.isfinite(parameters["kv"]).any():
             parameters["kv"] = None
         fastest = fastest_motion(self.logs)
+        offsets = [float(np.mean(list(x.offsets.values()) or [0.0])) for x in self.joints]
+        largest = [x.model_error + abs(y) for x, y in zip(self.joints, offsets, strict=True)]
         return ServoModel(
             interpolation=self.interpolation,
             order=tuple(x.order for x in self.joints),
             drive_cycle=self.drive_cycle,
-            model_error=[round_digits(min(x.model_error * ROUND_UP, math.pi)) for x in self.joints],
+            offset=[round_digits(x) for x in offsets],
+            model_error=[round_digits(min(x * ROUND_UP, math.pi)) for x in largest],
             logged_velocity=[round_digits(x) for x in fastest[0]],
             logged_acceleration=[round_digits(x) for x in fastest[1]],
             contour_ratio=float(f"{self.judgement.ratio:.3g}"),
@@ -269,16 +287,16 @@ def write_servo(
 ) -> JointIdentification:
     """The joint with its servo for the file, and with the errors of this servo on the logs."""
     # unseen: largest error on parts that were not fitted [rad].
-    rms, largest = math.nan, math.pi
+    rms, largest, offsets = math.nan, math.pi, {}
     if segments:
+        fits = [predict_from_start(s, servo, order, drive_cycle) for s in segments]
+        offsets = {s.log: offset for s, (_, offset) in zip(segments, fits, strict=True)}
         errors = np.concatenate(
-            [(s.y - predict(s, servo, order, drive_cycle))[s.use] for s in segments]
+            [(s.y - q)[s.use] for s, (q, _) in zip(segments, fits, strict=True)]
         )
         rms, largest = float(np.sqrt(np.mean(errors**2))), float(np.abs(errors).max())
-    model_error = max(unseen, largest)
-    return replace(
-        joint, order=order, servo=servo, rms=rms, largest=largest, model_error=model_error
-    )
+    written = replace(joint, order=order, servo=servo, rms=rms, largest=largest, offsets=offsets)
+    return replace(written, model_error=max(unseen, largest))
 
 
 def round_digits(value: float) -> float:

@@ -361,6 +361,13 @@ def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -
 
 def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
     """Predicted positions in a log segment [rad], (n,); offset and initial state are fitted."""
+    return predict_from_start(segment, servo, order, drive_cycle)[0]
+
+
+def predict_from_start(
+    segment: LogSegment, servo: JointServo, order: str, drive_cycle: float
+) -> tuple[FloatArray, float]:
+    """Predicted positions in a log segment [rad], (n,), and the fitted encoder offset [rad]."""
     s, b = segment, INITIAL_VALUES[order] + int(servo.ki > 0)
     free = np.isinf(servo.acceleration_limit)
     scale = INITIAL_SCALES[:b]
@@ -388,7 +395,7 @@ def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: flo
                 break
         else:
             break
-    return np.asarray(q[0])
+    return np.asarray(q[0]), float(x[0])
 
 
 def estimate_parameters(

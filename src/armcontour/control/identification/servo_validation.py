@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,7 @@ from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.sampling import interpolate
 from armcontour.motion.log import Log
 from armcontour.robot import Arm
+from armcontour.robot.servo.model import TRUSTED
 from armcontour.robot.servo.simulation import JointServo
 
 # Spacing of the samples from which contour errors are computed [s].
@@ -33,8 +35,11 @@ LEAST_WEIGHT = 0.1
 NEWTON_STEPS, DELAY_MARGIN = 3, 0.1
 # A model or delay is rejected if its error exceeds this share of the tracking error.
 MAX_WEAK = 0.8
-# A contour error of at most this multiple of the encoder noise counts as 0.
+# A contour error of at most this multiple of the encoder noise is small enough to be trusted.
 NOISE_MULTIPLE = 3.0
+# Smallest share of a mean square that counts as signal, because the noise of a finite number of
+# samples correlates.
+LEAST_SIGNAL = 0.01
 # Lower bound of divisors.
 TINY = 1e-30
 
@@ -59,17 +64,23 @@ class _LogSamples:
         moved, times = self.command + residual, self.t
         if arm is not None:
             reach = (longest + DELAY_MARGIN) / float(np.median(np.diff(self.t)))
-            both = arm.tool_position(self.command), arm.tool_position(moved)
-            squares, positions = find_nearest(*both, int(np.ceil(reach)))
-            times = np.interp(positions, np.arange(len(positions)), self.t)
+            path, tool = arm.tool_position(self.command), arm.tool_position(moved)
+            rows = np.arange(len(path), dtype=np.float64)
+            positions = find_nearest(path, tool, int(np.ceil(reach)))
+            times = np.interp(positions, rows, self.t)
         elif len(weight) > 1:
             both = self.command * weight, moved * weight
             times = times - find_delay([(times, *both)], -DELAY_MARGIN, longest + DELAY_MARGIN)
         deviations = moved - interpolate(times, self.t, self.command)
-        if arm is None:
-            squares = np.sum((deviations * weight) ** 2, axis=1)
+        errors = deviations * weight if arm is None else tool - interpolate(positions, rows, path)
         each = np.sqrt(np.mean(deviations[self.use] ** 2, axis=0))
-        return float(np.sqrt(np.mean(squares[self.use]))), each
+        square = float(np.mean(np.sum(errors[self.use] ** 2, axis=1)))
+        if set(choice) != {"none"}:
+            # The small errors that remain are separated from the white noise of the encoders, which
+            # does not correlate in neighbouring samples.
+            pairs = np.sum(errors[1:] * errors[:-1], axis=1)[self.use[1:] & self.use[:-1]]
+            square = max(float(np.mean(pairs)), LEAST_SIGNAL * square)
+        return math.sqrt(square), each
 
 
 def choose_and_judge(
@@ -106,6 +117,7 @@ def choose_and_judge(
     done = deviations(choice)
     errors = np.array([(y[0], x[0]) for x, y in zip(done, none, strict=True)])
     before, after = errors.T
+    ratio = after / np.maximum(before, TINY)
     shares = [x[1] / np.maximum(y[1], TINY) for x, y in zip(done, none, strict=True)]
     noises = np.nan_to_num(np.array([x.noise for x in joints]))
     if arm is None:
@@ -116,7 +128,7 @@ def choose_and_judge(
     judgement = Judgement(
         programs=count_programs(logs),
         ratio=float(
-            np.max(np.where(after > NOISE_MULTIPLE * noise, after / np.maximum(before, TINY), 0.0))
+            np.max(np.where(after > NOISE_MULTIPLE * noise, ratio, np.minimum(ratio, TRUSTED)))
         ),
         errors=errors,
     )
@@ -142,14 +154,18 @@ def _sample_log(
     use = (predicted | ~predicted.any(axis=0)).all(axis=1)
     use = use if use.any() else np.full(len(use), True)
     delayed = [interpolate(log.t - x, log.t, log.command[:, [j]]) for j, x in enumerate(delays)]
+    late = log.measured - np.concatenate(delayed, axis=1)
+    # An offset is no error of the model. A mean lag is one, so the mean is not subtracted.
+    means = late[use].mean(axis=0)
+    offsets = [x.offsets.get(i, y) if x.written else y for x, y in zip(joints, means, strict=True)]
     residuals = {
-        "none": log.measured - log.command,
-        "delay": log.measured - np.concatenate(delayed, axis=1),
+        "none": log.measured - log.command - offsets,
+        "delay": late - offsets,
         "model": np.where(predicted, model, 0.0),
     }
     some = slice(None, None, every)
-    centred = {name: (x - x[use].mean(axis=0))[some] for name, x in residuals.items()}
-    return _LogSamples(log.t[some] - log.t[0], log.command[some], use[some], centred)
+    rest = {name: x[some] for name, x in residuals.items()}
+    return _LogSamples(log.t[some] - log.t[0], log.command[some], use[some], rest)
 
 
 def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
@@ -194,10 +210,8 @@ def count_programs(logs: Sequence[Log]) -> int:
     return len(programs)
 
 
-def find_nearest(
-    curve: FloatArray, points: FloatArray, reach: int
-) -> tuple[FloatArray, FloatArray]:
-    """Squared distances of points to a polyline, and fractional indices of nearest points, (n,)."""
+def find_nearest(curve: FloatArray, points: FloatArray, reach: int) -> FloatArray:
+    """Fractional indices of the points of a polyline that are nearest to points, (n,)."""
     # Rows of curve and points, (n, m), are at the same times. The search for the nearest point
     # covers `reach` samples before and after.
     n = len(curve)
@@ -211,4 +225,4 @@ def find_nearest(
         squares = np.sum((offset - share[:, None] * edge) ** 2, axis=1)
         positions = np.where(squares < nearest, start + share, positions)
         nearest = np.minimum(squares, nearest)
-    return nearest, positions
+    return positions

@@ -104,10 +104,11 @@ def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]
             "What to change",
             "For a job of this size, proposals are computed only by armcontour run --changes.",
         )
-    warnings = warnings_of([result])
+    # Notes of the drawing are no weak points of the plan.
+    warnings = [x for x in result.warnings if x not in result.path.notes]
     if warnings:
         rest = f" {len(warnings) - 1} more under Warnings and notes." if len(warnings) > 1 else ""
-        yield "Weakest point", f"{warnings[0]}{rest}"
+        yield "Weakest point", f"{capitalise(warnings[0])}{rest}"
     yield "Assumed", _assumed(study)
 
 

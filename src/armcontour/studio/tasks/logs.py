@@ -47,7 +47,7 @@ def identify(request: Request) -> PageFrame:
         edits = [{"do": "set", "key": "servo", "value": servo_values(identification)}]
     facts = {
         "sentence": verdict(data),
-        "kept": identification.judgement.trusted,
+        "kept": identification.trusted,
         "label": "Use this servo",
     }
     return PageFrame("result", {**facts, "edits": edits, **_shown(data, logs)})
