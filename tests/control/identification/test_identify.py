@@ -1,5 +1,6 @@
 """Identification of servos: parameters, intervals, selection, and what is written."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -183,6 +184,25 @@ def test_a_gap_splits_a_log_and_lost_samples_do_not_matter(fed):
             command=log.command[indices[300:]],
             measured=log.measured[indices[300:]],
         ).check_gaps()
+
+
+@pytest.mark.parametrize("held", [2, 3])
+def test_positions_that_repeat_are_replaced(held):
+    """A log that is sampled faster than its positions are renewed."""
+    log = log_of(3, kp=20.0, kv=150.0)
+    rows = np.arange(len(log.t)) // held * held
+    fit = ac.identify(dataclasses.replace(log, measured=log.measured[rows]))
+    joint, true = fit.joints[0], ac.identify(log).joints[0]
+    assert "repeats" in fit.remarks[0] and not ac.identify(log).repeats
+    assert joint.order == true.order
+    assert joint.kp.value == pytest.approx(true.kp.value, rel=0.02)
+
+
+@pytest.mark.parametrize("step", [1e-5, 1e-4, 1e-3])
+def test_a_coarse_encoder_does_not_repeat_positions(step):
+    log = log_of(3, kp=20.0, kv=150.0)
+    rounded = dataclasses.replace(log, measured=np.round(log.measured / step) * step)
+    assert not ac.identify(rounded).repeats
 
 
 def test_logs_of_other_joints_do_not_go_together(fed):

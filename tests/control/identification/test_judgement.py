@@ -72,6 +72,14 @@ def test_a_result_with_a_weak_joint_is_not_trusted(good):
         assert f'class="verdict {state}"' in render_identification(fit)
 
 
+def test_a_joint_whose_contour_error_remains_in_a_log_is_weak(good):
+    """A disturbance of the second joint, less than a fifth of its tracking error."""
+    fit = ac.identify([robot_log(1, gravity=1.3e-3), robot_log(2)])
+    assert fit.judgement.trusted and fit.joints[1].share < 0.2
+    assert fit.joints[1].contour_ratio > 0.5 and "1.csv" in fit.joints[1].note
+    assert not any(x.note for x in (fit.joints[0], *good.joints))
+
+
 def test_errors_at_the_tool_of_an_arm(good):
     arm = ac.load_arm("pmk3s")
     fit = ac.identify([robot_log(1), robot_log(2)], ac.ServoFit(kinematics=arm))

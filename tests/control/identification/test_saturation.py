@@ -78,6 +78,32 @@ def test_a_limit_of_velocity_is_found():
     assert joint.kp.value == pytest.approx(25.0, rel=0.02)
 
 
+@pytest.mark.parametrize(("kv", "limit"), [(150.0, 0.247), (120.0, 0.1)])
+def test_a_joint_is_identified_from_the_samples_below_its_limit_of_velocity(kv, limit):
+    """The excitation of the guide, with a step there and back."""
+    t = np.arange(0, 30, CYCLE)
+    f = np.fft.rfftfreq(len(t), CYCLE)
+    band = (f >= 0.5) & (f <= 25.0)
+    phases = np.random.default_rng(0).uniform(size=len(f))
+    u = np.fft.irfft(band * np.exp(2j * np.pi * phases), len(t))
+    u *= 5e-3 / np.abs(u).max()
+    u[(t > 20) & (t < 25)] += 0.5
+    joint = identify(log_of(t, u, run_loop(u, 25.0, kv, np.inf, limit), 1e-6)).joints[0]
+    assert joint.order == "second" and f"{limit:g} rad/s " in joint.saturation
+    assert joint.kp.value == pytest.approx(25.0, rel=0.02) and joint.share < 0.05
+
+
+def test_a_limit_above_a_planned_plateau_is_found():
+    """Most moves have an acceleration of 0.9 times the limit."""
+    t, u = moves(1.0)
+    a = np.sign(np.diff(u, 2, append=[u[-1]] * 2)) * 0.9
+    a[2000:2400] *= 1.5
+    u = np.cumsum(np.cumsum(a)) * CYCLE**2
+    joint = identify(log_of(t, u, run_loop(u, 40.0, 200.0, 1.0, np.inf))).joints[0]
+    assert "1 rad/s² " in joint.saturation
+    assert joint.kp.value == pytest.approx(40.0, rel=0.02)
+
+
 @pytest.fixture(scope="module")
 def hal():
     """Path, plan, robot and the saturating log of a run whose gains are wrong, as on LinuxCNC."""

@@ -161,11 +161,13 @@ class Identification(IdentifiedJoints):
     Args:
         drive_cycle: Cycle of the drives [s], 0 for continuous loops.
         judgement: Contour errors with and without compensation on motion that was not fitted.
+        repeats: Sentences about repeated positions in the logs, which `logs` does not contain.
     """
 
     joints: tuple[JointIdentification, ...] = field(repr=False)
     drive_cycle: float
     judgement: Judgement
+    repeats: tuple[str, ...] = ()
 
     def to_data(self) -> Data:
         """Data of the verdict, then of every joint and its parameters."""
@@ -210,13 +212,13 @@ class Identification(IdentifiedJoints):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences about saturation in the logs, and about effective parameters."""
+        """Sentences about repeated positions and saturation, and about effective parameters."""
         names = ", ".join(x.name for x in self.joints if x.effective and x.written)
         effective = (
             f"Effective parameters: {names}. The residuals are not white, so an effect is not "
             "modelled, and the parameters differ from the settings of the drive."
         )
-        sentences = [x.saturation for x in self.joints if x.saturation]
+        sentences = [*self.repeats, *(x.saturation for x in self.joints if x.saturation)]
         return (*sentences, effective) if names else tuple(sentences)
 
     def servo_model(self) -> ServoModel:

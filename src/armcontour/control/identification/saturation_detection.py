@@ -42,6 +42,14 @@ TOP_PERCENTILE, PLATEAU_RANGE = 99.0, 0.1
 # A value is at a limit if it differs from the limit by at most the share PLATEAU_SHARE of the
 # limit, or by at most PLATEAU_SIGMAS standard deviations of the noise.
 PLATEAU_SHARE, PLATEAU_SIGMAS = 0.01, 4.0
+# Searches: derivative, kind of the limit, range, and time before and after a plateau [s] in which
+# the limit also applies, because the joint accelerates to it. The narrow range finds a limit above
+# a planned plateau.
+SEARCHES = (
+    (2, "acceleration", PLATEAU_RANGE, 0.0),
+    (2, "acceleration", 2 * PLATEAU_SHARE, 0.0),
+    (1, "velocity", PLATEAU_RANGE, 0.05),
+)
 # Smallest number of successive samples of a plateau, and its shortest duration [s].
 FEWEST_SAMPLES, SHORTEST_PLATEAU = 4, 5e-3
 # On a saturated plateau, the commanded acceleration exceeds the measured acceleration by more than
@@ -59,11 +67,12 @@ LIMIT_MULTIPLES = (0.98, 1.06, 9)
 # determine no more than their initial state.
 FEWEST_UNSATURATED = 20
 # Largest number of segments that are fitted; the free initial states of more segments would explain
-# most of the motion.
-MAX_SEGMENTS = 40
-# If a joint is at its acceleration limit for more than this share of the time, a model with
-# undetermined K_p is rejected.
-MAX_LIMIT_TIME = 0.5
+# most of the motion. LONGEST_SEGMENTS: number of segments between samples at a velocity limit.
+MAX_SEGMENTS, LONGEST_SEGMENTS = 40, 10
+# If a joint is at its acceleration limit for more than the share MAX_LIMIT_TIME of the time, a
+# model with undetermined K_p is rejected. If the other samples determine no model, the times of
+# the reversals must determine it: at least one for each of K_p, K_v, feed-forward and dead time.
+MAX_LIMIT_TIME, FEWEST_REVERSALS = 0.5, 4
 # Margin before and after saturated samples [s], because drives react up to one drive cycle later.
 MARGIN = 1e-3
 
@@ -77,6 +86,7 @@ class Saturation:
     sd: float  # Standard deviation of the limit [rad/s² or rad/s]
     time: float  # Time at the limit [s]
     duration: float  # Total duration of the segments [s]
+    reversals: int  # Number of changes between the positive and the negative limit
     clipped: tuple[BoolArray, ...]  # Mask of the samples that the limit affects, for each segment
 
     @property
@@ -84,10 +94,24 @@ class Saturation:
         """True if the joint is at its acceleration limit for too much time, see MAX_LIMIT_TIME."""
         return self.kind == "acceleration" and self.time > MAX_LIMIT_TIME * self.duration
 
+    @property
+    def determines_servo(self) -> bool:
+        """True if a model with the limit can be fitted to all samples, see FEWEST_REVERSALS."""
+        few = self.hides and self.reversals < FEWEST_REVERSALS
+        return self.kind == "acceleration" and not few
+
     def describe(self, name: str) -> str:
         """Clause for messages, such as "joint 2 saturates at 3 rad/s² for 0.4 s of 10 s"."""
         limit = f"{self.limit:.3g} {'rad/s²' if self.kind == 'acceleration' else 'rad/s'}"
         return f"{name} saturates at {limit} for {self.time:.2g} s of {self.duration:.3g} s"
+
+    def explain_no_model(self, name: str) -> str:
+        """Note on a joint whose other samples do not determine its servo."""
+        lower = "accelerations" if self.kind == "acceleration" else "velocities"
+        return (
+            f"{name} has no model, because {self.describe('it')}, and the other samples do not "
+            f"determine its servo. Record more motion at lower {lower}."
+        )
 
 
 def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
@@ -96,15 +120,18 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
     # fitted to the samples outside the plateaus. Therefore a planned plateau that the joint follows
     # is not saturation.
     motion = _MeasuredMotion(segments)
-    for order, kind in ((2, "acceleration"), (1, "velocity")):
+    for order, kind, share, transient in SEARCHES:
         # The test of a velocity plateau also requires the acceleration.
         windows = [motion.window(x) for x in {2, order}]
         if not all(windows):
             continue
         k = max(windows)
         values, noise = motion.derive(order, k), motion.noise(order, k)
-        limit, plateaus = _find_plateaus(values, noise, motion.interval)
-        prediction = motion.predict_acceleration(k, ~_widen(plateaus, 2 * k))
+        limit, plateaus = _find_plateaus(values, noise, share, motion.interval)
+        if not plateaus.any():
+            continue
+        excluded = _widen(plateaus, 2 * k + round(transient / motion.interval))
+        prediction = motion.predict_acceleration(k, ~excluded)
         if prediction is None:
             continue
         acceleration, (demanded, error) = motion.derive(2, k), prediction
@@ -117,17 +144,21 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
         if np.mean(clipped) < LEAST_SHARE:
             continue
         time = float(np.sum(clipped)) * motion.interval
+        reversals = int(np.sum(np.diff(np.sign(values[clipped])) != 0))
         sizes = np.abs(values[clipped])
         sd = float(np.std(sizes) * np.sqrt((2 * k + 1) / len(sizes)))
         if order == 2:
             slack = max(EXCESS_ERRORS * error, EXCESS * PLATEAU_SHARE * limit)
             clipped |= np.abs(demanded) > limit + slack
-        margin = k + max(round(MARGIN / motion.interval), 1)
+        else:
+            clipped |= np.abs(values) > (1 - EXCESS) * limit
+        margin = k + max(round((MARGIN + transient) / motion.interval), 1)
         every = motion.at_samples(_widen(clipped, margin), k)
         duration = sum(float(t[-1] - t[0]) for t in motion.times)
         return Saturation(
-            kind=kind, limit=limit, sd=sd, time=time, duration=duration, clipped=every
-        )
+            kind=kind, limit=limit, sd=sd, time=time, duration=duration, reversals=reversals,
+            clipped=every,
+        )  # fmt: skip
     return None
 
 
@@ -138,19 +169,22 @@ def select_unsaturated(
     # Each interval between saturated samples is a segment with a free initial state. A fit of all
     # samples with an acceleration limit is preferred if its error in these segments is not
     # significantly larger and its K_p has a smaller standard deviation.
-    # None is also returned if there are too many segments.
+    # None is also returned if there are too many segments. At a velocity limit, only the longest
+    # segments are used.
     between = [
         s.cut(i, j)
         for s, clipped in zip(segments, saturation.clipped, strict=True)
         for i, j in _spans(~clipped)
         if np.sum(s.use[i:j]) >= FEWEST_UNSATURATED
     ]
+    if saturation.kind == "velocity":
+        between = sorted(between, key=lambda x: len(x.y), reverse=True)[:LONGEST_SEGMENTS]
     if not between or len(between) > MAX_SEGMENTS:
         return None
     free = select_model(between, search, limited=False)
-    if free is None:
-        return None
-    if saturation.kind == "velocity" or free.fit.problem.model.order != "second":
+    if free is None or saturation.kind == "velocity":
+        return free
+    if free.fit.problem.model.order != "second":
         return replace(predict_parts(free.fit, segments), rivals=free.rivals)
     order, names = free.fit.problem.model
     problem = Problem(Model(order, (*names, LIMIT)), segments, search)
@@ -259,12 +293,14 @@ def _filter(order: int, k: int, interval: float) -> FloatArray:
     return np.asarray(savgol_coeffs(2 * k + 1, 2, deriv=order, delta=interval))
 
 
-def _find_plateaus(values: FloatArray, noise: float, interval: float) -> tuple[float, BoolArray]:
+def _find_plateaus(
+    values: FloatArray, noise: float, first: float, interval: float
+) -> tuple[float, BoolArray]:
     """Limit of a derivative, and the mask of the samples in plateaus at this limit."""
     sizes = np.abs(values)
     limit, width = float(np.percentile(sizes, TOP_PERCENTILE)), PLATEAU_SIGMAS * noise
     plateaus = np.full(len(sizes), False)
-    for share in (PLATEAU_RANGE, PLATEAU_RANGE / 2, *[PLATEAU_SHARE] * 5):
+    for share in (first, first / 2, *[PLATEAU_SHARE] * 5):
         near = np.abs(sizes - limit) <= max(share * limit, width)
         if not near.any():
             return limit, plateaus

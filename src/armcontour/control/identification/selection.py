@@ -15,6 +15,7 @@ from armcontour.control.identification.joint_fit import (
     Model,
     Problem,
     Search,
+    estimate_parameters,
     fit,
     predict,
 )
@@ -151,6 +152,7 @@ def select_model(
         trials.prune()
     elif order != "delay" and not trials.best.explains_all:
         trials.add(Model(order, (*free, FRICTION)))
+    trials.drop_open_dead_time()
     best = trials.best
     rivals = [x.fit.servo for x in trials.tried if x.rms * GAIN < best.rms and x is not best]
     if some is segments:
@@ -201,19 +203,32 @@ class _Trials:
         """Remove OPTIONAL parameters without which the best model is not significantly worse."""
         for name in OPTIONAL:
             assert self.best is not None
-            best = self.best.fit
-            order, free = best.problem.model
-            remaining = tuple(y for y in free if y != name)
+            free = self.best.fit.problem.model.free
             # Acceleration feed-forward requires velocity feed-forward.
-            if remaining == free or (name == FEED and ACCELERATION in free):
-                continue
-            problem = Problem(Model(order, remaining), self.segments, self.search)
-            result = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])
-            if is_implausible(result) or result.cost > POORER_RATIO * best.cost:
-                continue
-            poorer = predict_parts(result)
-            if not self.best.is_better(poorer):
-                self.best = poorer
+            if name in free and not (name == FEED and ACCELERATION in free):
+                self._drop(name)
+
+    def drop_open_dead_time(self) -> None:
+        """Remove an undetermined dead time if the best model is not significantly worse."""
+        assert self.best is not None
+        loop = self.best.fit.problem.model.order != "delay"
+        if loop and not estimate_parameters(self.best.fit, self.best.without)[DELAY].determined:
+            self._drop(DELAY)
+
+    def _drop(self, name: str) -> None:
+        """Remove a parameter unless the best model is significantly worse without it."""
+        assert self.best is not None
+        best = self.best.fit
+        order, free = best.problem.model
+        model = Model(order, tuple(y for y in free if y != name))
+        problem = Problem(model, self.segments, self.search)
+        start = best.servo._replace(**{name: 0.0})
+        result = fit(problem, [problem.guess(start._asdict(), best.servo.dead_time)])
+        if is_implausible(result) or result.cost > POORER_RATIO * best.cost:
+            return
+        poorer = predict_parts(result)
+        if not self.best.is_better(poorer):
+            self.best = poorer
 
     def _starts(self, model: Model) -> list[dict[str, float]]:
         """Initial parameters of a fit: generic loops (STARTS), or the fit of a poorer model."""

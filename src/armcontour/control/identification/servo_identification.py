@@ -51,6 +51,7 @@ from armcontour.core.sampling import white_noise
 from armcontour.core.text import show
 from armcontour.motion.log import FEWEST, Log
 from armcontour.motion.log_checks import check_distance, check_speeds, check_units
+from armcontour.motion.repeated_positions import renew_positions
 from armcontour.robot.servo.simulation import JointServo
 
 SERVO_FIT = ServoFit()
@@ -103,7 +104,8 @@ def identify(
         InvalidInput: The sample interval of a log is outside 0.05 to 100 ms, the logs or the arm
             differ in their joints, or command and measurement of a log do not belong together.
     """
-    every = list_logs(logs)
+    pairs = [renew_positions(x) for x in list_logs(logs)]
+    every = tuple(x for x, _ in pairs)
     first, arm = every[0], options.kinematics
     for log in every[1:]:
         if log.joint_names != first.joint_names:
@@ -135,6 +137,7 @@ def identify(
         joints=judged,
         drive_cycle=search.drive_cycle,
         judgement=judgement,
+        repeats=tuple(y for _, x in pairs for y in x),
     )
 
 
@@ -152,10 +155,15 @@ def identify_joint(
     saturation, selected = find_saturation(segments), None
     if saturation is not None:
         selected = select_unsaturated(segments, saturation, search)
+        if selected is None and not saturation.determines_servo:
+            return _mark_unknown(joint, segments, saturation.explain_no_model(name))
+        # Models have no velocity limit, so samples at this limit are neither fitted nor predicted.
+        if selected is not None and saturation.kind == "velocity":
+            segments = list(selected.segments)
     poor = selected is not None and selected.rms > NOISE_MULTIPLE * selected.fit.noise
     # All samples are fitted if no model is selected. They are also fitted if the selected model is
     # poor and the acceleration saturates, because the unsaturated samples can be insufficient for
-    # the servo. (Models have no velocity limit.)
+    # the servo.
     if selected is None or (poor and saturation is not None and saturation.kind == "acceleration"):
         whole = select_model(segments, search)
         selected = min(
@@ -203,10 +211,7 @@ def identify_joint(
         scaling=scale_residuals(logs, j, rests),
     )
     if saturation is not None and saturation.hides and not joint.kp.determined:
-        note = (
-            f"{name} has no model, because {saturation.describe('it')}, and the other samples do "
-            "not determine its servo. Record more motion at lower accelerations."
-        )
+        note = saturation.explain_no_model(name)
         return _mark_unknown(replace(joint, saturation=""), segments, note)
     note, advice, share = "", "", worst[0] / worst[1]
     if worst[0] > max(GOOD_SHARE * worst[1], NOISE_MULTIPLE * noise):

@@ -15,6 +15,7 @@ from armcontour.control.identification.identification_result import (
     write_servo,
 )
 from armcontour.control.identification.joint_fit import split_logs
+from armcontour.control.identification.residuals import describe_residuals
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.sampling import interpolate
 from armcontour.motion.log import Log
@@ -40,6 +41,10 @@ NOISE_MULTIPLE = 3.0
 # Smallest share of a mean square that counts as signal, because the noise of a finite number of
 # samples correlates.
 LEAST_SIGNAL = 0.01
+# If all models are good, a joint is weak if compensation leaves more than the share TRUSTED of its
+# deviation from the contour in a log, and this deviation is more than MAIN_SHARE of the contour
+# error that remains in this log.
+MAIN_SHARE = 0.5
 # Lower bound of divisors.
 TINY = 1e-30
 
@@ -133,12 +138,29 @@ def choose_and_judge(
         errors=errors,
     )
     written = []
+    are_good = not any(x.note for x in joints)
     for j, (joint, c) in enumerate(zip(joints, choice, strict=True)):
+        i = int(np.argmax([x[j] for x in shares]))
+        left = done[i][1][j]
+        remaining = float(np.linalg.norm(done[i][1] * weight))
+        if (
+            are_good
+            and shares[i][j] > TRUSTED
+            and left > NOISE_MULTIPLE * noises[j]
+            and left * weight[j] > MAIN_SHARE * remaining
+        ):
+            note = (
+                f"The model of {joint.name} is weak: {shares[i][j]:.0%} of its deviation from the "
+                f"contour of {logs[i].source} remains with compensation ({left * 1e3:.3g} of "
+                f"{none[i][1][j] * 1e3:.3g} mrad RMS), which is most of the remaining contour "
+                f"error of this log. {describe_residuals(logs, j, joint.rests)}"
+            )
+            joint = replace(joint, note=note)
         if c != "model":
             delay = round_digits(delays[j] * (c == "delay"))
             servo = JointServo(np.inf, dead_time=delay)
             joint = write_servo(joint, split_logs(logs, j, interpolation, delay), servo)
-        written.append(replace(joint, contour_ratio=float(max(y[j] for y in shares))))
+        written.append(replace(joint, contour_ratio=float(shares[i][j])))
     return tuple(written), judgement
 
 
