@@ -44,13 +44,13 @@ def learned(plan, step=1e-3):
     """A lesson whose set-points are those of the plan and a little more."""
     set_points, zeros = plan.set_points, np.zeros(2)
     run = LearningRun(
-        q=set_points.q, error=np.zeros((5, 2)), noise=zeros, loop_noise=zeros, joint_rms=zeros,
-        joint_max=zeros, tool_rms=0.0, tool_max=0.0,
+        q=set_points.q, error=np.zeros((5, 2)), noise=zeros, joint_rms=zeros, joint_max=zeros,
+        tool_rms=0.0, tool_max=0.0,
     )  # fmt: skip
     return LearningResult(
         cycle=set_points.cycle, q=set_points.q + step / 3, trajectory=set_points.trajectory,
-        method="learning", start_time=-set_points.cycle, runs=(run,), servo=SERVO, predicted=0.0,
-        noise=0.0, best=0, repeats=0.0,
+        method="learning", start_time=-set_points.cycle, runs=(run,), servo=SERVO, best=0,
+        repeats=0.0,
     )  # fmt: skip
 
 
@@ -120,16 +120,16 @@ def made(plan, runs=2):
     def run(k):
         return LearningRun(
             q=q + k * np.pi, error=random.standard_normal((40, 2)),
-            noise=np.array([1e-5, 2e-5]) / 3, loop_noise=np.array([3e-5, 4e-5]) / 7,
-            joint_rms=random.random(2), joint_max=random.random(2), tool_rms=0.1 / 3,
-            tool_max=0.2 / 3, contour_rms=None if k else 1 / 7, predicted=1 / 9 if k else None,
-            offset=-100 / 3, source="run, 'ü'.csv",
+            noise=np.array([1e-5, 2e-5]) / 3, joint_rms=random.random(2),
+            joint_max=random.random(2), tool_rms=0.1 / 3, tool_max=0.2 / 3,
+            contour_rms=None if k else 1 / 7, offset=-100 / 3, source="run, 'ü'.csv",
+            notes=("joint 1 saturates.",) * k,
         )  # fmt: skip
 
     return LearningResult(
         cycle=0.004, q=q, trajectory=plan.trajectory, method="learning", start_time=-0.004,
-        runs=tuple(run(k) for k in range(runs)), servo=SERVO, misfits=(1 / 3, 1 / 7),
-        predicted=1 / 3, noise=1e-7 / 3, best=0, repeats=1e-5 / 3, setbacks=1, reason="because",
+        runs=tuple(run(k) for k in range(runs)), servo=SERVO, noise=1e-7 / 3,
+        best=0, repeats=1e-5 / 3, setbacks=1, reason="because",
     )  # fmt: skip
 
 
@@ -184,7 +184,7 @@ def test_damaged_and_other_files_are_refused(plan, tmp_path):
         return read_lesson(file, plan.trajectory)
 
     table = [
-        (other(version=99), "version 99 ... requires version 3"),
+        (other(version=99), "version 99 ... requires version 4"),
         (other(runs=[]), "a.npz ... at least one run"),
         (lambda parts: parts.update({"q.npy": b"\x93NUMPY garbage"}), "damaged"),
         (lambda parts: parts.pop("about.json"), "damaged"),

@@ -212,7 +212,6 @@ servo: {kp: 25, kv: 150}
 runs: {plain: {timing: {method: optimal}, compensation: {method: none}}}
 """
 Q = np.array([[0.3, -1.2, 1.4, -1.0, -1.5, 0.2]])
-PREDICTED = "RMS that was predicted"
 # Along x, y and yaw, 2 places each.
 VERDICTS = (
     Verdict(duration=2.0, bound=1.9, singular=0.3), Verdict(bound=2.5, singular=0.2),
@@ -290,11 +289,9 @@ def real():
     first = lesson.runs[0]
     second = dataclasses.replace(
         first, error=first.error / 10, joint_rms=first.joint_rms / 10, contour_rms=2e-6,
-        contour_max=5e-6, predicted=3e-6, source="<b>run2</b>.csv",
+        contour_max=5e-6, source="<b>run2</b>.csv",
     )  # fmt: skip
-    lesson = dataclasses.replace(
-        lesson, runs=(first, second), predicted=1e-6, noise=2e-7, best=1, finished=False
-    )
+    lesson = dataclasses.replace(lesson, runs=(first, second), noise=2e-7, best=1, finished=False)
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
@@ -306,9 +303,6 @@ def test_learning_shows_errors_over_runs_joints_and_time(real):
     figure, (first, _) = traces(over_runs), real.lesson.runs
     np.testing.assert_allclose(figure["RMS"].y, [1e3 * first.contour_rms, 2e-3])
     np.testing.assert_allclose(figure["largest"].y, [1e3 * first.contour_max, 5e-3])
-    predicted = figure[PREDICTED]
-    assert list(predicted.x) == [2, 3]
-    np.testing.assert_allclose(predicted.y, [3e-3, 1e-3])
     np.testing.assert_allclose(figure["does not repeat"].y, 2e-4, rtol=1e-6)
     for j, trace in enumerate(joints.data):
         assert trace.name == real.job.arm.joint_names[j]

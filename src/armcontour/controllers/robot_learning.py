@@ -163,13 +163,10 @@ class RobotLearner:
 
     def _learn_from(self, log: Log) -> None:
         """Compute the next set-points from the log of a run."""
-        result, before = self.result, self.result.lesson
+        result = self.result
         subprogress(self.player.progress)(Step((f"learning from {log.source}",)))
         lesson = learn_run(result.job, result.plan, self.set_points, log)
         ended = lesson.reason if lesson.finished else ""
-        if before is not None and lesson.setbacks > before.setbacks and not ended:
-            ended = f"{log.source} was worse than run {lesson.best + 1}"
-            lesson = _end(lesson, ended)
         self.result = replace(result, logs=(*result.logs, log), lesson=lesson, ended=ended)
 
     def _go_back(self, record: PlayedMotion) -> None:
@@ -216,7 +213,7 @@ def _notes(record: PlayedMotion) -> str:
 def _end(lesson: LearningResult, reason: str) -> LearningResult:
     """Finish a lesson with the set-points of its best run."""
     best = lesson.runs[lesson.best]
-    return replace(lesson, q=best.q, predicted=best.rms, finished=True, reason=reason)
+    return replace(lesson, q=best.q, finished=True, reason=reason)
 
 
 @checked
@@ -235,9 +232,9 @@ def learn_on(
 ) -> RobotLearning:
     """Play a run on a robot, learn from its log, and repeat with the learned set-points.
 
-    Learning ends when the remaining error does not repeat. It also ends, with the set-points of the
-    best run, when a run is worse than the best one, or when a joint deviates from the plan by 3
-    times the maximum deviation of the best run. Such a motion is stopped on its path.
+    Learning ends as in `learn`, with the set-points of the best run. It also ends when a joint
+    deviates from the plan by 3 times the maximum deviation of the best run. Such a motion is
+    stopped on its path.
 
     Args:
         job: The job.

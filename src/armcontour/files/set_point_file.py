@@ -24,10 +24,10 @@ from armcontour.motion import SetPoints, Trajectory
 from armcontour.robot.servo import ServoModel
 
 # Version of lesson files; must increase if their content changes.
-VERSION = 3
+VERSION = 4
 # Fields that are not stored as arrays or plain values: they are computed again from the job and the
 # plan, or are stored separately.
-NOT_STORED = ("trajectory", "runs", "lifted", "servo", "misfits", "command_limits", "limit_cost")
+NOT_STORED = ("trajectory", "runs", "lifted", "servo", "command_limits", "limit_cost")
 # Names of the arrays of a run: number of the run and name of the field.
 RUN_ARRAY = "run {}: {}"
 # Name of the JSON entry with all values that are not arrays.
@@ -51,7 +51,6 @@ def write_lesson(file: FilePath, lesson: LearningResult) -> None:
             for x in dataclasses.fields(lesson.servo)
             for value in [getattr(lesson.servo, x.name)]
         },
-        "misfits": lesson.misfits,
         "runs": runs,
     }
     # Equal lessons give identical files, because neither NumPy nor ZipInfo writes the present time.
@@ -86,12 +85,10 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
                 x.removeprefix(start): y for x, y in arrays.items() if x.startswith(start)
             }
             runs.append(LearningRun(**plain, **run_arrays))
-        before, after = about["misfits"]
         return LearningResult(
             trajectory=plan,
             runs=tuple(runs),
             servo=ServoModel(**about["servo"]),
-            misfits=(before, after),
             **about["lesson"],
             **{x: y for x, y in arrays.items() if ": " not in x},
         )

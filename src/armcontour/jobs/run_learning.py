@@ -29,8 +29,8 @@ from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
 from armcontour.verification.error_profile import Coverage, error_rows
 
-# Minimum additional dead time [s] and minimum relative clock error that are reported.
-REPORTED_DELAY, REPORTED_RATE = 1e-4, 1e-5
+# Minimum relative clock error that is reported.
+REPORTED_RATE = 1e-5
 # A log belongs to an earlier run if the misfit of the earlier set-points is below this share of the
 # misfit of the current set-points.
 NEARER = 0.5
@@ -87,15 +87,8 @@ class LearningStudy:
     def notes(self) -> list[str]:
         """Notes about the next step and about the findings from the runs."""
         lesson = self.lesson
-        timing = _timing_clauses(0.0, lesson.runs[-1])
+        timing = _timing_clauses(lesson.runs[-1])
         notes = [self._verdict, *(f"{x}; learning takes this into account." for x in timing)]
-        if any(lesson.misfits):
-            before, after = (x * 1e3 for x in lesson.misfits)
-            notes.append(
-                f"The log of run 1 deviates by {before:.3g} mrad RMS from the simulation with the "
-                f"servo of the job. Learning uses another servo model, from which the log deviates "
-                f"by {after:.3g} mrad: {lesson.servo}."
-            )
         notes += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
         if describe_excess(self.plan.set_points):
             notes.append(
@@ -107,19 +100,14 @@ class LearningStudy:
     @property
     def _verdict(self) -> str:
         """Sentence about the next step: learning is finished, or another run is useful."""
-        lesson = self.lesson
-        noise = (
-            f"the repeating error is {number(lesson.repeats, 'm')} RMS, the non-repeating error "
-            f"{number(lesson.noise, 'm')} RMS"
-        )
+        lesson, best = self.lesson, f"run {self.lesson.best + 1}"
+        error = f"{number(lesson.remaining, 'm')} RMS"
+        if lesson.noise is not None:
+            error += f", and runs of equal set-points differ by {number(lesson.noise, 'm')} RMS"
         if lesson.finished:
-            origin = f"those of the best run, run {lesson.best + 1}"
-            if not np.array_equal(lesson.q, lesson.runs[lesson.best].q):
-                origin = "learned from all runs"
-            return f"Finished: {lesson.reason}; the set-points are {origin}; {noise}."
+            return f"Finished: {lesson.reason}. The set-points are those of {best}: {error}."
         because = f" ({lesson.reason})" if lesson.reason else ""
-        expected = f"the expected error of the next run is {number(lesson.predicted, 'm')} RMS"
-        return f"Continue with another run{because}: {expected}; {noise}."
+        return f"Continue with another run{because}. The best run is {best}: {error}."
 
     def planned(self, t: FloatArray) -> FloatArray:
         """Planned joint positions at times [rad], (n, dof); at rest before and after the motion."""
@@ -133,9 +121,6 @@ class JudgedStudy:
     job: Job
     plan: RunResult  # Plan and set-points of the run
     judged: LearningResult  # Result of `judge_run`
-    # Time by which the plan in `judged` begins earlier than the plan of the set-points [s], because
-    # the robot has more dead time than its model.
-    early: float = 0.0
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
@@ -175,7 +160,6 @@ class JudgedStudy:
             (
                 Row("run", name),
                 *run.to_data().rows,
-                Row("delay", self.judged.delay, "s", "further dead time"),
                 *error_rows("contour_error", "", self.profile, FILE, FILE),
                 Row("notes", self.notes),
             ),
@@ -198,7 +182,7 @@ class JudgedStudy:
     @property
     def worst_times(self) -> list[float]:
         """Time of the largest error of each contour, on the clock of the set-points [s]."""
-        return [error.t_max + self.early for _, error, _ in self.contours]
+        return [error.t_max for _, error, _ in self.contours]
 
     @cached_property
     def pieces(self) -> Sequence[ContourExecution]:
@@ -210,10 +194,10 @@ class JudgedStudy:
 
     @property
     def notes(self) -> list[str]:
-        """Notes about dead time, clock and set-points of the log, and what the errors include."""
-        run, delay = self.judged.runs[0], self.judged.delay
-        notes = [f"{x}; the errors take this into account." for x in _timing_clauses(delay, run)]
-        notes += _other_set_points(run)
+        """Notes about clock and set-points of the log, and what the errors include."""
+        run = self.judged.runs[0]
+        notes = [f"{x}; the errors take this into account." for x in _timing_clauses(run)]
+        notes += _other_set_points(run) + list(run.notes)
         notes.append(
             "The errors include only deviations that the encoders measure, or the tracker if its "
             "file was specified."
@@ -240,17 +224,12 @@ def measured_pieces(
     return pieces_of(executed, plan.path, None, plan.trajectory.duration)
 
 
-def _timing_clauses(delay: float, run: LearningRun) -> list[str]:
-    """Clauses about `delay` [s], the dead time that the model lacks, and the clock of the log."""
-    sentences = []
-    if delay >= REPORTED_DELAY:
-        sentences.append(f"The robot has {number(delay, 's')} more dead time than its servo model")
-    if abs(run.rate - 1) >= REPORTED_RATE:
-        sentences.append(
-            "The clock of the log differs from the clock of the set-points by "
-            f"{(run.rate - 1) * 100:+.3f} %"
-        )
-    return sentences
+def _timing_clauses(run: LearningRun) -> list[str]:
+    """List with a clause about the clock of a log if its rate differs from 1; else empty."""
+    if abs(run.rate - 1) < REPORTED_RATE:
+        return []
+    deviation = f"{(run.rate - 1) * 100:+.3f} %"
+    return [f"The clock of the log differs from the clock of the set-points by {deviation}"]
 
 
 def _other_set_points(run: LearningRun) -> list[str]:
@@ -267,8 +246,8 @@ def _other_set_points(run: LearningRun) -> list[str]:
 
 
 def _corrections(run: LearningRun) -> list[str]:
-    """Notes about outliers and encoder offsets in the log of a run."""
-    corrections = []
+    """Notes about saturation, repeats, outliers and encoder offsets in the log of a run."""
+    corrections = list(run.notes)
     if run.outliers:
         corrections.append(
             f"{run.source} has {run.outliers} outliers (samples far from their neighbours), which "
@@ -375,8 +354,7 @@ def judge_log(
     )
     if isinstance(log, Log):
         check_run(set_points, log)
-    early = set_points.start_time - judged.start_time
-    return JudgedStudy(job=job, plan=plan, judged=judged, early=early)
+    return JudgedStudy(job=job, plan=plan, judged=judged)
 
 
 def feeds_gravity_forward(run: Run) -> bool:

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
 from armcontour.control.learning.learning_result import LearningRun, Recording
-from armcontour.control.learning.lifted_model import Lifted, rms
+from armcontour.control.learning.lifted_model import REST_TIME, Lifted, rms
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
@@ -42,23 +42,30 @@ SET_POINT_TOLERANCE, ERROR_SHARE, NOISE_MULTIPLE = 1e-4, 0.05, 10.0
 # encoders [m], the tracker measures another point or in another frame, because elastic joints
 # deflect less.
 MAX_TOOL_DIFFERENCE = 0.05
-# The distance of an outlier from its neighbours exceeds OUTLIER_NOISE times the noise and
-# OUTLIER_SHARE times the range of the samples between the quantiles QUANTILES. PASSES: largest
-# number of passes. MAX_OUTLIERS: largest share of outliers.
+# The distance of an outlier from its neighbours exceeds OUTLIER_NOISE times the noise,
+# OUTLIER_SHARE times the range of the samples between the quantiles QUANTILES, and OUTLIER_MOTION
+# times the largest second difference of the expected motion, which no joint can exceed by much.
+# PASSES: largest number of passes. MAX_OUTLIERS: largest share of outliers.
 OUTLIER_NOISE, OUTLIER_SHARE, QUANTILES, PASSES, MAX_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
+OUTLIER_MOTION = 4.0
+# A joint rests if it has moved by at most REST_SIGMAS times the noise or REST_MOTION [rad].
+REST_SIGMAS, REST_MOTION = 6.0, 1e-6
 # An encoder has a new offset if its median deviation from the expected motion exceeds SHIFT_SIGMAS
 # standard deviations and LEAST_SHIFT [rad].
 SHIFT_SIGMAS, LEAST_SHIFT = 6.0, 1e-4
 
 
-def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray, int]:
+def replace_outliers(
+    values: FloatArray, noise: FloatArray, largest: FloatArray
+) -> tuple[FloatArray, int]:
     """Samples with outliers replaced by interpolation, and the number of samples with outliers."""
-    # An outlier differs from the cubic through its two neighbours on each side by more than
-    # OUTLIER_NOISE times the noise and OUTLIER_SHARE times the quantile range. If there are too
-    # many, none is replaced. values [rad], (n, dof). noise [rad], (dof,).
+    # An outlier differs too much from the cubic through its two neighbours on each side. If there
+    # are too many, none is replaced. values [rad], (n, dof). noise, and largest second differences
+    # of the expected motion [rad], (dof,).
     cleaned, bad = values.copy(), np.zeros(values.shape, dtype=np.bool_)
     low, high = np.quantile(values, QUANTILES, axis=0)
     allowed = np.maximum(OUTLIER_NOISE * noise, OUTLIER_SHARE * (high - low))
+    allowed = np.maximum(allowed, OUTLIER_MOTION * largest)
     for _ in range(PASSES):
         padded = np.pad(cleaned, ((2, 2), (0, 0)), mode="edge")
         far, near = padded[:-4] + padded[4:], padded[1:-3] + padded[3:-1]
@@ -139,10 +146,11 @@ def align(
         )
         shifted = lifted.interpolate_at(recording.t + start, expected)
         reason = find_misreading(recording.t, recording.q, shifted)
-        reason = reason or "it is a log of another job, of other set-points or of another arm"
+        reason = f"{reason}." if reason else " ".join(recording.notes)
+        reason = reason or "it is a log of another job, of other set-points or of another arm."
         raise InvalidInput(
             f"{source} differs by {deviation:.3g} rad RMS from the motion that the set-points "
-            f"cause, although the whole motion is only {moved:.3g} rad RMS: {reason}."
+            f"cause, although the whole motion is only {moved:.3g} rad RMS: {reason}"
         )
     if abs(rate - 1) > MAX_RATE_DIFFERENCE:
         raise InvalidInput(
@@ -156,7 +164,8 @@ def align(
     noise = white_noise(apart, order=4)
     shift, outliers = np.zeros(lifted.dof), 0
     if not recording.exact:
-        apart, outliers = replace_outliers(apart, noise)
+        motion = lifted.interpolate_at(t, expected)
+        apart, outliers = replace_outliers(apart, noise, np.abs(np.diff(motion, 2, 0)).max(axis=0))
     if has_forerunner:
         middle = np.median(apart, axis=0)
         spread = DEVIATION_PER_MEDIAN * np.median(np.abs(apart - middle), axis=0)
@@ -164,6 +173,16 @@ def align(
         shift = np.where(np.abs(middle) > sure, middle, 0.0)
     measured = expected + lifted.fill_gaps(t, apart - shift, noise)
     return AlignedRecording(offset, rate, expected, measured, noise, shift, outliers)
+
+
+def find_rest(recording: Recording, lifted: Lifted, set_points: SetPoints) -> float:
+    """Plan time at which the arm has rested for REST_TIME after its set-points [s]; 0 if never."""
+    aligned = align(recording, lifted, set_points)
+    t = aligned.offset + aligned.rate * recording.t
+    moved = np.abs(recording.q - interpolate(t - REST_TIME, t, recording.q))
+    rests = (moved <= np.maximum(REST_SIGMAS * aligned.noise, REST_MOTION)).all(axis=1)
+    times = t[rests & (t >= set_points.t[-1] + REST_TIME)]
+    return float(times[0]) if len(times) else 0.0
 
 
 def require_same_set_points(run: LearningRun) -> None:

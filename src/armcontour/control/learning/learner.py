@@ -11,10 +11,9 @@ import numpy.typing as npt
 
 from armcontour.control.learning import alignment
 from armcontour.control.learning.error_estimate import (
-    RESPONSE_ERROR,
+    USEFUL_FACTOR,
     ErrorEstimate,
     smooth_error,
-    unexplained_variance,
 )
 from armcontour.control.learning.learning_result import (
     LearningResult,
@@ -22,14 +21,13 @@ from armcontour.control.learning.learning_result import (
     Recording,
     record,
 )
-from armcontour.control.learning.lifted_model import Lifted, Nominal, rms
-from armcontour.control.learning.servo_update import fit_servo
+from armcontour.control.learning.lifted_model import Lifted, Nominal
 from armcontour.core import checks
 from armcontour.core.bounded_differences import differences
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.sampling import white_noise
+from armcontour.core.sampling import interpolate
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.nearest_commands import (
     BY_ORDER,
@@ -49,27 +47,24 @@ Runs: TypeAlias = Executed | Sequence[Executed]
 # Times and measured positions of the tool; None without a tracker.
 Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 
-# Assumed cycle time of a drive [s].
-DRIVE_CYCLE = 2.5e-4
 # Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
 TYPICAL_GAIN = 25.0
+# A log contradicts the servo if the deviation of a joint from the simulation exceeds MAX_MISFIT
+# times its deviation from the set-points. The deviation of a joint that hardly moves counts as
+# LEAST_LAG times the largest one of all joints, because coupled joints move it.
+MAX_MISFIT, LEAST_LAG = 1.05, 0.3
 # Learning ends after MAX_SETBACKS setbacks. Each setback multiplies the step by SETBACK_STEP.
 MAX_SETBACKS = 3
 SETBACK_STEP = 0.5
+# Number of steps that are tried on the model, each SETBACK_STEP times the previous one.
+TRIALS = 4
 # Set-points may accelerate up to the limit of the joint or up to ACCELERATION_FACTOR times the
 # largest acceleration before learning, whichever is larger. The acceleration of a joint that hardly
 # moves counts as RESTING_SHARE times the acceleration of the fastest joint.
 ACCELERATION_FACTOR, RESTING_SHARE = 2.0, 0.25
-# Learning ends at setback RESPONSE_SETBACKS if the relative error of the response exceeds
-# MAX_RESPONSE_ERROR. The servo model is the cause unless learning has reduced the first error to
-# the share PROVEN_SHARE.
-RESPONSE_SETBACKS, MAX_RESPONSE_ERROR, PROVEN_SHARE = 2, 1.0, 0.5
-# Learning ends if the limits of the set-points allow less than this share of the computed change.
-LEAST_CHANGE = 0.05
-# Share of the error that remains after the first change with a fitted servo (median of tests).
-FITTED_REMAINDER = 0.1
-# A run is worse than another run if its error is larger by more than this many standard deviations.
-SETBACK_SIGMAS = 3.0
+# The end of learning is explained by the servo model if the relative error of the response exceeds
+# MAX_RESPONSE_ERROR and more than the share PROVEN_SHARE of the first error remains.
+MAX_RESPONSE_ERROR, PROVEN_SHARE = 0.5, 0.5
 
 
 @checked
@@ -88,7 +83,7 @@ def learn(
 
     After each further run, pass the returned result and the log of its execution. Errors that
     repeat are distinguished from other errors if there are logs of several runs of the same
-    set-points, or three runs of learned set-points.
+    set-points. If the log contradicts the servo, learning ends, and `reason` states the deviation.
 
     >>> improved = ac.learn(set_points, executed, arm=arm, servo=servo)
     >>> improved.q.shape[1], len(improved.runs)
@@ -101,7 +96,7 @@ def learn(
             set-points determine the clock, or a recording of only joint positions.
         arm: The nominal arm. If it has masses and the servo is of second order, the response is
             that of rigid bodies with drives, otherwise that of independent servos.
-        servo: The nominal servo.
+        servo: The nominal servo, whose response is used.
         limits: Limits of the controller, as in `compensate`; by default the limits of the plan,
             unless the set-points of the last run exceed them.
         gravity_feedforward: True if the controller adds the torque against gravity.
@@ -149,13 +144,7 @@ def judge_run(
         set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
     )
     estimate = ErrorEstimate(lifted, result.runs)
-    return replace(
-        result,
-        predicted=estimate.expected,
-        noise=estimate.noise,
-        best=estimate.best,
-        repeats=estimate.repeats,
-    )
+    return replace(result, noise=estimate.noise, best=estimate.best, repeats=estimate.repeats)
 
 
 def _evaluate_runs(
@@ -170,21 +159,23 @@ def _evaluate_runs(
             "The number of logs must be one if tool is specified, otherwise at least one, but is "
             f"{len(logs)}."
         )
-    servo = _linearize(nominal.servo.for_joints(nominal.arm.dof), nominal.arm)
-    nominal = nominal._replace(servo=servo)
+    recordings = [record(x, set_points) for x in logs]
     if isinstance(set_points, LearningResult):
-        nominal, misfits = nominal._replace(servo=set_points.servo), set_points.misfits
-        lifted = set_points.lifted or Lifted(set_points, nominal)
+        nominal = nominal._replace(servo=set_points.servo)
+        lifted = set_points.lifted or Lifted(set_points, nominal, len(set_points.runs[0].error))
     else:
-        set_points, lifted, misfits = _fit_model(set_points, logs, nominal)
-    fitted = lifted.nominal.servo
+        nominal = nominal._replace(servo=_linearize(nominal.servo, nominal.arm))
+        lifted = Lifted(set_points, nominal)
+        end = max(alignment.find_rest(x, lifted, set_points) for x in recordings)
+        if end > lifted.t[-1]:
+            times = int(np.ceil((end - lifted.t[0]) / lifted.step)) + 1
+            lifted = Lifted(set_points, nominal, times)
     result = LearningResult(
         cycle=set_points.cycle, q=set_points.q, trajectory=set_points.trajectory,
         method=set_points.method, start_time=set_points.start_time,
-        command_limits=set_points.command_limits, servo=fitted, misfits=misfits, lifted=lifted,
-        runs=tuple(_measure_errors(lifted, set_points, record(x, set_points), tool) for x in logs),
-        delay=float((fitted.dead_time - servo.dead_time).max()),
-        predicted=0.0, noise=0.0, best=0, repeats=0.0, finished=True, reason="learned nothing",
+        command_limits=set_points.command_limits, servo=lifted.nominal.servo, lifted=lifted,
+        runs=tuple(_measure_errors(lifted, set_points, x, tool) for x in recordings),
+        best=0, repeats=0.0, finished=True, reason="learned nothing",
     )  # fmt: skip
     return result, lifted
 
@@ -208,33 +199,6 @@ def _linearize(servo: ServoModel, arm: Arm) -> ServoModel:
     )
 
 
-def _fit_model(
-    set_points: SetPoints, logs: Sequence[Executed], nominal: Nominal
-) -> tuple[SetPoints, Lifted, tuple[float, float]]:
-    """Fit the servo to the mean of the first logs: set-points, lifted model, and misfits."""
-    # If the robot has more dead time than its model, the set-points start earlier by whole cycles.
-    lifted = Lifted(set_points, nominal)
-    errors, noises, interval = [], [], np.inf
-    for log in logs:
-        recording = record(log, set_points)
-        aligned = alignment.align(recording, lifted, set_points)
-        if not recording.in_plan_time and recording.command is None:
-            return set_points, lifted, (0.0, 0.0)
-        noises.append(aligned.noise)
-        interval = min(interval, recording.interval)
-        errors.append(aligned.measured - aligned.expected)
-    lead = lifted.command_for(set_points.q) - lifted.planned
-    noise = np.mean(noises, axis=0)
-    variance = float(np.mean(unexplained_variance(noise, lead)))
-    servo, misfits = fit_servo(
-        set_points, lifted, np.mean(errors, axis=0), variance, noise, interval
-    )
-    delay = float((servo.dead_time - nominal.servo.dead_time).max())
-    early = max(int(delay / set_points.cycle), 0) * set_points.cycle
-    set_points = replace(set_points, start_time=set_points.start_time - early)
-    return set_points, Lifted(set_points, nominal._replace(servo=servo)), misfits
-
-
 def _measure_errors(
     lifted: Lifted, set_points: SetPoints, recording: Recording, tool: Tool
 ) -> LearningRun:
@@ -242,21 +206,11 @@ def _measure_errors(
     expected = None
     if isinstance(set_points, LearningResult) and not recording.exact:
         before = set_points.runs[set_points.best]
-        before_moved, added = (
-            lifted.respond(x - set_points.runs[0].q) for x in (before.q, set_points.q)
-        )
-        error = smooth_error(lifted, before.error, before.noise, before_moved)
-        expected = lifted.planned + error + added - before_moved
+        added = lifted.respond(set_points.q - before.q)
+        expected = lifted.planned + smooth_error(lifted, before.error, before.noise) + added
     aligned = alignment.align(recording, lifted, set_points, expected)
     offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
-    # in_loop: measurement noise in the loops. If positions are exact, it is determined from their
-    # equivalent command. Otherwise encoder noise hides it, and its variance per drive cycle is
-    # assumed to be the variance of the encoder noise.
-    in_loop = noise * np.sqrt(min(DRIVE_CYCLE, recording.interval) / lifted.step)
-    if recording.exact:
-        command = lifted.equivalent_command(measured - expected)
-        in_loop = white_noise(command, smoothed=True, order=4)
     # If the sample interval is longer than the model's time step, the noise of a sample affects
     # several times of the model.
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
@@ -264,15 +218,11 @@ def _measure_errors(
         clock = (offset, rate) if recording.in_plan_time else None
         error, added = alignment.add_tool(tool, lifted, error, clock)
         noise = np.hypot(noise, added)
-    moved: FloatArray | float = 0.0
-    if isinstance(set_points, LearningResult):
-        moved = lifted.respond(set_points.q - set_points.runs[0].q)
-    smooth, plan_times = smooth_error(lifted, error, noise, moved), offset + rate * recording.t
+    smooth, plan_times = smooth_error(lifted, error, noise), offset + rate * recording.t
     return LearningRun(
-        q=set_points.q, error=error, noise=noise, loop_noise=in_loop,
+        q=set_points.q, error=error, noise=noise,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
-        offset=offset, rate=rate, source=recording.source,
-        predicted=set_points.predicted if isinstance(set_points, LearningResult) else None,
+        offset=offset, rate=rate, source=recording.source, notes=recording.notes,
         set_points_off=alignment.set_points_off(plan_times, recording.command, set_points),
         encoder_shift=shift, outliers=outliers,
         **lifted.judge(smooth)._asdict(),
@@ -289,10 +239,7 @@ def _learn_next(
     estimate = ErrorEstimate(lifted, runs)
     best = runs[estimate.best]
     before = min((x.rms for x in earlier), default=np.inf)
-    now = rms(np.array([x.rms for x in result.runs]))
-    is_setback = now > before + SETBACK_SIGMAS * estimate.resolution and not done
-    setbacks += is_setback
-    step = SETBACK_STEP**setbacks * (estimate.step if earlier else 1.0)
+    setbacks += min(x.rms for x in result.runs) * USEFUL_FACTOR > before and not done
     applied = result.trajectory.limits_for(result.command_limits if limits is None else limits)
     if limits is None and describe_excess(result):
         # The joint limits of the plan do not apply if the set-points already exceed them.
@@ -303,56 +250,61 @@ def _learn_next(
     if applied.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(applied.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
-    requested = best.q + step * (estimate.correct(setbacks) - best.q)
-    q, reason = _keep_limits(result, requested, best.q, applied, fastest)
-    # fraction: share of the removable error that is predicted to remain. If there are earlier runs,
-    # it is at least the square root of the ratio of the new error to the best earlier error,
-    # because the share of noise and friction increases.
-    fraction = FITTED_REMAINDER if any(result.misfits) else RESPONSE_ERROR
-    fraction = (
-        max(estimate.response_error, float(np.sqrt(min(now / before, 1.0))))
-        if earlier
-        else fraction
-    )
-    remaining = lifted.judge(fraction * estimate.removed).rms
-    lost = lifted.respond(requested - q)
-    remaining += lifted.judge(lost).rms + (1 - step) * estimate.repeats
-    predicted = float(
-        np.linalg.norm([remaining, estimate.differs / np.sqrt(len(runs)), estimate.noise])
-    )
-    end = _reason_to_finish(estimate, setbacks, is_setback)
-    early = last is None and result.delay >= result.cycle
-    if reason and not (end or early) and rms(q - best.q) < LEAST_CHANGE * rms(requested - best.q):
-        end = f"nothing was learned, because {reason}"
-    finished, averaged = bool(end), estimate.is_noise and estimate.differs > 0
+    change = estimate.steps * (estimate.q - best.q)
+    for k in range(setbacks, setbacks + TRIALS):
+        requested = best.q + SETBACK_STEP**k * change
+        q, reason = _keep_limits(result, requested, best.q, applied, fastest)
+        expected = lifted.judge(estimate.error + lifted.respond(q - best.q)).rms
+        if useful := expected * USEFUL_FACTOR < estimate.repeats:
+            break
+    end = _reason_to_finish(lifted, runs, estimate, setbacks)
+    if not (end or useful):
+        end = f"no change reduces the error by more than {USEFUL_FACTOR - 1:.0%}"
+        end += f", because {reason}" if reason else ""
+    finished = bool(end)
     return replace(
         result, runs=runs, method="learning", setbacks=setbacks, finished=finished,
-        reason=end or reason,
-        q=best.q if finished and not averaged else q,
-        predicted=estimate.expected if finished else min(predicted, estimate.expected),
+        reason=end or reason, q=best.q if finished else q,
         noise=estimate.noise, best=estimate.best, repeats=estimate.repeats,
     )  # fmt: skip
 
 
-def _reason_to_finish(estimate: ErrorEstimate, setbacks: int, is_setback: bool) -> str:
+def _reason_to_finish(
+    lifted: Lifted, runs: tuple[LearningRun, ...], estimate: ErrorEstimate, setbacks: int
+) -> str:
     """Reason why another run is not expected to reduce the error; empty if none."""
+    if estimate.count == len(runs) and (contradiction := _contradiction(lifted, runs[0])):
+        return contradiction
     if estimate.is_noise:
         return "the remaining error is noise"
-    if (
-        is_setback
-        and setbacks >= RESPONSE_SETBACKS
-        and estimate.response_error > MAX_RESPONSE_ERROR
-    ):
-        if estimate.runs[estimate.best].rms < PROVEN_SHARE * estimate.runs[0].rms:
-            return "the remaining error does not repeat"
-        return (
-            "the last change increased the error, and its effect differs by "
-            f"{estimate.response_error:.0%} from the prediction of the servo model, so identify "
-            "the servo"
+    if setbacks < MAX_SETBACKS:
+        return ""
+    reason = f"{setbacks} changes did not reduce the error by {USEFUL_FACTOR - 1:.0%}"
+    unproven = runs[estimate.best].rms > PROVEN_SHARE * runs[0].rms
+    if unproven and estimate.response_error > MAX_RESPONSE_ERROR:
+        reason += (
+            f", and the effect of the last change differs by {estimate.response_error:.0%} from "
+            "the simulation with the servo, so identify the servo"
         )
-    if setbacks >= MAX_SETBACKS:
-        return f"{setbacks} changes increased the error"
-    return ""
+    return reason
+
+
+def _contradiction(lifted: Lifted, run: LearningRun) -> str:
+    """Reason to identify the servo before learning; empty if the log agrees with the servo."""
+    # Constant deviations, such as from gravity, are no errors of the servo.
+    times = np.asarray(lifted.start + lifted.cycle * np.arange(lifted.count), dtype=float)
+    measured = lifted.planned + run.error
+    misfit = (measured - lifted.expected(run.q)).std(axis=0)
+    lag = (measured - interpolate(lifted.t, times, run.q)).std(axis=0)
+    ratios = misfit / np.maximum(lag, LEAST_LAG * lag.max())
+    j = int(np.argmax(ratios))
+    if not ratios[j] > MAX_MISFIT:
+        return ""
+    return (
+        f"{run.source} contradicts the servo: joint {j + 1} deviates by {misfit[j] * 1e3:.3g} mrad "
+        f"RMS from the simulation with the servo, but by {lag[j] * 1e3:.3g} mrad from its "
+        "set-points, so identify the servo first"
+    )
 
 
 def _accelerations(q: FloatArray, cycle: float) -> FloatArray:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import numpy as np
 
+from armcontour.control.identification.joint_fit import split_logs
+from armcontour.control.identification.saturation_detection import LEAST_SHARE, find_saturation
 from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
@@ -18,12 +20,15 @@ from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.sampling import GAP, describe_bursts
 from armcontour.core.text import clock, count_noun, format_table, joint_rows, short_repr
 from armcontour.motion import Execution, Log, SetPoints
+from armcontour.motion.repeated_positions import renew_positions
 from armcontour.robot.servo import ServoModel
 
 # Largest number of runs that are listed in a summary.
 MAX_LISTED = 10
 # Largest difference of an execution's set-points from the set-points of the run [rad].
 SET_POINT_TOLERANCE = 1e-9
+# Consequence of saturation.
+SATURATED = "Learning assumes a linear response: plan with a larger reserve."
 # Largest share of a recording that may be gaps.
 MAX_GAPS = 0.1
 
@@ -100,11 +105,18 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             in_plan_time=True,
             exact=True,
             source="the execution",
+            notes=tuple(
+                f"joint {j + 1} saturates for {number(time, 's')}. {SATURATED}"
+                for j, time in enumerate(executed.saturated_time)
+                if time > LEAST_SHARE * float(np.ptp(executed.t))
+            ),
         )
     elif isinstance(executed, Log):
+        log, repeats = renew_positions(executed)
         recording = Recording(
-            t=executed.t, q=executed.measured, command=executed.command, source=executed.source
-        )
+            t=log.t, q=log.measured, command=log.command, source=log.source,
+            notes=(*repeats, *_describe_saturation(log)),
+        )  # fmt: skip
     elif isinstance(executed, Recording):
         recording = executed
     else:
@@ -119,6 +131,13 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             f"{set_points.q.shape[1]}. Specify a log of this job."
         )
     return recording
+
+
+def _describe_saturation(log: Log) -> list[str]:
+    """Sentences about the joints that saturate in a log."""
+    every = [(x, split_logs([log], j, "linear")) for j, x in enumerate(log.joint_names)]
+    found = [(name, find_saturation(segments)) for name, segments in every if segments]
+    return [f"{x.describe(name)}. {SATURATED}" for name, x in found if x]
 
 
 def _check_gaps(recording: Recording) -> None:
@@ -145,16 +164,13 @@ def _check_gaps(recording: Recording) -> None:
 class LearningRun(Result, Checked):
     """One run and its measured errors.
 
-    Except for `error`, errors do not include white noise: they are the part that a disturbance of
-    the drives explains.
+    Except for `error`, errors do not include white noise.
 
     Args:
         q: Set-points that were executed [rad], (n, dof).
         error: Measured deviations of the joints from the plan, with noise, at the times
             `LearningResult.lifted.t` [rad], (m, dof).
         noise: Standard deviation of the white noise in `error` [rad], (dof,).
-        loop_noise: Standard deviation of the position noise in the joints' loops, for one value per
-            time of `error` [rad], (dof,).
         joint_rms: RMS error of each joint [rad], (dof,).
         joint_max: Largest error of each joint [rad], (dof,).
         tool_rms: RMS distance of the tool from its planned position at the same time [m].
@@ -163,19 +179,18 @@ class LearningRun(Result, Checked):
         contour_max: Largest distance of the tool from its path [m]; None if the plan has no path.
         offset: Time of the plan at which the clock of the log is 0 [s].
         rate: Time of the plan per time of the log.
-        predicted: Predicted value of `rms` [m]; None for the first run.
         set_points_off: RMS difference of the set-points in the log from those of the run [rad]; 0
             if the log has no set-points.
         source: Source of the log, for messages.
         encoder_shift: Change of each encoder's offset since the best earlier run, which `error`
             does not include [rad], (dof,); None if it was not estimated.
         outliers: Number of samples of the log that were ignored.
+        notes: Sentences on the log, such as joints that saturate.
     """
 
     q: FloatArray
     error: FloatArray
     noise: FloatArray
-    loop_noise: FloatArray
     joint_rms: FloatArray
     joint_max: FloatArray
     tool_rms: float
@@ -184,14 +199,14 @@ class LearningRun(Result, Checked):
     contour_max: float | None = None
     offset: float = 0.0
     rate: float = 1.0
-    predicted: float | None = None
     set_points_off: float = 0.0
     source: str = "the execution"
     encoder_shift: FloatArray | None = None
     outliers: int = 0
+    notes: tuple[str, ...] = ()
 
     def to_data(self) -> Data:
-        """Data of the errors of the run, and of the predicted error."""
+        """Data of the errors of the run."""
         level = FIRST if self.contour_rms is None else TABLE
         rms, largest = (
             ("contour error, RMS", "contour error, largest") if level == TABLE else ("", "")
@@ -204,17 +219,16 @@ class LearningRun(Result, Checked):
                 Row("contour_max", self.contour_max, "m", largest, "", FIRST),
                 Row("tool_rms", self.tool_rms, "m", "tracking error, RMS", level=level),
                 Row("tool_max", self.tool_max, "m", "tracking error, largest", level=level),
-                Row("predicted", self.predicted, "m", "expected, RMS", level=FIRST),
                 Row("offset", self.offset, "s"),
                 Row("begin", -self.offset / self.rate, "s", "begins in the log at", "", FIRST),
                 Row("rate", self.rate),
                 Row("joint_rms", self.joint_rms, "rad", "joint error, RMS"),
                 Row("joint_max", self.joint_max, "rad", "joint error, largest"),
                 Row("noise", self.noise, "rad", "noise"),
-                Row("loop_noise", self.loop_noise, "rad"),
                 Row("set_points_off", self.set_points_off, "rad"),
                 Row("encoder_shift", self.encoder_shift, "rad"),
                 Row("outliers", self.outliers),
+                Row("notes", self.notes),
             ),
         )
 
@@ -232,18 +246,14 @@ class LearningResult(Result, SetPoints):
 
     Args:
         runs: The runs so far, in order.
-        servo: The servo whose response is used for learning: the nominal servo, or the servo that
-            was fitted to the log of the first run if the nominal servo does not fit this log.
-        misfits: RMS deviations of the joints in the first log from the motion with the nominal
-            servo and with `servo` [rad]; both 0 if no servo was fitted.
-        delay: Additional dead time of the robot, which the nominal servo does not have [s].
-        predicted: Predicted RMS error of the next run [m], comparable to `LearningRun.rms`.
-        noise: Estimated RMS error that does not repeat from run to run [m].
-        best: Index of the run whose set-points have the smallest repeating error.
-        repeats: RMS of the repeating error of the best run, estimated from all runs [m].
-        setbacks: Number of runs that were worse than the best earlier run.
+        servo: The servo whose response is used for learning, as specified for the first run.
+        best: Index of the run with the smallest measured error.
+        repeats: RMS of the mean error of all runs with the set-points of the best run [m].
+        noise: RMS error that differs between runs of equal set-points [m]; None if there are no
+            such runs.
+        setbacks: Number of runs that did not reduce the error by at least 5 %.
         finished: True if no further improvement is expected. The set-points are then those of the
-            best run or, if errors differ between runs, set-points learned from all runs.
+            best run.
         reason: Reason why learning is finished, or limit that restricts the step; may be empty.
         lifted: The linear model, reused from run to run because computing it takes most of the
             time; None computes it again.
@@ -254,12 +264,9 @@ class LearningResult(Result, SetPoints):
 
     runs: tuple[LearningRun, ...]
     servo: ServoModel
-    misfits: tuple[float, float] = (0.0, 0.0)
-    delay: float = 0.0
-    predicted: float
-    noise: float
     best: int
     repeats: float
+    noise: float | None = None
     setbacks: int = 0
     finished: bool = False
     reason: str = ""
@@ -271,25 +278,22 @@ class LearningResult(Result, SetPoints):
             raise InvalidInput("A learning result must have at least one run, but runs is empty.")
 
     def to_data(self) -> Data:
-        """Data of the verdict, the errors of the runs, and the predicted error of the next run."""
+        """Data of the verdict and of the errors of the runs."""
         best = f"run {self.best + 1}"
-        share = f"{number(self.noise_share, '1')} of the square"
         return Data(
             self._title(f"Learning from {count_noun(len(self.runs), 'run')}"),
             (
                 Row("finished", self.finished, "", "finished", self.reason, VERDICT),
                 Row("first", self.runs[0].rms, "m", "before learning, RMS", level=FIRST),
                 Row("remaining", self.remaining, "m", "best run, RMS", best, FIRST),
-                Row("predicted", self.predicted, "m", "next run, expected RMS", "", FIRST),
-                Row("repeats", self.repeats, "m", "repeats, RMS", best),
-                Row("does_not_repeat", self.noise, "m", "does not repeat, RMS", share, FIRST),
-                Row("noise_share", self.noise_share, "1"),
+                Row("repeats", self.repeats, "m"),
+                Row("does_not_repeat", self.noise, "m", "does not repeat, RMS", level=FIRST),
                 Row("best", self.best + 1),
                 Row("setbacks", self.setbacks, "", "setbacks"),
-                Row("delay", self.delay, "s", "further dead time"),
                 Row("reason", self.reason),
             ),
             (Table.from_results("runs", [x.to_data() for x in self.runs]),),
+            notes=self.runs[-1].notes,
         )
 
     __repr__ = short_repr
@@ -298,8 +302,3 @@ class LearningResult(Result, SetPoints):
     def remaining(self) -> float:
         """RMS error of the best run [m]."""
         return self.runs[self.best].rms
-
-    @property
-    def noise_share(self) -> float:
-        """Share of the squared remaining error that does not repeat, from 0 to 1."""
-        return min((self.noise / self.remaining) ** 2, 1.0) if self.remaining > 0 else 1.0

@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.sparse import block_array, block_diag, coo_array, csc_array, eye_array
+from scipy.sparse import block_array, block_diag, coo_array, csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
 from armcontour.core import checks
@@ -21,8 +20,9 @@ from armcontour.motion import SetPoints
 from armcontour.robot import Arm
 from armcontour.robot.drives import Drives, respond_along
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.model import integrator_filter, without_integral
+from armcontour.robot.servo.model import without_integral
 from armcontour.robot.servo.simulation import command_weights
+from armcontour.verification.contour_errors import REST_SPEED
 
 # Longest time step of the model [s]. The relative error of the response is about (w h)² / 12 at the
 # angular frequency w and the step h, 0.2 % at the 150 1/s of the paper's velocity loop.
@@ -30,6 +30,9 @@ LONGEST_STEP = 1e-3
 # Modelled time after the last set-point, in addition to the dead time [time constants of the
 # slowest joint]. In this time, a response decays to 5 %.
 SETTLING = 3.0
+# The arm rests if its joints have not moved for REST_TIME [s]. Set-points that reach it do not
+# change: errors in the last REST_TIME of the model count as if they lasted for HELD_TIME [s].
+REST_TIME, HELD_TIME = 0.1, 10.0
 # Penalties are powers of ten, so that all runs need only few factorizations. PENALTIES: range of
 # the exponents. FIRST_PENALTY: initial penalty.
 PENALTIES, FIRST_PENALTY = (-8, 6), 1e-3
@@ -86,64 +89,44 @@ class Lifted:
     """Lifted response of the nominal closed loop, linearized along a plan."""
 
     # The joints rest in equilibrium at the first set-point. Only times and plan of the set-points
-    # are used, not their values. t: uniform times of the plan [s], (n,), by default at most 1 ms
-    # apart. planned: planned joint positions at these times [rad], (n, dof). near: model of the
-    # same set-points and robot with another servo. Its times include `t`, and its motion and
-    # linearization are reused.
+    # are used, not their values. t: uniform times of the plan, at most 1 ms apart [s], (n,); their
+    # number may be specified. planned: planned joint positions at these times [rad], (n, dof).
 
-    _motion: tuple[FloatArray, FloatArray, FloatArray]
-
-    def __init__(
-        self,
-        set_points: SetPoints,
-        nominal: Nominal,
-        t: FloatArray | None = None,
-        *,
-        near: Lifted | None = None,
-    ) -> None:
+    def __init__(self, set_points: SetPoints, nominal: Nominal, times: int = 0) -> None:
         self.plan = set_points.trajectory
         self.cycle, self.start = set_points.cycle, set_points.start_time
         self.count, self.dof = set_points.q.shape
-        if t is None:
-            parts = int(np.ceil(self.cycle / LONGEST_STEP * (1 - 1e-9)))
-            settling = float(nominal.servo.dead_time.max()) + SETTLING / float(
-                nominal.servo.kp.min()
-            )
-            intervals = self.count - 1 + int(np.ceil(settling / self.cycle))
-            step, drive_cycle = self.cycle / parts, nominal.servo.drive_cycle
-            # The time step is the drive cycle unless the drive cycle is short.
-            step = drive_cycle if drive_cycle > LONGEST_STEP / 2 else step
-            t = set_points.times(int(np.ceil(intervals * self.cycle / step - 1e-9)) + 1, step)
+        parts = int(np.ceil(self.cycle / LONGEST_STEP * (1 - 1e-9)))
+        settling = float(nominal.servo.dead_time.max()) + SETTLING / float(nominal.servo.kp.min())
+        intervals = self.count - 1 + int(np.ceil(settling / self.cycle))
+        step, drive_cycle = self.cycle / parts, nominal.servo.drive_cycle
+        # The time step is the drive cycle unless the drive cycle is short.
+        step = drive_cycle if drive_cycle > LONGEST_STEP / 2 else step
+        t = set_points.times(times or int(np.ceil(intervals * self.cycle / step - 1e-9)) + 1, step)
         self.t, self.step = t, float(t[1] - t[0])
         checks.check_count(
             f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
             len(t) * self.dof**2,
             "learn each contour separately or at a higher speed",
         )
-        self.nominal, self.drives = nominal, nominal.drives
-        every = 1 if near is None else round(self.step / near.step)
-        if near is None:
-            q, dq, ddq = self.plan.motion_with_rests(t)
-            if nominal.servo.drive_cycle:
-                ddq = self.plan.motion_with_rests(t + nominal.servo.drive_cycle / 2)[2]
-            dq[0] = ddq[0] = 0.0
-            self._motion = q, dq, ddq
-        else:
-            q, dq, ddq = near._motion
-            self._motion = q[::every], dq[::every], ddq[::every]
-        self.planned, dq, ddq = self._motion
+        self.nominal, drives = nominal, nominal.drives
+        self.planned, dq, ddq = self.plan.motion_with_rests(t)
+        if nominal.servo.drive_cycle:
+            ddq = self.plan.motion_with_rests(t + nominal.servo.drive_cycle / 2)[2]
+        dq[0] = ddq[0] = 0.0
         self._prompt = nominal.servo.without_feedforward().for_joints(self.dof)
-        if self.drives:
-            self._needed = self.drives.command(self.planned, dq, ddq, self.step)
+        if drives:
+            self._needed = drives.command(self.planned, dq, ddq, self.step)
         else:
             ddq = without_integral(dq, ddq, self._prompt, self.step)
             self._needed = self._prompt.command(self.planned, dq, ddq)
         # Equations of the joint positions x with the command as the input.
-        if near is None or self.drives is None or near.drives is None:
-            self._response = respond_along(self.plan.with_rests, t, **nominal._asdict())
-        else:
-            self._response = near._response.of_drives(near.drives, self.drives, every)
-        self._left, self._means, self._unseen = self._response.equations()
+        response = respond_along(self.plan.with_rests, t, **nominal._asdict())
+        self._left, self._means, self._unseen = response.equations()
+        # The last set-point is held, so errors at rest count as if they lasted for HELD_TIME.
+        self.weight = np.where(t > t[-1] - REST_TIME, HELD_TIME / REST_TIME, 1.0)[:, None]
+        weights = diags_array(np.repeat(1 / self.weight, self.dof))
+        self._weighted = csc_array(weights @ self._left.T)
         self._solve = splu(self._left, permc_spec="NATURAL")
         self._factors: dict[float, tuple[Any, IntArray, float]] = {}
         self._penalty = FIRST_PENALTY
@@ -192,60 +175,43 @@ class Lifted:
             return index, weight * term.factor
         return index, weight * np.tile(np.broadcast_to(term.factor, self.dof), len(self.t))[:, None]
 
-    def _command(self, q: FloatArray, terms: Sequence[_Term]) -> FloatArray:
-        """Sum of terms of the command for set-points q, (n, dof)."""
+    def _command(self, q: FloatArray) -> FloatArray:
+        """Command at the drives for set-points or a change of set-points [rad], (n, dof)."""
         sums, values = np.zeros((2, self.planned.size)), q.ravel()
-        for term in terms:
+        for term in self._terms:
             index, weight = self._interpolated(term)
             sums[int(term.integrated)] += (weight * values[index]).sum(axis=1)
         unseen, integrated = sums.reshape(2, *self.planned.shape)
-        return np.asarray(integrated + self.equivalent_input(unseen))
-
-    def equivalent_input(self, command: FloatArray) -> FloatArray:
-        """Convert a command that bypasses the integrators to an equivalent command [rad]."""
-        return without_integral(np.zeros_like(command), command, self._prompt, self.step)
-
-    def command_velocities(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocities of the command without and with feed-forward [rad/s], (n, dof) each."""
-        plain = self._command(q, self._rate_terms(1.0, 0.0))
-        after, before = (
-            self._command(q, [y._replace(shift=y.shift + x * self.step / 2) for y in self._terms])
-            for x in (1, -1)
-        )
-        return plain, (after - before) / self.step
+        # An equivalent command replaces a command that bypasses the integrators.
+        unseen = without_integral(np.zeros_like(unseen), unseen, self._prompt, self.step)
+        return np.asarray(integrated + unseen)
 
     def respond(self, change: FloatArray) -> FloatArray:
         """Change of joint positions, (n, dof), by a change of set-points, (count, dof) [rad]."""
-        return self.respond_to(self.command_for(change))
+        return self._respond_to(self._command(change))
 
-    def command_for(self, change: FloatArray) -> FloatArray:
-        """Command at the drives for set-points or a change of set-points [rad], (n, dof)."""
-        return self._command(change, self._terms)
-
-    def respond_to(self, command: FloatArray) -> FloatArray:
-        """Change of joint positions by a command at the drives [rad], (n, dof[, cases])."""
-        cases = command.reshape(len(self.t) * self.dof, -1)
-        return np.asarray(self._solve.solve(self._means @ cases)).reshape(command.shape)
+    def _respond_to(self, command: FloatArray) -> FloatArray:
+        """Change of joint positions by a command at the drives [rad], (n, dof)."""
+        moved = self._solve.solve(self._means @ command.ravel())
+        return np.asarray(moved).reshape(command.shape)
 
     def expected(self, q: FloatArray) -> FloatArray:
         """Joint positions of the nominal robot with set-points q [rad], (n, dof)."""
-        return self.planned + self.respond_to(self.command_for(q) - self._needed)
+        return self.planned + self._respond_to(self._command(q) - self._needed)
 
     def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
         """Change of the set-points that removes an error, and the response of the joints [rad]."""
-        # The change du minimises `|error + P du|² + penalty |L du|²`, where L takes differences of
-        # consecutive set-points. error (n, dof) or (n, dof, cases); change (count, dof) or
-        # (count, dof, cases). penalty: variance of the noise divided by the variance of the
-        # differences of set-points.
+        # The change du minimises `W |error + P du|² + penalty |L du|²`, where W weights the times,
+        # and L takes differences of consecutive set-points. error (n, dof), change (count, dof).
+        # penalty: variance of the noise divided by the variance of the differences of set-points.
         factors, order, _ = self._factored(penalty)
-        rows, cases = len(self.t) * self.dof, error.shape[2:]
-        flat = error.reshape(rows, *cases)
-        right = np.zeros((len(order), *cases))
-        right[:rows] = -(self._left @ flat)
+        flat = error.ravel()
+        right = np.zeros(len(order))
+        right[: flat.size] = -(self._left @ flat)
         solution = np.empty_like(right)
         solution[order] = factors.solve(right[order])
-        change = solution[rows:].reshape(self.count, self.dof, *cases)
-        return change, (-flat - self._left.T @ solution[:rows]).reshape(error.shape)
+        change = solution[flat.size :].reshape(self.count, self.dof)
+        return change, (-flat - self._weighted @ solution[: flat.size]).reshape(error.shape)
 
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
         """Part of an error that a disturbance of the drives explains [rad], (n, dof)."""
@@ -254,7 +220,7 @@ class Lifted:
     def _factored(self, penalty: float) -> tuple[Any, IntArray, float]:
         """Factorization of the optimality conditions, ordering of unknowns, and log determinant."""
         # The conditions of the minimum over x and du subject to A x = B du, with multipliers y and
-        # with `x = -error - A' y` eliminated, are [[AA', B], [B', -penalty L'L]]. The matrix is
+        # with `x = -error - A' y / W` eliminated, are [[AA' / W, B], [B', -penalty L'L]]. It is
         # quasi-definite, so no pivoting is required. The unknowns are in the order of their times.
         if penalty not in self._factors:
             while len(self._factors) >= MAX_FACTORS:
@@ -285,7 +251,7 @@ class Lifted:
                 )
                 where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
                 right += means @ csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
-        blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
+        blocks: Any = [[self._left @ self._weighted, right], [right.T, None]]
         set_points = self.start + np.arange(self.count)[:, None] * self.cycle
         reached = set_points + self.nominal.servo.dead_time
         # The last set-point has an effect until the end, so it is eliminated last to avoid fill-in.
@@ -318,24 +284,12 @@ class Lifted:
         # Model of the error: white noise with the variance `variance` [rad²] plus the response to
         # set-points whose differences are normal with the variance `variance / penalty`.
         change, response = self.correct(error, penalty)
-        squares = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
+        squares = np.sum(self.weight * (error + response) ** 2)
+        squares += penalty * np.sum(np.diff(change, axis=0) ** 2)
         # `size` is the log determinant of `P'P + penalty L'L` (see `correct`), up to a constant.
         size = self._factored(penalty)[2]
         rank = (self.count - 1) * self.dof
         return float(squares / variance + size - rank * np.log(penalty))
-
-    def equivalent_command(self, error: FloatArray) -> FloatArray:
-        """Change of the command at the drives whose response is an error [rad], (n, dof)."""
-        # The result is smoothed over neighbouring times with the weights 1/4, 1/2 and 1/4.
-        from scipy.signal import lfilter
-
-        command = (self._left @ error.ravel()).reshape(error.shape)
-        for j in np.flatnonzero(self._prompt.ki):
-            filter_weights = integrator_filter(
-                self._prompt.ki[j], self.step, self._prompt.drive_cycle
-            )[1]
-            command[:, j] = lfilter([1.0], filter_weights, command[:, j])
-        return np.asarray(command)
 
     def interpolate_at(self, t: FloatArray, values: FloatArray) -> FloatArray:
         """Values at the times t, (m, dof), from values at the model's times; constant outside."""
@@ -367,20 +321,22 @@ class Lifted:
 
     def judge(self, error: FloatArray) -> ToolError:
         """Errors of the tool due to errors of the joints [rad], (n, dof)."""
-        # A path is evaluated from its first set-point to the last time of the model. Contours of a
-        # program are evaluated while the process is on. Contour errors are distances to the nearest
-        # point of the path.
+        # Root mean squares of a single path end when the tool comes to rest, as in `evaluate`;
+        # largest errors include the rest. Contours of a program are evaluated while the process is
+        # on. Contour errors are distances to the nearest point of the path.
         planned, tool = (self.nominal.arm.tool_position(self.planned + x) for x in (0.0, error))
         deviations = np.linalg.norm(tool - planned, axis=1)
+        speed = np.linalg.norm(np.gradient(tool, self.step, axis=0), axis=1)
+        end = int(np.flatnonzero((self.t <= self.plan.duration) | (speed > REST_SPEED))[-1]) + 1
+        whole = rms(deviations[:end]), float(deviations.max())
         distances = [
             path.project(tool[which]).distance for path, which in self.plan.paths_at(self.t)
         ]
         if not distances:
-            return ToolError(rms(deviations), float(deviations.max()), None, None)
+            return ToolError(*whole, None, None)
         contour = np.concatenate(distances)
-        return ToolError(
-            rms(deviations), float(deviations.max()), rms(contour), float(contour.max())
-        )
+        moving = contour if self.plan.path is None else contour[:end]
+        return ToolError(*whole, rms(moving), float(contour.max()))
 
 
 def rms(values: FloatArray) -> float:

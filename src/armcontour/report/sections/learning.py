@@ -13,7 +13,6 @@ from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Front, Section, text_table, tiles
 from armcontour.report.style import (
     EXECUTED_COLOUR,
-    LIMIT_COLOUR,
     MAX_SENTENCES,
     PATH_COLOUR,
     PLANNED_COLOUR,
@@ -69,29 +68,19 @@ def _introduction(study: LearningStudy) -> str:
 
 
 def _over_runs(study: LearningStudy) -> Any:
-    """Figure with RMS and largest error against the run number, with predictions and noise."""
+    """Figure with RMS and largest error against the run number, with noise."""
     lesson, count = study.lesson, len(study.lesson.runs)
     errors = np.array([study.errors(k) for k in range(count)])
     numbers = range(1, count + 1)
-    predictions = [
-        (k, x.predicted)
-        for k, x in zip(numbers, lesson.runs, strict=True)
-        if x.predicted is not None
-    ]
-    if not lesson.finished:
-        predictions.append((count + 1, lesson.predicted))
-    run_numbers, predicted = zip(*predictions, strict=True) if predictions else ((), ())
-    name, last = "RMS that was predicted", count if lesson.finished else count + 1
     drawn = Figure(
         _error_trace(numbers, errors[:, 1], "largest", PLANNED_COLOUR, "diamond"),
         _error_trace(numbers, errors[:, 0], "RMS", EXECUTED_COLOUR, "circle"),
-        _error_trace(run_numbers, predicted, name, LIMIT_COLOUR, "circle-open", mode="markers"),
     )
-    if lesson.noise > 0:
+    if lesson.noise is not None:
         level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))
-        drawn.add_trace(line([1, last], level, "does not repeat", PATH_COLOUR, dash="dash"))
+        drawn.add_trace(line([1, count], level, "does not repeat", PATH_COLOUR, dash="dash"))
     return _lay_out_over_runs(
-        drawn, last, "error of the tool [mm]", "Error of the tool from run to run"
+        drawn, count, "error of the tool [mm]", "Error of the tool from run to run"
     )
 
 
@@ -105,16 +94,14 @@ def _joints_over_runs(study: LearningStudy) -> Any:
     return _lay_out_over_runs(drawn, len(runs), "RMS error [mrad]", "The joints' parts", 3)
 
 
-def _error_trace(
-    x: Sequence[int], y: Any, name: str, colour: str, symbol: str, mode: str = "lines+markers"
-) -> Any:
+def _error_trace(x: Sequence[int], y: Any, name: str, colour: str, symbol: str) -> Any:
     """Trace of errors [m or rad] against the run number, plotted in mm or mrad."""
     return make_trace(
         "scatter",
         x=list(x),
         y=np.maximum(1e3 * np.asarray(y), SMALLEST_ERROR),
         name=name,
-        mode=mode,
+        mode="lines+markers",
         line={"color": colour, "width": 2},
         marker={"color": colour, "symbol": symbol, "size": 9},
     )

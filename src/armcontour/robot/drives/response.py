@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -154,18 +154,6 @@ class Response(Checked):
     def step(self) -> float:
         """Step of the regular times [s]."""
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
-
-    def of_drives(self, drives: Drives, others: Drives, every: int) -> Response:
-        """Response with the drives `others` instead of `drives`, at each `every`-th time."""
-        return replace(
-            self,
-            t=self.t[::every],
-            mass=self.mass[::every],
-            damping=self.damping[::every] + np.diag(others.damping - drives.damping),
-            stiffness=self.stiffness[::every] + np.diag(others.stiffness - drives.stiffness),
-            gain=others.stiffness,
-            servo=others.servo,
-        )
 
     def to_torque(self, torque: FloatArray) -> FloatArray:
         """Deviations of the joints [rad] under an additional torque [N m], (n, dof[, cases])."""

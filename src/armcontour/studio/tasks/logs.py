@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
 from armcontour.core.render import cells, frame, verdict
@@ -30,7 +28,6 @@ def measured(request: Request) -> PageFrame:
     logs = read_logs(request)
     study = judge_last(request.whole_job, request.run, logs, request.progress)
     arrays = tool_lines(study.pieces, request.view)
-    arrays["t"] = arrays["t"] + np.float32(study.early)
     facts = {"run": study.plan.run.name, "times": study.worst_times}
     return PageFrame("result", {**facts, **_shown(study.result, logs[-1:])}, arrays)
 

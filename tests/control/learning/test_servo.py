@@ -1,0 +1,112 @@
+"""Learning uses the given servo, and ends where the first log contradicts it."""
+
+import numpy as np
+import pytest
+from soak.learning import record, task
+
+import armcontour as ac
+from armcontour.control.learning import Recording
+
+from .robots import SERVO, gentle_plan, loaded, rods, rounded, with_inertias
+
+pytest.importorskip("mujoco")
+
+
+def log_of(done, noise=0.0, seed=0):
+    """Log of an execution, with a sample of set-points and noisy positions per millisecond."""
+    set_points = done.set_points
+    command = np.stack([np.interp(done.t, set_points.t, x) for x in set_points.q.T], axis=1)
+    measured = done.q + np.random.default_rng(seed).normal(scale=noise, size=done.q.shape)
+    return ac.Log(t=done.t - done.t[0], command=command, measured=measured)
+
+
+@pytest.mark.filterwarnings("ignore:Compensation may be worse")
+@pytest.mark.parametrize("feedforward", [0.75, 0.95])
+def test_feed_forward_that_the_servo_lacks_is_a_contradiction(feedforward):
+    """The servo that `identify` finds in the same log leaves nothing to learn."""
+    job_task = task("pmk3s")
+    true = {"kp": [28.0, 24.0], "kv": [160.0, 130.0], "velocity_feedforward": feedforward}
+    robot = ac.ServoPlant(job_task.arm, SERVO.replace(**true, dead_time=6e-3), saturation="none")
+    first = ac.simulate(job_task.set_points, robot)
+    lesson = ac.learn(job_task.set_points, log_of(first, 1e-6), arm=job_task.arm, servo=SERVO)
+    assert lesson.finished and "identify the servo first" in lesson.reason
+    np.testing.assert_array_equal(lesson.q, job_task.set_points.q)
+    servo = ac.identify(log_of(first, 1e-6)).servo_model()
+    set_points = ac.compensate(job_task.set_points.trajectory, servo, ac.Inverse())
+    second = ac.simulate(set_points, robot)
+    lesson = ac.learn(set_points, log_of(second, 1e-6), arm=job_task.arm, servo=servo)
+    assert "identify" not in lesson.reason
+    errors = [ac.evaluate(x, job_task.path).contour_error.rms for x in (first, second)]
+    assert errors[0] > 1e-5 and errors[1] < 0.05 * errors[0]
+
+
+def test_a_right_servo_is_not_contradicted():
+    arm, limits = with_inertias(), ac.Limits.only(speed=0.15, joint_acceleration=3.0)
+    set_points = ac.compensate(gentle_plan(rounded(), arm, limits.for_joints(2)), SERVO)
+    strong = ac.Limits.only(joint_torque=1e3).for_joints(2)
+    robots = [
+        ac.RigidBodyPlant(arm, SERVO, strong, controller=arm, noise=x) for x in (0.0, 1e-6, 1e-4)
+    ]
+    for robot in (*robots, loaded(arm, dead_time=9e-3, noise=1e-5)):
+        lesson = ac.learn(set_points, ac.simulate(set_points, robot), arm=arm, servo=SERVO)
+        assert "identify" not in lesson.reason
+
+
+def test_learning_ends_with_the_best_run_where_a_log_lacks_set_points():
+    """Positions alone do not show the lag, so that the first log cannot contradict the servo."""
+    job_task, random = task("pmk3s"), np.random.default_rng(0)
+    robot = ac.ServoPlant(job_task.arm, SERVO.replace(velocity_feedforward=0.95), saturation="none")
+    set_points = job_task.set_points
+    for _ in range(6):
+        log = record(ac.simulate(set_points, robot), 1e-6, 1.0, random)
+        set_points = ac.learn(
+            set_points, Recording(t=log.t, q=log.measured), arm=job_task.arm, servo=SERVO
+        )
+        if set_points.finished:
+            break
+    assert set_points.finished and set_points.reason
+    np.testing.assert_array_equal(set_points.q, set_points.runs[set_points.best].q)
+
+
+def one_moves(true, noise=1e-5):
+    """A lesson of a planar arm whose second joint stands still."""
+    arm = rods()
+    plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 0.9)]), arm, arm.limits)
+    set_points = ac.compensate(plan, SERVO, ac.Inverse())
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, true, saturation="none"))
+    return ac.learn(set_points, log_of(execution, noise), arm=arm, servo=SERVO)
+
+
+def test_a_joint_that_stands_still_contradicts_nothing():
+    assert not one_moves(SERVO.replace(kp=20.0)).finished
+    assert "joint 1" in one_moves(SERVO.replace(velocity_feedforward=[0.9, 0.0])).reason
+
+
+LOOPS = {"kp": (22.0, 24.0), "kv": (140.0, 130.0), "dead_time": 3e-3}
+
+
+@pytest.mark.parametrize(
+    "servo",
+    [
+        ac.ServoModel(order=("second", "first"), kp=(25.0, 20.0), kv=(150.0, np.inf)),
+        ac.ServoModel(order=("delay", "second"), kp=(np.inf, 25.0), kv=(np.inf, 150.0)),
+        ac.ServoModel(order=("unknown", "first"), kp=(np.inf, 25.0)),
+        ac.ServoModel(order="delay", dead_time=40e-3),
+        ac.ServoModel(order="unknown"),
+        SERVO.replace(friction=1e-4),
+        SERVO.replace(drive_cycle=4e-3),
+    ],
+    ids=lambda x: f"{x.order} {x.friction} {x.drive_cycle}",
+)
+def test_learning_starts_from_any_servo(servo):
+    """A joint without gains is corrected as if it followed its set-points, so more slowly."""
+    arm = rods()
+    limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
+    set_points = ac.compensate(gentle_plan(rounded(), arm, limits), servo, ac.Inverse())
+    robot = ac.ServoPlant(arm, ac.ServoModel(**LOOPS), saturation="none")
+    errors = []
+    for k in range(4):
+        execution = ac.simulate(set_points, robot)
+        errors.append(ac.evaluate(execution, set_points.trajectory.path).contour_error.rms)
+        set_points = ac.learn(set_points, log_of(execution, 1e-5, k), arm=arm, servo=servo)
+    assert min(errors) < 0.4 * errors[0]
