@@ -31,4 +31,4 @@ for run in range(1, 4):
         f"run {run}: contour error {error.rms * 1e3:.3f} mm RMS, {error.max * 1e3:.3f} mm at most"
     )
     set_points = ac.learn(set_points, executed, arm=arm, servo=servo)
-print(f"next: {set_points.predicted * 1e3:.3f} mm RMS expected")
+print(f"best run: {set_points.best + 1}, {set_points.remaining * 1e3:.3f} mm RMS in its log")

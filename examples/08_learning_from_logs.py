@@ -42,4 +42,4 @@ with tempfile.TemporaryDirectory() as folder:
         begun = -set_points.runs[-1].offset
         rms = set_points.runs[-1].rms
         print(f"  the log shows {rms * 1e3:.4f} mm; the run began at {begun:.4f} s")
-print(f"next: {set_points.predicted * 1e3:.4f} mm expected; finished: {set_points.finished}")
+print(f"best run: {set_points.best + 1}; finished: {set_points.finished}")
