@@ -314,7 +314,7 @@ class Trajectory(Checked):
             InvalidInput: The times are no numbers.
         """
         t = np.atleast_1d(checks.check_numbers("t", t, "s"))
-        if self.path is not None or not self.spans:
+        if not self.spans:
             return [] if self.path is None else [(self.path, np.arange(len(t)))]
         paths: list[tuple[Path, IntArray]] = []
         for span in self.contour_spans:

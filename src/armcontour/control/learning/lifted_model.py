@@ -329,9 +329,11 @@ class Lifted:
         speed = np.linalg.norm(np.gradient(tool, self.step, axis=0), axis=1)
         end = int(np.flatnonzero((self.t <= self.plan.duration) | (speed > REST_SPEED))[-1]) + 1
         whole = rms(deviations[:end]), float(deviations.max())
-        distances = [
-            path.project(tool[which]).distance for path, which in self.plan.paths_at(self.t)
-        ]
+        if self.plan.path is not None:
+            distances = [self.plan.path.project(tool).distance]
+        else:
+            paths = self.plan.paths_at(self.t)
+            distances = [path.project(tool[which]).distance for path, which in paths]
         if not distances:
             return ToolError(*whole, None, None)
         contour = np.concatenate(distances)
