@@ -174,7 +174,6 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.shape, {"path": x["objective"], **on, "options": shaped}),
         (smooth_curvature, {"path": x["path"], "tolerance": 1e-5}),
         (ac.dwell_law, {"q": np.zeros(2), "duration": 1.0}),
-        (ac.sweep, {"job": x["job"], "tolerances": [2e-3]}),
         (ac.trace, {"path": x["path"], "arm": x["arm"]}),
         (ac.write_report, {"study": x["study"], "file": "a.html"}),
         # Names on the pages that only a package has.

@@ -234,7 +234,7 @@ def test_other_objects_are_refused_in_one_sentence(
         (ac.check, (planned, arm), {"limits": limits}),
         (ac.export, (set_points, "a.csv"), {"arm": arm, "format": CsvFormat()}),
         (ac.prepare, (objective, ac.Process()), {}),
-        *((x, (job,), {}) for x in (ac.run, ac.certify, ac.sweep, ac.place)),
+        *((x, (job,), {}) for x in (ac.run, ac.certify, ac.place)),
         (ac.read_job, ("a.yaml",), {}),
         (ac.read_log, ("a.csv",), {}),
         (ac.write_report, (None, "a.html"), {}),

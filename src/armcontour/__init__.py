@@ -51,7 +51,7 @@ _HOME = {
     "robot.scene": "Obstacle Scene",
     "robot.servo": "ServoModel",
     "simulation": "RigidBodyPlant ServoPlant simulate",
-    "studies.certification": "certify sweep",
+    "studies.certification": "certify",
     "studies.placement": "place",
     "verification": "check evaluate",
     "verification.clearance": "check_clearance",

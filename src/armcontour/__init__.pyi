@@ -73,7 +73,6 @@ from armcontour.simulation import RigidBodyPlant as RigidBodyPlant
 from armcontour.simulation import ServoPlant as ServoPlant
 from armcontour.simulation import simulate as simulate
 from armcontour.studies.certification import certify as certify
-from armcontour.studies.certification import sweep as sweep
 from armcontour.studies.placement import place as place
 from armcontour.verification import check as check
 from armcontour.verification import evaluate as evaluate

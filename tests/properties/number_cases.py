@@ -344,7 +344,6 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, process={"begin": [0.3, 0.2]}, path=_CLOSED),
     _with(PLANE, process={"events": [{"name": "tool", "at": 0.02, "lead_distance": 1e-3}]}),
     SPACE,
-    {**SPACE, "path": {"file": "points.csv", "smooth_axes": 1e-3}},
     _with(SPACE, process={"approach": 0.01, "retract": 0.01}),
     _with(SPACE, process={"rapid_speed": 0.5, "approach_speed": 0.1, "tool_change": 5.0}),
     _with(SPACE, process={**_PIERCED, "by_layer": {"": _PIERCED}}),

@@ -178,28 +178,6 @@ def test_what_was_written_is_read(points, seed):
     np.testing.assert_allclose(held, turned.as_matrix()[:-1], atol=1e-9)
 
 
-def test_tool_axes_are_smoothed_within_the_angle(tmp_path):
-    rows = [f"{k},0,0,{0.01 * (-1) ** k},0,-1" for k in range(40)]
-    # A repeated point has the axis of the one before it.
-    text = "x [mm],y [mm],z [mm],ax,ay,az\n" + "\n".join([*rows[:20], rows[19], *rows[20:]])
-    plain, program = read(text), read(text, smooth_axes=0.02)
-    specified_axes, smoothed_axes = (
-        x.path.orientation(x.path.breaks)[:, :, 2] for x in (plain, program)
-    )
-    angle = np.linalg.norm(specified_axes - smoothed_axes, axis=1)
-    assert 0.009 < angle.max() <= 0.02
-    assert np.linalg.norm(np.diff(smoothed_axes, 2, axis=0), axis=1).max() < 1e-5
-    (remark,) = program.remarks
-    assert "40 waypoints from line 2" in remark and "1.15°" in remark and plain.remarks == ()
-    # Without axes there is nothing to smooth.
-    turned = "x,y,z,roll,pitch,yaw\n0,0,0,0,0,0\n1,0,0,0,0,0.1\n"
-    table = [("x,y\n0,0\n1,0\n", "columns ax, ay, az"), (turned, "columns ax, ay, az")]
-    refusals(lambda text: read(text, smooth_axes=0.01), table)
-    file = tmp_path / "part.ngc"
-    file.write_text("G21 G90 F600\nG1 X50\nM2\n")
-    refusals(lambda x: read_path(x, ReadOptions(smooth_axes=0.01)), [(file, "tables ... part.ngc")])
-
-
 def test_columns_may_be_named_for_files_with_other_first_lines_or_none(tmp_path):
     file = tmp_path / "part.csv"
     for head, separator in (("", ","), ("count 2\nn,a,b,c\n", ","), ("", " ")):

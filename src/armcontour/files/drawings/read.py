@@ -25,10 +25,6 @@ from armcontour.program import Program, smooth_curvature
 WITH_PROGRESS = ("gcode", "dxf", "svg")
 # Options for some file formats only: the modules of these formats, and the text for the message.
 FORMAT_OPTIONS = {
-    "smooth_axes": (
-        ("waypoint_table",),
-        "smooth_axes is supported for tables of waypoints with tool axes only",
-    ),
     "columns": (
         ("waypoint_table",),
         "columns (--waypoint-columns) is supported for waypoints in CSV only",

@@ -18,7 +18,6 @@ from armcontour.core.file_access import SMALL
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import (
     About,
-    AngularDistance,
     Choice,
     Distance,
     Factor,
@@ -180,8 +179,6 @@ class ReadOptions(Checked):
             note, if an error of this size can explain its turn. Short moves along a line become
             one line. The default suits three decimals of a millimetre and four of an inch. 0
             changes no vertex.
-        smooth_axes: For tables of waypoints with tool axes, the largest angle by which noisy
-            measured axes are corrected to turn smoothly [rad]. 0 does not change the axes.
         columns: For waypoints in CSV, names of the columns, such as "x [mm],y [mm],-". They replace
             the first line of the file or a missing heading; "-" skips a column.
         unknown: Whether to "refuse" unknown elements or "skip" them with a note. For G-code,
@@ -208,7 +205,6 @@ class ReadOptions(Checked):
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
     mend_vertices: Distance = 2e-6
-    smooth_axes: AngularDistance = 0.0
     columns: Annotated[str | None, About("--waypoint-columns")] = None
     unknown: Annotated[
         Annotated[str, Choice(UNKNOWN)] | Mapping[Literal["skip"], Sequence[str]],

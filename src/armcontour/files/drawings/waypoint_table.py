@@ -12,13 +12,12 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
+from armcontour.core.frames import QUATERNION_TOLERANCE, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import CsvTable, Title, read_table
 from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions, repair_vertices
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.smooth_axes import smooth_axes
 from armcontour.program import Contour, Event, Program
 
 POINT = ("x", "y", "z")
@@ -54,23 +53,18 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     texts = {key: list(_fill_down(_texts(table, key))) for key in ("contour", "layer")}
     events = _texts(table, "event")
     bounds = [0, *_changes(texts), len(table.lines)]
-    contours, remarks = [], list[str]()
+    contours = []
     for k, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
         rows = slice(first, last)
         path = _path(table, values, rows)
         path = _orient(table, path, orientation, rows)
-        if options.smooth_axes:
-            path, done = _smooth(table, path, orientation, rows, options.smooth_axes)
-            remarks += done
         for key in texts.keys() & table.columns.keys():
             checks.check_name(f"name in {table.place(first, key)}", texts[key][first])
         name = texts["contour"][first] or f"contour {k + 1}"
         switched = _events(table, events, rows, path)
         contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
         notes += _note_unused(table, values, first)
-    program = Program(
-        moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
-    )
+    program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
     return repair_vertices(program, options)
 
 
@@ -249,40 +243,6 @@ def _orient(
     except InvalidInput as error:
         i = rows.start + (error.index or 0)
         raise InvalidInput(f"{table.place(i, *keys)}: {error}", index=i) from None
-
-
-def _smooth(
-    table: CsvTable[str],
-    path: Path,
-    orientation: tuple[tuple[str, ...], FloatArray] | None,
-    rows: slice,
-    tolerance: float,
-) -> tuple[Path, list[str]]:
-    """The path of some rows with smoothed tool axes, and a note as a list.
-
-    A path without orientation is returned unchanged, with an empty list.
-    """
-    if orientation is None or orientation[0] != AXIS:
-        raise InvalidInput(
-            f"{table.source}: smooth_axes (path.smooth_axes) requires tool axes in the columns "
-            f"{', '.join(AXIS)}, which are missing: remove the option."
-        )
-    if path.orientation is None:
-        return path, []
-    indices = np.delete(np.arange(rows.stop - rows.start), path.merged)
-    axes = orientation[1][rows][indices]
-    smooth = smooth_axes(path.vertices[path.waypoints], axes, tolerance)
-    before = axes / np.linalg.norm(axes, axis=1, keepdims=True)
-    largest_turn = float(angle_between(smooth, before).max())
-    # A repeated point has the axis of the point before it.
-    every = np.searchsorted(indices, np.arange(rows.stop - rows.start), side="right") - 1
-    turned = path.pointing(smooth[every])
-    first_line = int(table.numbers[rows][0])
-    return turned, [
-        f"Smoothed the tool axes of {len(indices)} waypoints from line {first_line} on: the axes "
-        f"are rotated by up to {np.degrees(largest_turn):.3g}°, at most "
-        f"{np.degrees(tolerance):.3g}° are allowed (path.smooth_axes)."
-    ]
 
 
 def _events(

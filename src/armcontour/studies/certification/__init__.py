@@ -6,14 +6,12 @@ from armcontour.studies.certification.certificate import (
     ContourCertificate,
     Uncertified,
 )
-from armcontour.studies.certification.certification import SweepPoint, certify, sweep
+from armcontour.studies.certification.certification import certify
 
 __all__ = [
     "Budget",
     "Certificate",
     "ContourCertificate",
-    "SweepPoint",
     "Uncertified",
     "certify",
-    "sweep",
 ]

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
 from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core import checks
-from armcontour.core.errors import ArmContourError, ExecutionError, InvalidInput, NotRealizable
+from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.text import count_kinds
@@ -489,93 +489,3 @@ def _describe_moves(program: Program) -> str:
     if counts["contour"] > 1 or not leads:
         fix = "make a job of each contour" + (f", {fix}" if fix else "")
     return f"{count_kinds(counts)}. {fix[0].upper() + fix[1:]}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SweepPoint:
-    """Certified duration at one tolerance or assigned speed.
-
-    Args:
-        tolerance: Tolerance of the corners, or of the whole contour if the goal has a tolerance
-            [m]; None for the tolerance of the job.
-        speed: Assigned speed [m/s]; None for the speed of the job.
-        duration: Duration of the certified plan [s]; None if the certificate was refused.
-        refusal: Message of the refusal; None for a certified point.
-    """
-
-    tolerance: float | None
-    speed: float | None
-    duration: float | None
-    refusal: str | None
-
-
-@checked
-def sweep(
-    job: Job,
-    run: str | None = None,
-    *,
-    tolerances: Sequence[float] = (),
-    speeds: Sequence[float] = (),
-    goal: CertificateGoal | None = None,
-    progress: Progress | None = None,
-) -> tuple[SweepPoint, ...]:
-    """Certify a job for several corner tolerances, then for several assigned speeds.
-
-    To vary other keys of a job and to draw charts, use the command `armcontour batch`.
-
-    >>> points = ac.sweep(ac.read_job("job.yaml"), tolerances=[1e-3, 2e-3])
-    >>> points[0].duration > points[1].duration
-    True
-
-    Args:
-        job: The job.
-        run: Name of the run; by default that of the goal.
-        tolerances: Tolerances of the corners, or of the whole contour if the goal has a tolerance
-            [m], each with the speed of the job.
-        speeds: Assigned speeds [m/s], each with the tolerance of the job.
-        goal: The goal of every point; by default the certificate of the job.
-        progress: Called before every trial with a step that names the value.
-
-    Returns:
-        One point per value; a value that cannot be certified is a point with a refusal.
-
-    Raises:
-        InvalidInput: There are no values, there is no goal, the job has no run with this name, or
-            tolerances are given for a run without rounded corners.
-    """
-    tolerances = checks.check_sequence("tolerances", tolerances, object, "numbers")
-    speeds = checks.check_sequence("speeds", speeds, object, "numbers")
-    goal = goal_of(job) if goal is None else goal
-    chosen = run_of(job, goal.run if run is None else run)
-    values: list[tuple[float | None, float | None]] = [
-        (checks.positive("tolerance", x, "m"), None) for x in tolerances
-    ]
-    values += [(None, checks.positive("speed", x, "m/s")) for x in speeds]
-    if not values:
-        raise InvalidInput(
-            "sweep requires values of tolerances or speeds, such as speeds=[0.1, 0.2]."
-        )
-    if len(tolerances) and chosen.rounding is None:
-        raise InvalidInput(
-            f"sweep can vary tolerances only of a run that rounds corners, but run {chosen.name} "
-            "rounds none. Specify corners for the run, or sweep speeds."
-        )
-    points = []
-    for tolerance, speed in values:
-        duration, refusal = None, None
-        name = f"{speed:.3g} m/s" if tolerance is None else f"{tolerance * 1e3:.3g} mm"
-        try:
-            changed, aim = chosen, goal
-            if speed is not None:
-                changed = replace(chosen, limits=chosen.limits.replace(speed=speed))
-            if tolerance is not None and chosen.rounding is not None:
-                changed = replace(chosen, rounding=replace(chosen.rounding, tolerance=tolerance))
-                aim = goal if goal.tolerance is None else replace(goal, tolerance=tolerance)
-            one = replace(job, runs=(changed,), certificate=aim)
-            duration = certify(one, chosen.name, progress=subprogress(progress, name)).duration
-        except ArmContourError as error:
-            refusal = str(error)
-        points.append(
-            SweepPoint(tolerance=tolerance, speed=speed, duration=duration, refusal=refusal)
-        )
-    return tuple(points)
