@@ -2,6 +2,7 @@
 
 import doctest
 import inspect
+import shutil
 
 import pytest
 from tests.dynamics_extra import needs_dynamics
@@ -10,8 +11,11 @@ from tests.public_names import PUBLIC
 import armcontour as ac
 from armcontour.controllers.linuxcnc import signal_name, simulated_drives
 
-# Distances of bodies need the extra `dynamics`.
-MARKS = {"check_clearance": needs_dynamics}
+needs_linuxcnc = pytest.mark.skipif(
+    shutil.which("halcmd") is None, reason="needs the Debian package linuxcnc-uspace"
+)
+# Distances of bodies need the extra `dynamics`. A dry run looks at the drives of LinuxCNC.
+MARKS = {"check_clearance": needs_dynamics, "play": needs_linuxcnc}
 NAMES = [name for name in ac.__all__ if name != "__version__"]
 FLAGS = doctest.ELLIPSIS
 FILES = {
