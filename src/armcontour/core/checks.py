@@ -101,36 +101,28 @@ class Value:
 
     __slots__ = ()
 
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        # Without these lines, a dataclass with slots would define its own versions of the two
-        # methods.
-        for name in ("__getstate__", "__setstate__"):
-            if getattr(cls, name) is getattr(Value, name):
-                setattr(cls, name, getattr(Value, name))
-
-    def __getstate__(self) -> tuple[list[Any], list[int], dict[str, Any] | None]:
-        """Values of all fields, indices of those with read-only arrays, and other attributes."""
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Class, values of all fields, indices of read-only arrays, and other attributes."""
+        # Python before 3.11.4 overwrites __getstate__ and __setstate__ of dataclasses with slots.
         kind: Any = type(self)
         names = _field_names(kind)
         values = [getattr(self, name) for name in names]
         frozen = [k for k, x in enumerate(values) if _is_frozen_value(x)]
-        others = getattr(self, "__dict__", None)
-        if others is not None:
-            others = {name: x for name, x in others.items() if name not in names}
-        return values, frozen, others or None
+        others = getattr(self, "__dict__", {})
+        others = {name: x for name, x in others.items() if name not in names}
+        return _restore, (kind, values, frozen, others)
 
-    def __setstate__(self, state: tuple[list[Any], list[int], dict[str, Any] | None]) -> None:
-        """Restore the fields; arrays that were read-only in the original are read-only again."""
-        _refuse_old(self, state, 3)
-        values, frozen, others = state
-        for k in frozen:
-            _freeze_value(values[k])
-        if others is not None:
-            vars(self).update(others)
-        kind: Any = type(self)
-        for name, value in zip(_field_names(kind), values, strict=True):
-            object.__setattr__(self, name, value)
+
+def _restore(kind: Any, values: list[Any], frozen: list[int], others: dict[str, Any]) -> Any:
+    """Copy of a value; arrays that were read-only in the original are read-only again."""
+    value = object.__new__(kind)
+    for k in frozen:
+        _freeze_value(values[k])
+    for name, x in zip(_field_names(kind), values, strict=True):
+        object.__setattr__(value, name, x)
+    if others:
+        vars(value).update(others)
+    return value
 
 
 @cache
@@ -151,15 +143,6 @@ def _is_frozen_value(value: Any) -> bool:
     if not isinstance(value, tuple) or not value or type(value[0]) is not np.ndarray:
         return False
     return all(type(y) is np.ndarray and not y.flags.writeable for y in value)
-
-
-def _refuse_old(instance: object, state: Any, count: int) -> None:
-    """Raise an error if a pickled state is not a tuple of `count` parts, as of another version."""
-    if not (isinstance(state, tuple) and len(state) == count):
-        raise InvalidInput(
-            f"This pickled {type(instance).__name__} was made by another version of armcontour. "
-            "Create it again with this version."
-        )
 
 
 def _freeze_value(value: Any) -> None:
@@ -202,7 +185,6 @@ class Immutable:
 
     def __setstate__(self, state: State) -> None:
         """Restore the fields; arrays that were read-only in the original are read-only again."""
-        _refuse_old(self, state, 2)
         values, frozen = state
         for name in frozen:
             _freeze_value(values[name])
