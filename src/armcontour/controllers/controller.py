@@ -323,7 +323,12 @@ class Controller(ABC):
             ControllerRefused: The controller cannot be reached, or has other joints.
         """
         folder = FilePath(tempfile.mkdtemp(prefix="armcontour-play-"))
-        channel = self._channel = _Channel(self._command(arm, start, folder), folder)
+        try:
+            command = self._command(arm, start, folder)
+        except Exception:
+            shutil.rmtree(folder)
+            raise
+        channel = self._channel = _Channel(command, folder)
         end = time.monotonic() + CONNECTING
         while not channel.positions and channel.alive and time.monotonic() < end:
             time.sleep(PAUSE)

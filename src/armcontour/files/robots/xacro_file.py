@@ -68,12 +68,12 @@ def _subfolders(folder: FilePath) -> list[FilePath]:
 
 
 def _package_name(file: FilePath) -> str | None:
-    """Package name in a `package.xml`; None if the file or the name does not exist."""
-    if not file.is_file():
-        return None
+    """Package name in a `package.xml`; None if it cannot be read or has no name."""
     try:
+        if not file.is_file():
+            return None
         match = NAME.search(COMMENT.sub(b"", file_access.read_bytes(file, "package file")))
-    except InvalidInput:
+    except (InvalidInput, OSError):
         return None
     return None if match is None else match[1].decode("utf-8", "replace")
 
