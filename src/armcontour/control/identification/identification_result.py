@@ -173,9 +173,9 @@ class Identification(IdentifiedJoints):
         """Data of the verdict, then of every joint and its parameters."""
         result = self.judgement
         count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
-        doubt = "compensation may be worse than none" if not result.trusted else ""
-        if result.trusted and not self.trusted:
-            doubt = "not all joints have a good model"
+        doubt = "" if self.trusted else "not all joints have a good model"
+        if not result.trusted:
+            doubt = "compensation may be worse than none"
         sole = "provisional: judged on only one program; record a different program"
         return Data(
             f"Servo models of {count} from {self.source}",

@@ -46,7 +46,7 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
 
 
 def _change(certificate: Certificate) -> str:
-    """What sets the limit that is active for the longest time; empty if this limit is unknown."""
+    """Advice on the limit that is active for the longest time; empty if this limit is unknown."""
     explanation = certificate.result.explanation
     if explanation is None or explanation.longest is None:
         return ""

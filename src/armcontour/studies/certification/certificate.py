@@ -532,10 +532,8 @@ class Certificate(Result):
     @cached_property
     def result(self) -> RunResult:
         """The certified plan as the result of its run."""
-        single, deratings = (
-            self.path.single_path,
-            [(x.joint_path, x.derating) for x in self.contours],
-        )
+        single = self.path.single_path
+        deratings = [(x.joint_path, x.derating) for x in self.contours]
         derated = DeratedLimits(deratings, self.run.limits)
         return RunResult(
             run=self.run,
