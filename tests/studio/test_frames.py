@@ -421,6 +421,19 @@ class TestResults:
         assert result.judged is result.experiment.evaluation
         assert figure(frame.header, "contour_error.max") == result.judged.contour_error.max
 
+    def test_the_verdict_includes_the_error_to_expect_of_an_identified_servo(
+        self, previewer, paper, view
+    ):
+        del paper["experiment"]
+        paper["servo"] = {"kp": 25.0, "kv": 150.0, "contour_ratio": 0.4, "model_error": 1e-2}
+        paper |= {"accuracy": 5e-3, "runs": {"one": {"compensation": {"method": "inverse"}}}}
+        (result,) = run(parse_job(yaml.safe_dump(paper))).runs.values()
+        executed = previewer.execute(previewer.plan(paper, tier=Tier.EXACT))
+        rows = {x["name"]: x for x in execution_frame(executed, view).header["rows"]}
+        data = result.to_data()
+        for name in ("kept", "off_drawing"):
+            assert rows[name]["value"] == data[name].value
+
 
 class TestWhatIsDoneAgain:
     def test_what_was_looked_at_before_is_there_until_files_have_changed(self, previewer, paper):

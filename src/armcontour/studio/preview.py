@@ -6,7 +6,7 @@ A preview differs from `run` where this saves much time: see `coarser_run` and `
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
@@ -27,14 +27,14 @@ from armcontour.jobs.alternatives import below_base
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
 from armcontour.jobs.run_plan import explain_plan, plan_one
-from armcontour.jobs.study import compute_set_points, simulate_experiment
-from armcontour.jobs.verdict import Errors, judging_executions
+from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
+from armcontour.jobs.verdict import EXPECTED, SERVO, Errors, ExpectedErrors, judging_executions
 from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
-from armcontour.verification import ErrorProfile
+from armcontour.verification import ErrorProfile, evaluate
 from armcontour.verification.contour_errors import ContourExecution, pieces_of, settling_time
 
 # Maximum number of set-points of an exact preview.
@@ -222,6 +222,18 @@ class CoarsePlanner:
                     samples=lambda x: len(x[1].t),
                 )
                 outcomes[name] = execution, *evaluated
+        contour_errors: dict[str, Sequence[float]] = {
+            name: [x.contour_error.max for x in each] for name, (_, each, *_) in outcomes.items()
+        }
+        if not moving and SERVO in outcomes and job.servo.contour_ratio is not None:
+            executed = outcomes[SERVO][0]
+            expected = get(
+                "expected",
+                (executed, planned.path, run.end_time, *inputs),
+                lambda: _expect_errors(job, run, executed, planned.path),
+            )
+            if expected is not None:
+                contour_errors[EXPECTED] = expected.contours
         execution, pieces, errors, settled = max(outcomes.values(), key=lambda x: x[2].max)
         return PreviewExecution(
             planned=planned,
@@ -229,10 +241,7 @@ class CoarsePlanner:
             pieces=pieces,
             errors=errors,
             settled=settled,
-            contour_errors={
-                name: [x.contour_error.max for x in each]
-                for name, (_, each, *_) in outcomes.items()
-            },
+            contour_errors=contour_errors,
         )
 
     def _make_job(self, data: Mapping[str, Any], run: str | None) -> Job:
@@ -311,6 +320,12 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
     if not isinstance(data, Mapping):
         raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
     return model_of(JobModel, data, "job")
+
+
+def _expect_errors(job: Job, run: Run, executed: Execution, path: Program) -> ExpectedErrors | None:
+    """Contour errors to expect of a robot with an identified servo."""
+    evaluation = evaluate(executed, path, end_time=run.end_time)
+    return expect_errors(job, run, executed, path, evaluation)
 
 
 def _contour_errors(
