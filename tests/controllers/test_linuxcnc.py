@@ -72,14 +72,28 @@ def commands(set_points):
     return np.concatenate([q, np.repeat(set_points.q[-1:], 300, axis=0)])
 
 
+def undisturbed(play_once):
+    """The record of a motion whose set-points came in time, unless other processes delay three."""
+    for _ in range(3):
+        record = play_once()
+        if record.faithful:
+            break
+    return record
+
+
 @needs_linuxcnc
 def test_a_motion_is_that_of_our_simulation(job, planned):
     u = commands(planned.set_points)
-    with controller() as on:
-        on.connect(job.arm, u[0])
-        assert np.array_equal(on.position(), u[0])
-        record = on.stream(Motion(q=u))
-        assert np.abs(on.position() - u[-1]).max() < 1e-12
+
+    def play_once():
+        with controller() as on:
+            on.connect(job.arm, u[0])
+            assert np.array_equal(on.position(), u[0])
+            record = on.stream(Motion(q=u))
+            assert np.abs(on.position() - u[-1]).max() < 1e-12
+        return record
+
+    record = undisturbed(play_once)
     assert record.faithful, record.notes
     assert record.stopped is None and np.array_equal(record.command[: len(u)], u)
     np.testing.assert_allclose(record.measured[: len(u)], follow(u), rtol=0, atol=1e-12)
@@ -100,19 +114,21 @@ def test_a_motion_is_that_of_our_simulation(job, planned):
 
 @needs_linuxcnc
 def test_a_stop_and_a_following_error_end_at_rest_on_the_path(job):
-    asked = play(job, controller(), execute=True, speed_factor=1.0, stop_requested=Later(3))
+    def play_once(on, **options):
+        return play(job, on, execute=True, speed_factor=1.0, **options).record
+
     weak = controller(servo=SERVO.replace(kp=15.0))
-    errs = play(job, weak, execute=True, speed_factor=1.0, band=3e-3)
-    for played, distance in ((asked, 5e-6), (errs, 2e-3)):
-        record = played.record
-        assert record.stopped is not None
+    asked = undisturbed(lambda: play_once(controller(), stop_requested=Later(3)))
+    errs = undisturbed(lambda: play_once(weak, band=3e-3))
+    for record, distance in ((asked, 5e-6), (errs, 2e-3)):
+        assert record.faithful and record.stopped is not None, record.notes
         assert np.abs(np.diff(record.measured[-20:], axis=0)).max() < 1e-4 * CYCLE
         ends = (record.measured[-1], record.command[-1])
         assert np.abs(np.subtract(*ends)).max() < 1e-6
         tool = job.arm.tool_position(record.measured)
         path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=2e-3)
         assert path.project(tool).distance.max() < distance
-    assert any("from its predicted position" in x for x in errs.record.notes)
+    assert any("from its predicted position" in x for x in errs.notes)
 
 
 class Later:
