@@ -25,8 +25,6 @@ from armcontour.control.compensation import fastest_poles
 from armcontour.control.learning import Recording
 from armcontour.files.exports import (
     CsvFormat,
-    McapFormat,
-    NpzFormat,
     RosYamlFormat,
     TemplateFormat,
     URScriptFormat,
@@ -226,7 +224,7 @@ def instances() -> Iterator[Any]:
     yield ac.Obstacle(name="ball", shape=scene.Sphere(radius=0.1))
     yield SecondOrder("own", nothing, [-0.05], [0.05])
     yield robustness.Uncertainty(dead_time=1e-3)
-    yield from (CsvFormat(), NpzFormat(), McapFormat(), RosYamlFormat())
+    yield from (CsvFormat(), RosYamlFormat())
     yield from (URScriptFormat(), TemplateFormat(template="krl"))
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
     yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())

@@ -35,7 +35,7 @@ COMMANDS = {
     "learn": ["learn", "job.yaml", "--log", "log.csv", "--judge-only", "--out", "out"],
     "export": [
         *("run", "job.yaml", "--out", "out", "--no-simulation"),
-        *("--export", "csv", "--export", "npz", "--export", "ros-yaml"),
+        *("--export", "csv", "--export", "ros-yaml"),
     ],
 }
 # A signal is answered within this [s].

@@ -11,8 +11,7 @@ OWNED = {
     "control.identification": "BodyIdentification Identification",
     "control.learning": "LearningResult LearningRun Recording",
     "controllers": "LinuxCNC Motion Played PlayedMotion Stop",
-    "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat "
-    "interpolate_set_points",
+    "files.exports": "CsvFormat RosYamlFormat TemplateFormat URScriptFormat interpolate_set_points",
     "geometry": "Orientation RoundedPath ShapedPath",
     "jobs": "JobResult",
     "planning": "Explanation PlanOptions",

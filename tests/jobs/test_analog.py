@@ -12,7 +12,7 @@ import armcontour as ac
 from armcontour.files import parse_job
 from armcontour.files.drawings.gcode import read_gcode
 from armcontour.files.drawings.read_options import ReadOptions
-from armcontour.files.exports import CsvFormat, NpzFormat, TemplateFormat
+from armcontour.files.exports import CsvFormat, TemplateFormat
 from armcontour.geometry import Path
 from armcontour.jobs import analog_outputs, prepare_and_round
 from armcontour.jobs.single_corners import corner_waypoints
@@ -134,14 +134,9 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
     expected = np.column_stack([output(set_points.t) for output in analog.values()])
     assert expected.any(axis=0).all()
     ac.export(set_points, tmp_path / "a.csv", CsvFormat(analog=analog))
-    ac.export(set_points, tmp_path / "a.npz", NpzFormat(analog=analog))
     columns = [f"analog {x.name}" for x in PROCESS.analog]
     columns_read = pd.read_csv(tmp_path / "a.csv")
     np.testing.assert_allclose(columns_read[columns], expected, rtol=0, atol=0.51e-7)
-    with np.load(tmp_path / "a.npz") as stored:
-        # Times of the table count from the first set-point, and back: by some rounding errors.
-        np.testing.assert_allclose(stored["analog"], expected, rtol=0, atol=1e-12)
-        assert stored["analog_name"].tolist() == [x.name for x in PROCESS.analog]
     text = "{% for p in points %}{{ p.analog.power|fixed(6) }}\n{% endfor %}"
     (tmp_path / "own.j2").write_text(text)
     template = TemplateFormat(template=tmp_path / "own.j2", analog=analog)

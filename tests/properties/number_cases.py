@@ -363,6 +363,8 @@ BASES: list[dict[str, Any]] = [
         for x in names
     ),
     _with(PLANE, placement=_ASKED | {"about": [0.3, 0.2, 0.0]}),
+    _with(PLANE, export={"formats": ["ros-yaml"], "outputs": {"a": 1}, "tolerances": 2.0,
+                         "points": 9, "point_tolerance": 1e-3, "cycle": 0.01, "derivatives": 1}),
     _with(SPACE, tools={"T1": [0.0, 0.0, 0.1]}),
     _with(SPACE, tools={"T1": {"payload": SPACE["arm"]["payload"]}}),
     *(
@@ -507,7 +509,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--resume-at": ("# m", "# mm"),
     "--tool-diameter": ("1: # m", "1: # mm"),
     "--cycle": ("# s", "# ms"),
-    "--points-per-file": ("#",),
+    "--point-tolerance": ("# rad", "# mrad"),
     "--rate": ("# Hz",),
     "--servo-error": ("# m", "# um"),
     "--set": ("limits.speed=#", "limits.speed=# mm/s", "corners.tolerance=#"),
@@ -526,9 +528,9 @@ TEXTS = {
     "--arm", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
     "--contour", "--controller", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
-    "--model", "--move", "--objective", "--only-tool", "--out", "--output", "--package", "--path",
+    "--model", "--move", "--objective", "--only-tool", "--out", "--package", "--path",
     "--plant", "--validate", "--run", "--scene", "--skip", "--set-points", "--texts",
-    "--template", "--tip", "--tool-positions", "--topic", "--units",
+    "--tip", "--tool-positions", "--topic", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip
 

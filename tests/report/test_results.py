@@ -175,13 +175,6 @@ def test_angles_are_printed_in_degrees(in_space):
     assert " deg" in str(in_space[2].orientation_error)
 
 
-def test_the_period_of_an_export_is_that_of_a_compensation(in_plane, tmp_path):
-    planned = in_plane[0]
-    ac.export(planned, tmp_path / "plan.npz")
-    with np.load(tmp_path / "plan.npz") as saved:
-        assert float(saved["cycle"]) == ac.compensate(planned, SERVO).cycle
-
-
 def test_evaluations_without_their_execution_are_refused(in_plane, refuses, tmp_path):
     from dataclasses import replace
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from enum import Enum
 from pathlib import Path as FilePath
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -35,6 +35,10 @@ from armcontour.cli.options import (
     StudioOptions,
     grouped,
 )
+
+if TYPE_CHECKING:
+    from armcontour.core.progress import Progress
+    from armcontour.jobs import Job
 
 JobOrDrawing = Annotated[
     FilePath,
@@ -134,16 +138,20 @@ def run(
 
     Exit codes: 0 done, 1 done but no run is kept; others as for errors.
     """
-    from armcontour.cli.exports import exports_of
+    from armcontour.cli.exports import refuse_unused
     from armcontour.cli.inputs import open_job
     from armcontour.cli.run_command import run_job
 
+    def read(progress: Progress) -> Job:
+        opened = open_job(job, job_options, progress, exports)
+        refuse_unused(exports.keys, opened)
+        return opened
+
     code = run_job(
-        lambda progress: open_job(job, job_options, progress),
+        read,
         out,
         force=options.force,
         open_report=options.open_report,
-        exports=exports_of(exports),
         simulate=options.simulate,
         changes=options.changes,
     )
@@ -259,7 +267,7 @@ def batch(
     raise typer.Exit(batch_file(plan, out, options))
 
 
-@_command(ROBOT, "export gasket gasket.script --format urscript")
+@_command(ROBOT, "export gasket gasket.script")
 @grouped
 def export(
     result: Annotated[

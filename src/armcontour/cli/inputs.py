@@ -204,6 +204,11 @@ def to_anchor(text: str) -> str | list[str | int]:
     return to_quantities(text) if "," in text else text
 
 
+def to_formats(texts: list[str]) -> list[str]:
+    """Formats of exports; templates are relative to the working folder, not to the job file."""
+    return [str(FilePath(x).absolute()) if x.endswith(".j2") else x for x in texts]
+
+
 def _named(texts: list[str], example: str) -> dict[str, str]:
     """Split texts such as "x: 2 mm" at the colon; returns the values by name."""
     values: dict[str, str] = {}
@@ -252,5 +257,6 @@ READERS: dict[str, Callable[[Any], Any]] = {
         to_axes,
         to_offsets,
         to_anchor,
+        to_formats,
     )
 }

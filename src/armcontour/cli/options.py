@@ -26,6 +26,7 @@ SHORT: dict[str, dict[str, Any]] = {
 }
 KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
 POSITION = "Cell and position of the drawing"
+FILES, POINTS = "Files for robot controllers", "Points of these files"
 # Topics in the help, with the names of their options; other options are listed under "Options".
 TOPICS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("Drawing", "G-code"), ()),
@@ -38,9 +39,7 @@ TOPICS: dict[str, tuple[str, ...]] = {
     "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
                          "reserve", "excitation", "band"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
-    "Files for robot controllers": ("export", "template", "output", "cycle", "derivatives",
-                                    "tool_motion", "effort", "decimals", "comments",
-                                    "points_per_file", "tolerances", "call"),
+    **dict.fromkeys((FILES, POINTS), ()),
     "Processes": ("workers", "cluster"),
     "Results": ("out", "force", "open_report", "open_page", "as_json"),
 }  # fmt: skip
@@ -284,35 +283,6 @@ class StudioOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointOptions:
-    """Options for the points of exports.
-
-    Args:
-        output: Output of an event or an analog output in exports: tool=0, power=AO0, or for one
-            format abb:tool=doTool.
-        cycle: Time between points of an exported plan, such as '48 ms'.
-        derivatives: Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.
-            Default: 2, or 0 for set-points with command_limits.
-        tool_motion: Also export the commanded point, orientation and speed of the tool.
-        decimals: With csv and ros-yaml: decimals of joint positions in rad, 4 to 12. Default: 7, or
-            9 with cycles below 4 ms.
-        comments: With csv: begin the file with the names of contours, in lines with #.
-        points_per_file: Maximum number of points per file; larger exports are divided. A number, or
-            a controller: motoros2 (200), ur (1000).
-        call: With urscript: call the program at the end of its file, for a pendant's script file.
-    """
-
-    output: Texts = None
-    cycle: Text = None
-    derivatives: Annotated[int | None, typer.Option("--derivatives", min=0, max=2)] = None
-    tool_motion: bool = False
-    decimals: Annotated[int | None, typer.Option("--decimals", min=4, max=12)] = None
-    comments: bool = False
-    points_per_file: Text = None
-    call: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
 class LogOptions:
     """Options for reading a log.
 
@@ -342,41 +312,27 @@ class WindowOptions(LogOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportOptions(PointOptions):
-    """Options for exports of every run.
+class ExportOptions:
+    """Options for exports of every run."""
 
-    Args:
-        export: Format of set-points: csv, npz, ros-yaml, mcap, urscript; may be repeated.
-        template: Export with a template: kuka, abb, or a .j2 file.
-        effort: Also export the torques of the plan; requires an arm with masses.
-        tolerances: With ros-yaml: write set-points as a goal of FollowJointTrajectory whose
-            tolerances are this multiple of the predicted joint errors, such as 2.
-    """
-
-    export: Texts = None
-    template: Texts = None
-    effort: bool = False
-    tolerances: Annotated[float | None, typer.Option("--tolerances")] = None
+    keys: Annotated[Set, Keys((FILES, POINTS))]
 
 
 @dataclass(frozen=True, kw_only=True)
-class StoredExportOptions(PointOptions):
+class StoredExportOptions:
     """Options of the command `export`.
 
     Args:
         run_name: Run of the result.
         reference: Export the plan, without compensation for the servo.
-        format: Format of the file; by default determined by its extension.
-        template: A template: kuka, abb, or a .j2 file.
-        job: Job file or cell with the arm, which tool positions require: job.yaml, or ur5e.
+        format: Format of the file: csv, ros-yaml, urscript, kuka, abb, or a .j2 file; by default
+            determined by its extension.
     """
 
+    keys: Annotated[Set, Keys((POINTS,))]
     run_name: Annotated[Text, typer.Option("--run")] = None
     reference: bool = False
     format: Text = None
-    template: Text = None
-    job: File = None
-    trust_xacro: TrustXacro = False
     force: ForceFile = False
 
 

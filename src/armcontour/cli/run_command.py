@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.cli.console import Console, open_page
-from armcontour.cli.exports import Exports, rehearse, write_exports
+from armcontour.cli.exports import rehearse, write_exports
 from armcontour.cli.inputs import library_file
 from armcontour.cli.progress_bars import job_progress
 from armcontour.core.progress import Progress, Step, subprogress
@@ -88,7 +88,6 @@ def run_job(
     *,
     force: bool = False,
     open_report: bool = False,
-    exports: Exports | None = None,
     simulate: bool = True,
     changes: bool | None = None,
 ) -> int:
@@ -106,9 +105,9 @@ def run_job(
         )
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
         job = read(subprogress(progress, "reading"))
-        if exports:
+        if job.export.formats:
             # Exports are tested before the run, so that invalid options are rejected at once.
-            rehearse(job, exports, folder.scratch)
+            rehearse(job, folder.scratch)
         with compile_for_run(job.arm.dimension, progress):
             from armcontour.jobs import run, steps_of
             from armcontour.jobs.advice import STEP, is_small, with_advice
@@ -121,14 +120,12 @@ def run_job(
             if advises:
                 study = with_advice(study, progress)
             progress(WRITING)
-            if simulate or not exports:
+            if simulate or not job.export.formats:
                 # Without simulation, the exports are written instead of the usual files.
                 write_motions(folder, job, study.runs)
             notes: list[str] = []
-            if exports:
-                for name, result in study.runs.items():
-                    written, warnings = write_exports(folder, job, name, result, exports)
-                    notes += [*written, *(f"Warning: {x}" for x in warnings)]
+            for name, result in study.runs.items():
+                notes += write_exports(folder, job, name, result)
             if simulate:
                 from armcontour.report import render_report
 

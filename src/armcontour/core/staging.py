@@ -117,18 +117,13 @@ def unwritable(target: object, error: OSError) -> InvalidInput:
 
 
 def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> None:
-    """Write a file or folder completely, or not at all if writing fails."""
+    """Write a file completely, or not at all if writing fails."""
     with Staging(hidden_sibling(file), file) as staging:
         staging.empty()
         fresh = staging.folder / file.name
         write(fresh)
-        if fresh.is_dir() and file.exists():
-            old = staging.folder / OLD
-            old.mkdir()
-            staging.move([(file, old / file.name), (fresh, file)])
-        else:
-            with moving():
-                os.replace(fresh, file)
+        with moving():
+            os.replace(fresh, file)
 
 
 def abandon(patience: float) -> list[str]:

@@ -26,7 +26,7 @@ from armcontour.files.job_path import part_of, path_of
 from armcontour.files.key_errors import Patch
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
-from armcontour.jobs import Experiment, Job, Rounding, Run
+from armcontour.jobs import Experiment, Exports, Job, Rounding, Run
 from armcontour.jobs.experiment import default_compensation
 from armcontour.motion import DEFAULT_CYCLE
 from armcontour.planning import Optimal, Paper, PlanOptions
@@ -143,6 +143,12 @@ def job_of(
     drawing: Program | None = None,
 ) -> Job:
     """Make a job from its model; reads the files of its arm, drawing and scene."""
+    if model.export is not None:
+        # Templates are relative to the job file.
+        formats = [str(folder / x) if x.endswith(".j2") else x for x in model.export.formats]
+        model = dataclasses.replace(
+            model, export=dataclasses.replace(model.export, formats=formats)
+        )
     parts = parts_of(model, folder, reading, trust_xacro=trust_xacro, drawing=drawing)
     return assemble_job(model, *parts)
 
@@ -202,6 +208,7 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
         placement=model.placement,
         scene=scene,
         ignore_collisions=model.ignore_collisions,
+        export=model.export or Exports(),
         part=part_of(model.path),
     )
 

@@ -15,8 +15,7 @@ from armcontour.core.quantities import About, AtLeast, Quantity
 from armcontour.core.text import capitalise, describe_fields
 from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names
 from armcontour.files.drawings.endings import READERS
-from armcontour.files.exports.formats import FORMATS, TemplateFormat
-from armcontour.files.exports.template import ending_of, templates
+from armcontour.files.exports.formats import format_named
 from armcontour.files.job_file import json_schema
 from armcontour.files.job_model import JobModel, RunModel, SharedModel
 from armcontour.files.job_text_edits import Keys
@@ -24,6 +23,7 @@ from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.patch import MERGED
 from armcontour.files.robots.loading import arm_names
 from armcontour.files.si_data import alternatives
+from armcontour.jobs.exports import ENDINGS
 
 # Topics of short options in the help of commands, by the first key of the option's key path.
 TOPICS = {
@@ -77,7 +77,7 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
     whole = next((x for x in parts if isinstance(x, AtLeast)), None)
     if bool in parts or read == "to_skip":
         kind = "flag"
-    elif Mapping in parts or (Sequence in parts and not read):
+    elif Mapping in parts or (Sequence in parts and read in ("", "to_formats")):
         kind, suffix = "texts", "; may be repeated"
     elif quantity is not None and quantity.unit == "1":
         kind = "number"
@@ -121,6 +121,7 @@ GROUPS = {
     "Run": ("timing", "compensation", "duration", "end_time"),
     "Cell": ("scene", "ignore_collisions"),
     "Name, certificate, placement": ("name", "title", "certificate", "placement", "experiment"),
+    "Export": ("export",),
 }
 # The fields of the mappings FLAT_MAPPINGS are shown directly in the group of the mapping. Of these
 # fields, those named in MAPPING_LABELLED have the name of the mapping as their label.
@@ -144,11 +145,7 @@ Field: TypeAlias = dict[str, Any]
 
 def form_text() -> str:
     """JSON text of the form, which the page of the Studio reads at its start."""
-    formats = [
-        [x, f"{x} ({kind.ending})", kind.joints] for x, kind in FORMATS.items() if kind.ending
-    ]
-    joints = TemplateFormat.joints
-    formats += [[f"template {x}", f"{x} ({ending_of(x)})", joints] for x in templates()]
+    formats = [[x, f"{x} ({ending})", format_named(x).joints] for x, ending in ENDINGS.items()]
     form = {
         "groups": [{"title": title, "fields": x} for title, x in _groups().items()],
         "in_run": [x.name for x in fields(RunModel)],

@@ -29,7 +29,7 @@ from armcontour.files.robots.arm_options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
-from armcontour.jobs import CertificateGoal, Experiment, PlaceSearch, Rounding
+from armcontour.jobs import CertificateGoal, Experiment, Exports, PlaceSearch, Rounding
 from armcontour.planning import METHODS, PlanOptions, Shaped
 from armcontour.planning.options import FASTEST
 from armcontour.program import Process
@@ -405,6 +405,7 @@ class JobModel(SharedModel):
         certificate: Requirements for `armcontour certify`.
         placement: Candidate positions and requirements for `armcontour place`.
         scene: Obstacles in the cell, and minimum distances of the arm to them and to itself.
+        export: Files for robot controllers that `armcontour run` writes.
         ignore_collisions: Whether to continue runs if the arm violates a minimum distance to itself
             or to its cell.
     """
@@ -425,6 +426,7 @@ class JobModel(SharedModel):
     certificate: CertificateGoal | None = None
     placement: PlaceSearch | None = None
     scene: SceneModel | None = None
+    export: Exports | None = None
     ignore_collisions: Annotated[bool, About("--ignore-collisions", POSITION)] = False
 
 

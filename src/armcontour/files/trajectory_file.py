@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
@@ -40,6 +40,7 @@ from armcontour.files.result_folder import SUMMARY, verify_file
 from armcontour.files.ros_files import is_ros_file, read_ros_motion
 from armcontour.motion import Samples, TimedEvent
 from armcontour.motion.log_checks import describe_match, match_joints, raise_other_joints
+from armcontour.robot import Limits
 
 # Beginnings of the titles of export columns that are ignored without a note.
 IGNORED = ("events", "torque ")
@@ -196,24 +197,26 @@ class StoredRun:
     analog: tuple[str, ...] = ()  # Names of analog outputs; the folder does not have their values
     plain: bool = False  # Whether the set-points are those of the plan, without compensation
     limited: bool = False  # Whether the set-points have command limits
+    outputs: Mapping[str, int | str] = field(default_factory=dict)  # Outputs of events by name
 
-    def set_points(self, **options: Any) -> SetPointTable:
-        """Table of the set-points; `options` are arguments of `tabulate`."""
+    def set_points(self, derivatives: int | None = None) -> SetPointTable:
+        """Table of the set-points; `derivatives` as in `tabulate`."""
         stored = self._read("set_points.csv")
         start = float(stored.t[0])
-        if self.limited and options.get("derivatives") is None:
-            options["derivatives"] = 0
         return tabulate(
-            self._set_points(stored, options.get("derivatives")),
+            self._set_points(stored, derivatives),
             name=f"{self.title} set-points",
             cycle=self.cycle,
             events=tuple(x.shifted(-start) for x in self.events),
             start_time=start,
             joint_names=self.joint_names,
-            **options,
+            derivatives=derivatives,
+            command_limits=Limits() if self.limited else None,
         )
 
-    def reference(self, cycle: float | None = None, **options: Any) -> SetPointTable:
+    def reference(
+        self, cycle: float | None = None, derivatives: int | None = None
+    ) -> SetPointTable:
         """Table of the plan, sampled with the period `cycle` [s]; by default that of the run."""
         step = self.cycle if cycle is None else cycle
         every = round(step / self.cycle)
@@ -241,7 +244,7 @@ class StoredRun:
             cycle=step,
             events=self.events,
             joint_names=self.joint_names,
-            **options,
+            derivatives=derivatives,
         )
 
     def _set_points(self, set_points: TrajectoryFile, derivatives: int | None) -> Samples:
@@ -283,6 +286,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             analog=tuple(about.get("analog", ())),
             plain=about.get("compensation") == "none",
             limited="command_use" in about,
+            outputs=dict(about.get("outputs", {})),
         )
     except InvalidInput:
         raise

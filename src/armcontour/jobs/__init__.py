@@ -5,6 +5,7 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "advice": "advise",
     "analog": "analog_outputs",
+    "exports": "Exports",
     "experiment": "Experiment build_plant",
     "goal": "CertificateGoal",
     "improvements": "Advice Improvement",

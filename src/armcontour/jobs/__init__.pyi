@@ -2,6 +2,7 @@ from armcontour.jobs.advice import advise as advise
 from armcontour.jobs.analog import analog_outputs as analog_outputs
 from armcontour.jobs.experiment import Experiment as Experiment
 from armcontour.jobs.experiment import build_plant as build_plant
+from armcontour.jobs.exports import Exports as Exports
 from armcontour.jobs.goal import CertificateGoal as CertificateGoal
 from armcontour.jobs.improvements import Advice as Advice
 from armcontour.jobs.improvements import Improvement as Improvement

@@ -33,6 +33,7 @@ from armcontour.geometry import Path
 from armcontour.geometry.rounded_path import CONTINUITIES, Continuity
 from armcontour.jobs.analog import check_speeds
 from armcontour.jobs.experiment import Experiment
+from armcontour.jobs.exports import Exports
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.placement_options import PlaceSearch
 from armcontour.jobs.single_corners import check_corners
@@ -335,6 +336,7 @@ class Job(Checked):
         scene: Obstacles in the cell; None if they are unknown.
         ignore_collisions: Whether runs continue if the arm comes too near to itself or to its cell;
             results report this.
+        export: Files for robot controllers that the command `run` writes.
         part: Part frame, with which the path is already transformed.
 
     Raises:
@@ -358,6 +360,7 @@ class Job(Checked):
     placement: PlaceSearch | None = None
     scene: Scene | None = None
     ignore_collisions: bool = False
+    export: Exports = field(default_factory=Exports)
     part: Frame = field(default_factory=Frame)
     program: Program = field(init=False)
 

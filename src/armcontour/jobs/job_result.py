@@ -520,6 +520,8 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
     single = path.single_path
     if job is not None and job.process.analog_names:
         yield Row("analog", job.process.analog_names)
+    if job is not None and job.export.outputs:
+        yield Row("outputs", dict(job.export.outputs))
     yield Row("merged_points", () if single is None else single.merged)
     shaped = result.shaped
     if shaped is None:

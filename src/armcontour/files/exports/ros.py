@@ -1,14 +1,14 @@
-"""ROS 2 formats: a JointTrajectory as YAML, or a bag (MCAP) with a JointTrajectory and events."""
+"""A JointTrajectory of ROS 2 as YAML, with all points or with those that a tolerance requires."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path as FilePath
-from tempfile import TemporaryDirectory
 from textwrap import indent
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Axes, Duration, Quantity
+from armcontour.core.quintics import evaluate, quintic
 from armcontour.files.exports.table import (
     FEWER_DECIMALS,
     SetPointTable,
@@ -27,13 +28,13 @@ from armcontour.files.exports.table import (
 )
 from armcontour.motion import Execution
 
-TOPIC = "/joint_trajectory_controller/joint_trajectory"
-EVENTS_TOPIC = "/armcontour/events"
 SECOND = 1_000_000_000
 # Largest duration in ROS [s]; its seconds are a 32-bit integer.
 MAX_DURATION = 2**31 - 1
 # Fields of `SetPointTable` by the names of the fields of a JointTrajectoryPoint.
-FIELDS = {"positions": "q", "velocities": "dq", "accelerations": "ddq", "effort": "torque"}
+FIELDS = {"positions": "q", "velocities": "dq", "accelerations": "ddq"}
+# Number of bisections for the smallest tolerance of a number of points.
+BISECTIONS = 12
 # Smallest tolerance [rad]; encoder errors and a delay of one controller cycle are smaller.
 MIN_TOLERANCE = 1e-3
 # Minimum time after the last point within which the joints must reach the goal [s].
@@ -87,19 +88,18 @@ def write_ros_yaml(
     table: SetPointTable,
     file: FilePath,
     *,
-    decimals: int | None = None,
     tolerances: GoalTolerances | None = None,
 ) -> None:
     """Write a JointTrajectory message as YAML; with tolerances, a FollowJointTrajectory goal."""
     # `ros2 topic pub` accepts the text, which has the form of `ros2 topic echo`. The message has no
     # field for events and contours; each is a comment in JSON at the top, `# event: {...}`.
-    most = table.decimals_of(decimals)
     fields = {
-        name: (getattr(table, x), fixed_form(most - FEWER_DECIMALS.get(x, 0), table.dof))
+        name: (getattr(table, x), fixed_form(table.decimals - FEWER_DECIMALS.get(x, 0), table.dof))
         for name, x in FIELDS.items()
     }
     present = {name: x for name, (x, _) in fields.items() if x is not None}
     lines = [f"  {name}: [{x if name in present else ''}]\n" for name, (_, x) in fields.items()]
+    lines.append("  effort: []\n")
     point = f"- {''.join(lines).lstrip()}  time_from_start:\n    sec: %d\n    nanosec: %d\n"
     ns = _nanoseconds(table)
     values = np.column_stack([*present.values(), ns // SECOND, ns % SECOND])
@@ -114,7 +114,7 @@ def write_ros_yaml(
         "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
         f"joint_names:\n{listed}points:\n"
     )
-    about, end = f"# {table.title}\n{contours}{events}", list[str]()
+    about, end = f"# {table.name}\n{contours}{events}", list[str]()
     if tolerances is not None:
         about += "trajectory:\n"
         head, point = indent(head, "  "), indent(point, "  ")
@@ -133,80 +133,94 @@ def write_ros_yaml(
     write_pieces(file, chain([about, head], format_rows(point, values), end))
 
 
-def write_mcap(table: SetPointTable, file: FilePath) -> None:
-    """Write a bag with MCAP storage: a folder with the trajectory message and the events."""
-    # The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String with JSON
-    # on the topic /armcontour/events at the time of the event, so that playing the bag publishes
-    # the events in sync with the motion.
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
+def select_points(table: SetPointTable, most: int, tolerance: float) -> SetPointTable:
+    """Table of at most `most` points that a trajectory controller interpolates in a tolerance.
+
+    The controller interpolates by quintics, cubics or lines, depending on the derivatives. Its
+    curve through the selected points differs from its curve through all points by at most
+    `tolerance` [rad], at the points and between them.
+
+    Raises:
+        InvalidInput: More points are necessary.
+    """
+    if len(table.t) <= most:
+        return table
+    given, t = [x for x in (table.q, table.dq, table.ddq) if x is not None], table.t
+    # The controller reads printed numbers.
+    printed = [np.round(x, table.decimals - k) for k, x in enumerate(given)]
+    rows = _rows_within(t, given, printed, tolerance)
+    if len(rows) > most:
+        low, high = tolerance, tolerance
+        while len(_rows_within(t, given, printed, high)) > most:
+            high *= 4
+        for _ in range(BISECTIONS):
+            middle = (low * high) ** 0.5
+            fits = len(_rows_within(t, given, printed, middle)) <= most
+            low, high = (low, middle) if fits else (middle, high)
         raise InvalidInput(
-            "The format MCAP requires the library rosbags. Install it with pip install "
-            "'armcontour[ros]'."
-        ) from None
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    with TemporaryDirectory(prefix=".armcontour-", dir=file.parent) as temporary:
-        # rosbags names the file in the folder after the folder, with an additional extension.
-        bag = FilePath(temporary) / (file.stem if file.suffix == ".mcap" else file.name)
-        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            _write_messages(writer, table, store)
-        bag.rename(file)
-
-
-def _write_messages(writer: Any, table: SetPointTable, store: Any) -> None:
-    """Write the messages of a table into an open bag."""
-    kind = "trajectory_msgs/msg/JointTrajectory"
-    topic = writer.add_connection(TOPIC, kind, typestore=store)
-    writer.write(topic, 0, store.serialize_cdr(_message(table, store.types), kind))
-    if not table.events:
-        return
-    kind = "std_msgs/msg/String"
-    topic = writer.add_connection(EVENTS_TOPIC, kind, typestore=store)
-    for event in table.events:
-        message = store.types[kind](data=json.dumps(event_data(event)))
-        time = max(0, round(event.t * SECOND))
-        writer.write(topic, time, store.serialize_cdr(message, kind))
-
-
-def _message(table: SetPointTable, types: Any) -> Any:
-    """JointTrajectory message of a table, as a type of rosbags."""
-    make = {
-        name.rpartition("/")[2]: types[name]
-        for name in (
-            "trajectory_msgs/msg/JointTrajectory",
-            "trajectory_msgs/msg/JointTrajectoryPoint",
-            "std_msgs/msg/Header",
-            "builtin_interfaces/msg/Time",
-            "builtin_interfaces/msg/Duration",
+            f"{most} points of {table.name!r} cannot stay within {tolerance:.3g} rad of the "
+            f"set-points, which requires {len(rows)} points. {most} points stay within {high:.3g} "
+            "rad. Increase points or point_tolerance, or divide the program.",
+            needed=high,
+            allowed=tolerance,
         )
-    }
-    none = np.zeros(0)
-    empty = [none] * len(table.t)
-    # rosbags cannot serialize rows of Fortran-ordered arrays, such as arrays read from a file.
-    q, dq, ddq, torque = (
-        empty if x is None else np.ascontiguousarray(x)
-        for x in (getattr(table, key) for key in FIELDS.values())
+    return replace(
+        table,
+        t=t[rows],
+        q=table.q[rows],
+        dq=None if table.dq is None else table.dq[rows],
+        ddq=None if table.ddq is None else table.ddq[rows],
+        analog={key: values[rows] for key, values in table.analog.items()},
     )
-    points = [
-        make["JointTrajectoryPoint"](
-            positions=position,
-            velocities=velocity,
-            accelerations=acceleration,
-            effort=effort,
-            time_from_start=make["Duration"](sec=ns // SECOND, nanosec=ns % SECOND),
-        )
-        for position, velocity, acceleration, effort, ns in zip(
-            q, dq, ddq, torque, _nanoseconds(table).tolist(), strict=True
-        )
-    ]
-    stamp = make["Time"](sec=0, nanosec=0)
-    return make["JointTrajectory"](
-        header=make["Header"](stamp=stamp, frame_id=""),
-        joint_names=list(table.joint_names),
-        points=points,
-    )
+
+
+def _rows_within(
+    t: FloatArray, given: Sequence[FloatArray], printed: Sequence[FloatArray], tolerance: float
+) -> IntArray:
+    """Rows of few points whose interpolation stays within `tolerance` [rad] of that of all rows."""
+    rows, last = [0], len(t) - 1
+    while rows[-1] < last:
+        start = rows[-1]
+        # The farthest row within the tolerance, by doubling and bisection.
+        good, bad = start + 1, last + 1
+        while good < last < bad:
+            tried = min(2 * good - start, last)
+            within = _deviation(t, given, printed, start, tried) <= tolerance
+            good, bad = (tried, bad) if within else (good, tried)
+        while bad <= last and bad - good > 1:
+            tried = (good + bad) // 2
+            within = _deviation(t, given, printed, start, tried) <= tolerance
+            good, bad = (tried, bad) if within else (good, tried)
+        rows.append(good)
+    return np.array(rows)
+
+
+def _deviation(
+    t: FloatArray, given: Sequence[FloatArray], printed: Sequence[FloatArray], i: int, j: int
+) -> float:
+    """Bound of the distance of the interpolation from row i to j from that of all rows [rad]."""
+    width = t[j : j + 1] - t[i]
+    ends = [[x[k : k + 1] for x in printed] for k in (i, j)]
+    slope = (ends[1][0] - ends[0][0]) / width
+    if len(given) == 1:
+        ends = [[x[0], slope, 0 * slope] for x in ends]
+    elif len(given) == 2:
+        # Second derivatives of the cubic, with which the quintic is this cubic.
+        (_, v), (_, w) = ends
+        ends[0].append((6 * slope - 4 * v - 2 * w) / width)
+        ends[1].append((2 * v + 4 * w - 6 * slope) / width)
+    curve, u = quintic(width, ends[0], ends[1])[0], t[i : j + 1] - t[i]
+    d = [evaluate(curve, width[0], u, k) - x[i : j + 1] for k, x in enumerate(given)]
+    # Between two rows, the difference is a polynomial. Its Bernstein coefficients bound it. They
+    # follow from the differences of the derivatives at both rows.
+    h, degree, bounds = np.diff(u)[:, None], 2 * len(given) - 1, [d[0]]
+    for side, step in ((slice(None, -1), h), (slice(1, None), -h)):
+        if len(d) > 1:
+            bounds.append(d[0][side] + step * d[1][side] / degree)
+        if len(d) > 2:
+            curvature = h**2 * d[2][side] / (degree * (degree - 1))
+            bounds.append(d[0][side] + 2 * step * d[1][side] / degree + curvature)
+    return max(float(np.abs(x).max()) for x in bounds)
 
 
 def _nanoseconds(table: SetPointTable) -> IntArray:

@@ -1,4 +1,4 @@
-"""Table of times, joint positions and events for all export formats, and its CSV and npz files."""
+"""Table of times, joint positions and events for all export formats, and its CSV file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 from pathlib import Path as FilePath
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -19,7 +18,6 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.core.frames import quaternions
 from armcontour.core.quantities import Axes, Interval, Quantity
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import (
@@ -30,17 +28,16 @@ from armcontour.motion import (
     TimedEvent,
     Trajectory,
 )
-from armcontour.robot import Arm, Limits, SerialArm
+from armcontour.robot import Arm, Limits
 
 # An event that is earlier than a point by less than this fraction of the cycle is assigned to the
 # point, because both times have rounding errors.
 EVENT_TOLERANCE = 1e-9
 # Set-points equal the plan if they differ by at most this value [rad]; results have 12 decimals.
-# Also the joint speed up to which a joint counts as stopped [rad/s].
 SAME_POSITION = 2e-12
 # Maximum number of samples of a trajectory; more do not fit into memory together with the export.
 MAX_SAMPLES = 20_000_000
-# Decimals of results, and the largest number of decimals of joint positions.
+# Decimals of results, and of set-points with command limits.
 DECIMALS = 12
 # Decimals of joint positions [rad] in exported texts. An error of 1e-7 rad moves a tool at 1 m by
 # 0.1 um. With a cycle of FINE_CYCLE [s], 7 decimals would change accelerations, which are second
@@ -48,18 +45,14 @@ DECIMALS = 12
 # cycles up to FINE_CYCLE have FINE_DECIMALS.
 POSITION_DECIMALS, FINE_DECIMALS, FINE_CYCLE = 7, 9, 0.004
 # Each quantity has this number of decimals fewer than the joint positions.
-FEWER_DECIMALS = {"dq": 1, "ddq": 2, "torque": 3}
+FEWER_DECIMALS = {"dq": 1, "ddq": 2}
 # Decimals of times [s]: MICRO if all times are whole microseconds, otherwise NANO.
 MICRO, NANO = 6, 9
 # Number of values per formatting step; larger blocks need more memory and are not faster.
 FORMAT_BLOCK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
-# A sample that is nearer to a stop than this distance [cycles] is replaced by a sample at the stop.
-NEAR_A_STOP = 0.25
 # Attributes of events in JSON; `event_data` adds `point`.
 EVENT_KEYS = ("name", "value", "t", "due", "s")
-# Number of rows per block in the computation of the tool motion.
-TOOL_BLOCK = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,18 +66,11 @@ class SetPointTable(Checked):
         t: Times of the points [s], (n,); the first one is 0.
         q: Joint positions [rad], (n, dof).
         dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if they are not written.
-        torque: Torques of the drives in the plan [N m], (n, dof); None if they are not written.
         events: Events in the order of their times, which count from the first point too.
-        tool: Tool points [m], (n, 2) or (n, 3).
-        tool_rotation: Tool orientations as quaternions x, y, z, w, (n, 4), whose signs do not jump.
-        tool_speed: Speed of the tool point [m/s], (n,).
         start_time: Time of the first point in the plan [s], where the plan starts at 0.
         analog: Values of analog outputs by their names, (n,) each.
         contours: Start times [s] and names of contours.
         command_limits: Limits that the joint positions satisfy, as set-points.
-        stops: Times at which a sampled trajectory stops between moves [s].
-        part: Number of this file and number of files.
-        ends_at_rest: Whether the motion rests at the last point.
 
     Raises:
         InvalidInput: An array has a wrong shape, the times do not increase, a name is not one line
@@ -98,18 +84,11 @@ class SetPointTable(Checked):
     q: Annotated[FloatArray, Quantity(""), Axes("n", "joints")]
     dq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
     ddq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
-    torque: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
     events: tuple[TimedEvent, ...] = ()
-    tool: Annotated[FloatArray, Quantity(""), Axes("n", "dimension")] | None = None
-    tool_rotation: Annotated[FloatArray, Quantity(""), Axes("n", 4)] | None = None
-    tool_speed: Annotated[FloatArray, Quantity(""), Axes("n")] | None = None
     start_time: float = 0.0
     analog: Mapping[str, FloatArray] = field(default_factory=dict)
     contours: tuple[tuple[float, str], ...] = ()
     command_limits: Limits | None = None
-    stops: tuple[float, ...] = ()
-    part: tuple[int, int] = (1, 1)
-    ends_at_rest: bool = True
 
     def _check_together(self) -> None:
         analog = {
@@ -138,10 +117,6 @@ class SetPointTable(Checked):
                     f"The analog output {key} of {self.name!r} has shape {values.shape}, but must "
                     f"have {(n,)}."
                 )
-        if self.tool is not None and self.tool.shape[1] not in (2, 3):
-            raise InvalidInput(
-                f"tool of {self.name!r} has shape {self.tool.shape}, but must have {(n, 3)}."
-            )
         if n == 0 or self.t[0] != 0 or not (np.diff(self.t) > 0).all():
             raise InvalidInput(f"The times of {self.name!r} must start at zero and increase.")
 
@@ -158,12 +133,6 @@ class SetPointTable(Checked):
         repeated = {x for x in self.joint_names if self.joint_names.count(x) > 1}
         if repeated:
             raise InvalidInput(f"Joint names must be unique, but {min(repeated)!r} is repeated.")
-
-    @property
-    def title(self) -> str:
-        """Name of the program, with the number of its file if there are several."""
-        number, count = self.part
-        return self.name if count == 1 else f"{self.name}, file {number} of {count}"
 
     @property
     def dof(self) -> int:
@@ -191,10 +160,9 @@ class SetPointTable(Checked):
         """Start times [s] and names of the contours that have a name."""
         return [(t, name) for t, name in self.contours if name]
 
-    def decimals_of(self, decimals: int | None = None) -> int:
-        """Number of decimals of joint positions [rad] in texts; `decimals` if specified."""
-        if decimals is not None:
-            return decimals
+    @property
+    def decimals(self) -> int:
+        """Number of decimals of joint positions [rad] in texts."""
         if self.command_limits is not None:
             # With fewer decimals, rounded set-points can exceed the command limits.
             return DECIMALS
@@ -209,9 +177,6 @@ def make_table(
     joint_names: Sequence[str] | None = None,
     cycle: float | None = None,
     derivatives: int | None = None,
-    tool_motion: bool = False,
-    effort: bool = False,
-    at_stops: bool = False,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
 ) -> SetPointTable:
     """Create the table of set-points or of a sampled trajectory; the first point has time 0.
@@ -225,14 +190,11 @@ def make_table(
     Args:
         data: The set-points or the trajectory.
         name: Name of the program.
-        arm: The arm; gives joint names and tool points.
+        arm: The arm, which gives the joint names.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
         cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only; by default 2,
             but 0 for set-points with command limits, which are limits of their differences.
-        tool_motion: Whether the table has orientation and speed of the tool too.
-        effort: Whether the table has the torques of the plan, which need an arm with bodies.
-        at_stops: Whether a sampled trajectory has points where it stops between moves.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
     """
@@ -242,22 +204,10 @@ def make_table(
         )
     if isinstance(data, SetPoints):
         samples, step = _sample_set_points(data, cycle, derivatives), data.cycle
-        stops = np.zeros(0)
         start, plan = data.start_time, data.trajectory
     else:
         step = _sampling_cycle(data, name, cycle)
         samples, start, plan = data.sample(step), 0.0, data
-        stops = _find_stops(data)
-        if at_stops:
-            samples = _sample_stops(data, samples, stops, step)
-    moved = (
-        Samples(
-            t=samples.t,
-            **dict(zip(("q", "dq", "ddq"), plan.motion_with_rests(samples.t + start), strict=True)),
-        )
-        if effort
-        else None
-    )
     functions = analog or {}
     checks.check_sequence("analog", functions.values(), Callable, "functions")
     return tabulate(
@@ -269,11 +219,8 @@ def make_table(
         arm=arm,
         joint_names=joint_names,
         derivatives=derivatives,
-        tool_motion=tool_motion,
-        effort=moved,
         analog={key: values(samples.t + start) for key, values in functions.items()},
         contours=tuple((x.t[0] - start, x.name) for x in plan.contour_spans),
-        stops=tuple(stops.tolist()),
         command_limits=data.command_limits if isinstance(data, SetPoints) else None,
     )
 
@@ -284,30 +231,18 @@ def tabulate(
     arm: Arm | None = None,
     joint_names: Sequence[str] | None = None,
     derivatives: int | None = None,
-    tool_motion: bool = False,
-    effort: Samples | None = None,
     **about: Any,
 ) -> SetPointTable:
-    """Create the table of samples; if `effort` is given, with the torques of its motion.
-
-    `about` are further fields of `SetPointTable`.
-    """
+    """Create the table of samples; `about` are further fields of `SetPointTable`."""
     name, dof = about["name"], samples.q.shape[1]
     if derivatives is None:
         # The derivatives of a curve through set-points can exceed limits of their differences.
         derivatives = 0 if about.get("command_limits") is not None else 2
     checks.check_int("derivatives", derivatives, 0, 2)
-    tool: dict[str, Any] = {}
     if arm is not None:
         checks.check_type("export", arm, Arm)
         if arm.dof != dof:
             raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
-        tool = _tool_fields(arm, samples, tool_motion)
-    elif tool_motion or effort is not None:
-        what = "motion of the tool" if tool_motion else "torques"
-        raise InvalidInput(f"The {what} of {name!r} can only be computed for an arm. Specify arm.")
-    if arm is not None and effort is not None:
-        tool["torque"] = arm.torque(effort.q, effort.dq, effort.ddq)
     if joint_names is None:
         joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
     return SetPointTable(
@@ -316,52 +251,8 @@ def tabulate(
         q=samples.q,
         dq=samples.dq if derivatives > 0 else None,
         ddq=samples.ddq if derivatives > 1 else None,
-        **tool,
         **about,
     )
-
-
-def _tool_fields(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
-    """Fields of the table: tool points and, with `motion`, tool orientations and speeds."""
-    # Rows are computed in blocks, because the matrices of millions of rows need gigabytes.
-    blocks: dict[str, list[FloatArray]] = {}
-    for i in range(0, len(samples.q), TOOL_BLOCK):
-        rows = slice(i, i + TOOL_BLOCK)
-        block = {"tool": arm.tool_position(samples.q[rows])}
-        if motion:
-            velocity = arm.tool_velocity(samples.q[rows], samples.dq[rows])
-            block["tool_speed"] = np.linalg.norm(velocity, axis=1)
-            if isinstance(arm, SerialArm):
-                block["tool_rotation"] = quaternions(arm.pose(samples.q[rows])[1])
-        for key, values in block.items():
-            blocks.setdefault(key, []).append(values)
-    whole = {key: np.concatenate(values) for key, values in blocks.items()}
-    if "tool_rotation" in whole:
-        q = whole["tool_rotation"]
-        flips = np.sum(q[1:] * q[:-1], axis=1) < 0
-        q[1:][np.cumsum(flips) % 2 == 1] *= -1.0
-    return whole
-
-
-def _find_stops(plan: Trajectory) -> FloatArray:
-    """Times between moves of the program at which all joints are at rest [s], (stops,)."""
-    ends = np.array([x.t[1] for x in plan.spans[:-1]])
-    still = np.all(np.abs(plan(ends, 1)) <= SAME_POSITION, axis=1)
-    return np.unique(ends[still])
-
-
-def _sample_stops(plan: Trajectory, samples: Samples, stops: FloatArray, cycle: float) -> Samples:
-    """Samples with a sample at each stop of the plan; replaces samples that are near a stop."""
-    t = samples.t
-    if not len(stops):
-        return samples
-    sides = np.concatenate([[-np.inf], stops, [np.inf]])
-    after = np.searchsorted(stops, t)
-    gaps = np.minimum(t - sides[after], sides[after + 1] - t)
-    kept = (gaps >= NEAR_A_STOP * cycle) | (t == t[0]) | (t == t[-1])
-    t = np.union1d(t[kept], stops[(stops > t[0]) & (stops < t[-1])])
-    q, dq, ddq = plan.motion(t)
-    return Samples(t=t, q=q, dq=dq, ddq=ddq)
 
 
 def check_export_cycle(cycle: float, duration: float, name: str) -> None:
@@ -550,78 +441,24 @@ def event_data(event: TimedEvent) -> dict[str, Any]:
     return {x: getattr(event, x) for x in EVENT_KEYS} | {"point": list(event.point)}
 
 
-def write_csv(
-    table: SetPointTable, file: FilePath, *, decimals: int | None = None, comments: bool = False
-) -> None:
-    """Write a table as CSV: t, quantities of the joints, tool, analog outputs, and events."""
-    # The point and orientation of the tool are columns only if the table has the speed of the tool.
+def write_csv(table: SetPointTable, file: FilePath) -> None:
+    """Write a table as CSV: t, quantities of the joints, analog outputs, and events."""
     # The titles of analog outputs are such as `analog power`. An event is in the row of the last
     # point at or before the event, with its exact time: `tool=on@0.104000; gas=2.5@0.104500`.
-    header, columns = _table_columns(table)
-    cells = _event_cells(table) if table.events else None
-    kinds = [x for x in UNITS if getattr(table, x) is not None]
-    most = table.decimals_of(decimals)
-    places = [time_decimals(table.t), *(most - FEWER_DECIMALS.get(x, 0) for x in kinds)]
-    places += [most] * (len(columns) - len(places))
-    if cells is not None:
-        header.append("events")
-    about = f"# {table.title}\n" + "".join(
-        f"# contour {name} from {t:.{MICRO}f} s\n" for t, name in table.named_contours
-    )
-    pieces = csv_pieces(header, columns, cells, places)
-    write_pieces(file, chain([about], pieces) if comments else pieces)
-
-
-def write_npz(table: SetPointTable, file: FilePath) -> None:
-    """Write the table to an npz file.
-
-    The arrays are name, joint_names, cycle, start_time, t, q, dq, ddq, torque, tool,
-    tool_rotation and tool_speed; for analog outputs `analog_name`, (outputs,), and `analog`,
-    (n, outputs); and for the events `event_name`, `event_value` (JSON), `event_t`, `event_due` and
-    `event_s`, (events,).
-    Arrays that the table does not have are omitted. Nothing is pickled.
-    """
-    events = table.events
-    arrays: dict[str, Any] = {
-        "name": np.array(table.name),
-        "joint_names": np.array(table.joint_names),
-        "cycle": np.array(table.cycle),
-        "start_time": np.array(table.start_time),
-        "event_name": np.array([x.name for x in events], dtype=np.str_),
-        "event_value": np.array([json.dumps(x.value) for x in events], dtype=np.str_),
-    }
-    for key in ("t", "due", "s"):
-        arrays[f"event_{key}"] = np.array([getattr(x, key) for x in events], dtype=np.float64)
-    for key in ("t", *UNITS, "tool", "tool_rotation", "tool_speed"):
-        if getattr(table, key) is not None:
-            arrays[key] = getattr(table, key)
-    if table.analog:
-        arrays["analog_name"] = np.array(list(table.analog), dtype=np.str_)
-        arrays["analog"] = np.column_stack(list(table.analog.values()))
-    # NumPy adds .npz to a file name, but not to an open file.
-    with file.open("wb") as stream:
-        np.savez(stream, **arrays)
-
-
-def _table_columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
-    """Titles and columns of joints, of the tool if its speed is known, and of analog outputs."""
-    header, columns = joint_columns(
-        table.t, table.joint_names, **{x: getattr(table, x) for x in UNITS}
-    )
-    tool = table.tool_speed is not None
-    if tool and table.tool is not None:
-        header += [f"{axis} [m]" for axis in "xyz"[: table.tool.shape[1]]]
-        columns.append(table.tool)
-    if tool and table.tool_rotation is not None:
-        header += ["qx", "qy", "qz", "qw"]
-        columns.append(table.tool_rotation)
-    if tool and table.tool_speed is not None:
-        header.append("speed [m/s]")
-        columns.append(table.tool_speed)
+    quantities = {x: getattr(table, x) for x in ("q", "dq", "ddq")}
+    header, columns = joint_columns(table.t, table.joint_names, **quantities)
+    fewer = [FEWER_DECIMALS.get(x, 0) for x, values in quantities.items() if values is not None]
+    places = [time_decimals(table.t)]
+    places += [table.decimals - n for n in fewer]
     for name, values in table.analog.items():
         header.append(f"analog {name}")
         columns.append(values)
-    return header, columns
+        places.append(table.decimals)
+    cells = None
+    if table.events:
+        cells = _event_cells(table)
+        header.append("events")
+    write_pieces(file, csv_pieces(header, columns, cells, places))
 
 
 def _event_cells(table: SetPointTable) -> dict[int, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
@@ -64,12 +64,6 @@ class Point:
     q_deg: tuple[float, ...]  # Joint positions [deg]
     dq: tuple[float, ...] | None  # Joint velocities [rad/s]; None unless exported
     ddq: tuple[float, ...] | None  # Joint accelerations [rad/s²]; None unless exported
-    # Torques of the drives in the plan [N m]; None unless exported
-    torque: tuple[float, ...] | None
-    tool: tuple[float, ...] | None  # Tool point [m]; None without an arm
-    # Tool orientation as a quaternion x, y, z, w; None unless exported
-    tool_rotation: tuple[float, ...] | None
-    tool_speed: float | None  # Speed of the tool point [m/s]; None unless exported
     analog: Mapping[str, float]  # Values of analog outputs by their names
     events: tuple[OutputSwitch, ...]  # Events from this point until before the next point
     # Start times [s] and names of contours that start from this point until before the next point
@@ -78,17 +72,6 @@ class Point:
 
 class _Refused(Exception):
     """Error with the reason for which a template rejects a table."""
-
-
-def ending_of(template: str) -> str:
-    """Extension of the file that a template generates, such as ".src" for "kuka.src.j2"."""
-    file = FilePath(BUILT_IN.get(template, template)).name
-    return FilePath(file.removesuffix(ENDING)).suffix or ".txt"
-
-
-def templates() -> tuple[str, ...]:
-    """Names of the templates of the package."""
-    return tuple(BUILT_IN)
 
 
 def template_of(
@@ -114,7 +97,6 @@ def describe_program(
     table: SetPointTable,
     name: str | FilePath,
     outputs: Mapping[str, int | str] | None,
-    name_output: Callable[[str, int | str], str],
     digit: float | None = None,
 ) -> list[str]:
     """Warnings about a program: outputs that are not set, rounding, and too many points."""
@@ -122,15 +104,13 @@ def describe_program(
     if name in LENGTH_ADVICE and len(table.t) > MAX_POINTS:
         sentences.append(
             f"the program has {len(table.t)} points, but a controller may reject more than "
-            f"{MAX_POINTS}. To reduce them, {LENGTH_ADVICE[str(name)]}, or divide the program "
-            "(--points-per-file)."
+            f"{MAX_POINTS}. To reduce them, {LENGTH_ADVICE[str(name)]}, or divide the job."
         )
     unset = [x for x in table.analog if x not in named_outputs]
     if unset and name in ANALOG_EXAMPLES:
-        example = name_output(unset[0], ANALOG_EXAMPLES[str(name)])
         sentences.append(
             f"the program does not set {list_some(unset, MAX_NAMES)}, because no analog output is "
-            f"named. Name an output, such as {example}."
+            f"named. Name an output, such as outputs: {{{unset[0]}: {ANALOG_EXAMPLES[str(name)]}}}."
         )
     if name not in OUTPUT_EXAMPLES:
         return sentences
@@ -138,7 +118,7 @@ def describe_program(
     valued = {x.name: None for x in unswitched if not isinstance(x.value, bool)}
     switches = {x.name: None for x in unswitched if x.name not in valued}
     if switches:
-        example = name_output(next(iter(switches)), OUTPUT_EXAMPLES[name])
+        example = f"outputs: {{{next(iter(switches))}: {OUTPUT_EXAMPLES[name]}}}"
         sentences.append(
             f"the program does not switch {list_some(list(switches), MAX_NAMES)}, because no "
             f"output is named. It has {SUBSTITUTES[name]} instead. Name an output, such as "
@@ -167,7 +147,7 @@ def _describe_rounding(table: SetPointTable, digit: float | None) -> list[str]:
     return [
         f"joint positions are rounded to {digit:.2g} rad, so that the set-points reach "
         f"{largest_use:.4f} times command_limits.{worst}. Reduce this limit by "
-        f"{math.ceil((largest_use - 1) * 100)} %, or write csv with --decimals 12."
+        f"{math.ceil((largest_use - 1) * 100)} %, or export csv."
     ]
 
 
@@ -241,9 +221,6 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
     points = _template_points(table)
     return {
         "name": table.name,
-        "title": table.title,
-        "part": table.part[0],
-        "parts": table.part[1],
         "file": file,
         "joint_names": table.joint_names,
         "dof": table.dof,
@@ -276,11 +253,7 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
     for contour, i in zip(named, table.points_at([t for t, _ in named]), strict=True):
         contours.setdefault(i, []).append(contour)
     count = len(table.t)
-    arrays = (
-        *(table.q, np.degrees(table.q), table.dq, table.ddq, table.torque),
-        *(table.tool, table.tool_rotation),
-        None if table.tool_speed is None else table.tool_speed[:, None],
-    )
+    arrays = (*(table.q, np.degrees(table.q), table.dq, table.ddq),)
     analog = {key: values.tolist() for key, values in table.analog.items()}
     none: list[tuple[float, ...] | None] = [None] * count
     rows = zip(
@@ -294,17 +267,11 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
             q_deg=degrees or (),
             dq=dq,
             ddq=ddq,
-            torque=torque,
-            tool=tool,
-            tool_rotation=rotation,
-            tool_speed=None if speed is None else speed[0],
             analog={key: values[i] for key, values in analog.items()},
             events=tuple(switches.get(i, ())),
             contours=tuple(contours.get(i, ())),
         )
-        for i, (t, (q, degrees, dq, ddq, torque, tool, rotation, speed)) in enumerate(
-            zip(table.t.tolist(), rows, strict=True)
-        )
+        for i, (t, (q, degrees, dq, ddq)) in enumerate(zip(table.t.tolist(), rows, strict=True))
     )
 
 

@@ -45,6 +45,7 @@ PROGRAM_HEAD = """\
 def {program}():
   # {title}: {count} set-points, every {cycle} s, for {duration} s
   # Joint positions in rad: {joints}
+  # Set the speed slider to 100 %, so that the robot follows the times of the set-points.
   # Parameters of the servo: use the values with which its model was identified.
   lookahead = 0.1
   gain = 300
@@ -78,12 +79,10 @@ def write_urscript(
     cycle = f"{table.cycle:.12g}"
     point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
-    part = f"_{table.part[0]}" if table.part[1] > 1 else ""
-    program = "armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name)
-    program = program[: LONGEST_NAME - len(part)] + part
+    program = ("armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name))[:LONGEST_NAME]
     head = PROGRAM_HEAD.format(
         program=program,
-        title=table.title,
+        title=table.name,
         count=len(table.q),
         cycle=cycle,
         duration=f"{table.duration:.12g}",
@@ -194,11 +193,7 @@ def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> 
     numbers: dict[str, int] = {}
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
-            raise InvalidInput(
-                f"The output of {name} must be a number, but is {number!r}. If several exports "
-                f"need different outputs, specify for example urscript:{name}=0 and "
-                f"abb:{name}=doTool."
-            )
+            raise InvalidInput(f"The output of {name} must be a number, but is {number!r}.")
         if not 0 <= number < OUTPUTS:
             raise InvalidInput(
                 f"The output of {name} must be from 0 to {OUTPUTS - 1}, but is {number}."

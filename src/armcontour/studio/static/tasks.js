@@ -73,7 +73,7 @@ const tasks = () => [
       { name: "format", label: "format", choices: formats.value.filter((x) => [null, joints.value].includes(x[2])).map(([name, label]) => [name, label]) },
       { name: "of", label: "of", choices: [["set_points", "the set-points"], ["planned", "the plan"], ...(logs().length ? [/** @type {[string, string]} */ (["learned", "the next set-points, by logs"])] : [])] },
     ],
-    options: ({ format, of }) => ({ ...(format.startsWith("template ") ? { format: "template", template: format.slice(9) } : { format }), of, ...(of === "learned" && logOptions()) }),
+    options: ({ format, of }) => ({ format, of, ...(of === "learned" && logOptions()) }),
   },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print." },
   COMPARE,
