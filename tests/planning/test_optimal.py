@@ -161,7 +161,7 @@ def test_start_and_end_speeds(assert_within_limits, refuses):
                 lambda x={f"{end}_speed": speed}: straight([2.0], limits, **x),
                 ac.NotRealizable,
                 f"The {end} speed of {speed} m/s is too high",
-                "allow 2 m/s",
+                "allow about 2 m/s",
                 **{"s": s, "limit": f"{end} speed", "needed": speed, "allowed": 2.0},
             )
 
@@ -370,18 +370,6 @@ def test_any_size_of_s_will_do(assert_within_limits):
     np.testing.assert_allclose(durations, durations[0], rtol=1e-9)
 
 
-def plan_what_is_allowed(path, arm, limits, **options):
-    """Plan with the speeds that refusals name; the number of refusals, and the plan."""
-    for refusals in range(3):
-        try:
-            return refusals, ac.plan(path, arm, limits, ac.Optimal(**options))
-        except ac.NotRealizable as error:
-            name = error.limit.replace(" ", "_")
-            assert error.allowed < options[name]
-            options[name] = error.allowed
-    raise AssertionError("what was allowed was refused")
-
-
 @pytest.mark.parametrize("jerk", [None, 20.0])
 def test_bounds_by_direction_change_sides_in_the_mirror(assert_within_limits, jerk):
     rng = np.random.default_rng(700036000)
@@ -412,20 +400,6 @@ def test_velocity_bounds_by_direction_on_a_long_spline_lose_no_time():
         for n in (None, 250_000)
     )
     assert default.duration == pytest.approx(fine.duration, rel=3e-4)
-
-
-def test_a_speed_that_a_refusal_names_is_had(assert_within_limits):
-    """Coarse grids, whose margins change with the speed; each end depends on the other."""
-    for seed in range(40):
-        rng = np.random.default_rng([seed, 700035892])
-        points = np.cumsum(rng.normal(size=(int(rng.integers(3, 8)), 4)), axis=0)
-        bounds = -rng.uniform(0.1, 0.5, 4), rng.uniform(0.3, 3, 4)
-        limits = ac.Limits.only(joint_acceleration=np.stack(bounds, axis=1))
-        options = {x: 10 ** rng.uniform(-1, 1) for x in ("start_speed", "end_speed")}
-        options["intervals"], path = int(rng.integers(5, 20)), ac.JointPath.spline(points)
-        refusals, planned = plan_what_is_allowed(path, robot(4), limits, **options)
-        assert refusals <= 2, seed
-        assert_within_limits(planned, limits)
 
 
 def one_joint(seed):

@@ -1,8 +1,9 @@
-"""Leads of automatic length: the shortest leads with full tool speed at the contour."""
+"""Leads of automatic length, with which the tool has its full speed at the contour."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -19,13 +20,14 @@ from armcontour.program import Contour, Leads, Process, Program, arrange_contour
 from armcontour.robot import PlanarTwoLink
 
 # Lead length that is tried first, minimum and maximum lead length [m].
-FIRST_LEAD, SHORTEST_LEAD, LONGEST_LEAD = 32e-3, 2e-3, 16.0
+FIRST_LEAD, SHORTEST_LEAD, LONGEST_LEAD = 32e-3, 1e-3, 16.0
 # Relative increase of the speed below which a lead is not doubled again. With jerk limits, the
-# speed increases only slowly with the radius of the arc of the lead.
+# speed increases only slowly with the length of the lead.
 LEAST_GAIN = 0.05
-# SHORT_ENOUGH: the search ends when this share of the length is not sufficient. LONGER: ratio of
-# the next tried length to its estimate. PLACES: number of points along a lead with known speed.
-SHORT_ENOUGH, LONGER, PLACES = 0.98, 1.005, 401
+# Ratios of a lead to the part of a longer lead on which the tool accelerates, in order of trial.
+LONGER = 1.02, 1.1, 1.2, 1.5
+# Number of points along a lead with known speed.
+PLACES = 401
 # Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 
@@ -33,10 +35,10 @@ PlanOne = Callable[..., Planned]
 
 
 def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
-    """Shortest leads with which each contour has full speed where the process switches on and off.
+    """Leads with which each contour has full speed where the process switches on and off.
 
-    Full speed is the assigned velocity, or the largest speed that is possible with a lead within
-    the reach of the arm. Lengths of leads that are not automatic are 0.
+    Full speed is the assigned velocity, or the largest speed of the tried leads within the reach of
+    the arm. Lengths of leads that are not automatic are 0.
     """
     # Corners of shape free are replaced by arcs here, because several leads are tried and shaping
     # takes long.
@@ -71,11 +73,14 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
             (process_of_layer.lead_in, 0.0, "right", "before"),
             (process_of_layer.lead_out, contour.path.length, "left", "after"),
         ):
-            automatic = lead is not None and lead.length is None
+            if lead is None or lead.length is not None:
+                lengths.append(0.0)
+                continue
+            across = lead.shape == "arc" and run.limits.centripetal_acceleration
             speeds = partial(_lead_speeds, plan, job, run, bare, name)
             with error_context("leads"):
                 assigned = assigned_speed(contour, s, side, run)
-                lengths.append(_shortest_lead(speeds, assigned, gain) if automatic else 0.0)
+                lengths.append(_lead_length(speeds, assigned, gain, across or np.inf))
         leads.append(Leads(before=lengths[0], after=lengths[1]))
     return leads
 
@@ -105,43 +110,30 @@ def _lead_speeds(
     return np.asarray(planned.trajectory.speed_at(np.linspace(still, work, PLACES)))
 
 
-def _shortest_lead(
-    speeds: Callable[[float], FloatArray | None], assigned: float, gain: float
+def _lead_length(
+    speeds: Callable[[float], FloatArray | None], assigned: float, gain: float, across: float
 ) -> float:
-    """Shortest lead [m] that reaches the assigned velocity, else the largest speed of any lead."""
-    # The sufficient speed is reduced by half of the tolerance of `slow_ends`, so that the result
-    # causes no warning.
-    enough = assigned * (1 - SAME_SPEED / 2)
-    long, beyond = FIRST_LEAD, LONGEST_LEAD
-    while (lead_speeds := speeds(long)) is None:
-        long, beyond = long / 2, long
-    # The lead is lengthened until its speed is sufficient or stops increasing, or the arm does not
-    # reach its end (`beyond`). `short` is the longest lead with insufficient speed.
-    short, low = 0.0, enough
-    while lead_speeds[-1] < enough and long < SHORT_ENOUGH * beyond:
-        length = min(2 * long, (long + beyond) / 2)
-        longer = speeds(length)
-        if longer is None:
-            beyond = length
-        elif longer[-1] < min(enough, lead_speeds[-1] * (1 + gain)) and length == 2 * long:
+    """Length on which the tool reaches the assigned velocity, or else its largest speed [m].
+
+    `across`: largest centripetal acceleration on the lead [m/s²], infinite for a line.
+    """
+    length, planned, enough = FIRST_LEAD, speeds(FIRST_LEAD), assigned * (1 - SAME_SPEED / 2)
+    while planned is None:
+        length /= 2
+        planned = speeds(length)
+    while length >= FIRST_LEAD and planned[-1] < enough and length < LONGEST_LEAD:
+        longer = speeds(2 * length)
+        if longer is None or longer[-1] < min(enough, planned[-1] * (1 + gain)):
             break
-        else:
-            short, low, long, lead_speeds = long, lead_speeds[-1], length, longer
-    enough = min(enough, lead_speeds[-1] * (1 - SAME_SPEED / 2))
-    # The lead is shortened. The next length is the larger of two estimates: the part of the long
-    # lead after which the speed is sufficient, and `short` extrapolated with speeds proportional to
-    # the square root of the length. If the speed grows more slowly, as at the end of an
-    # acceleration with a jerk limit, the steps are doubled.
-    step = 0.0
-    while True:
-        share = np.argmax(lead_speeds >= enough) / (PLACES - 1)
-        length = LONGER * max(short * (enough / low) ** 2, share * long)
-        length = max(length, min(short + step, (short + long) / 2))
-        if length >= SHORT_ENOUGH * long:
-            return long
-        tried = speeds(length)
+        length, planned = 2 * length, longer
+    # A lead that is as long as the part on which the tool accelerates is at other positions of the
+    # arm, so that it may be a little too short.
+    enough = min(enough, float(planned[-1]) * (1 - SAME_SPEED / 2))
+    part = float(np.argmax(planned >= enough)) / (PLACES - 1) * length
+    # A shorter quarter of a circle is too tight for the speed.
+    part = max(part, math.pi / 2 * enough**2 / across)
+    for factor in LONGER:
+        tried = speeds(factor * part) if factor * part < length else None
         if tried is not None and tried[-1] >= enough:
-            long, lead_speeds, step = length, tried, 0.0
-        else:
-            step = 2 * (length - short) if short else 0.0
-            short, low = length, enough if tried is None else tried[-1]
+            return factor * part
+    return length

@@ -26,13 +26,6 @@ MAX_PLACES = 400
 # initial configurations are tried.
 FEW_SEEDS = 12
 WORST = 6
-# Search for a shift of the part with which all points are in reach: maximum number of steps, number
-# of points, margin inside the reach [m] (arms are singular at the limit of their reach), and
-# resolution of the reported shift [m].
-MAX_STEPS = 40
-MAX_MOVED = 80
-INSIDE = 5e-3
-RESOLUTION = 1e-3
 
 
 class _PathPoints(NamedTuple):
@@ -79,7 +72,7 @@ def explain(error: Unreachable, job: Job) -> Unreachable:
         if not (paths := list(_paths_of(program, rapid))):
             continue
         points = _extremes(job.arm, _PathPoints.along(paths))
-        away = np.linalg.norm(_reached(job.arm, points, WORST) - points.points, axis=1)
+        away = np.linalg.norm(_reached(job.arm, points) - points.points, axis=1)
         k = int(np.argmax(away))
         if away[k] > OUT_OF_REACH:
             return _refusal(job, points, away, k, rapid)
@@ -112,14 +105,8 @@ def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
     return points.some(np.sort(np.append(ranks[: MAX_PLACES // 4], ranks[-MAX_PLACES:])))
 
 
-def _reached(
-    arm: Arm, points: _PathPoints, closely: int, starts: FloatArray | None = None
-) -> FloatArray:
-    """Reachable tool position nearest to each point [m], (n, dimension).
-
-    `closely`: number of the worst points for which more initial configurations are tried. `starts`:
-    initial joint positions [rad], (n, dof), which the result replaces.
-    """
+def _reached(arm: Arm, points: _PathPoints) -> FloatArray:
+    """Reachable tool position nearest to each point [m], (n, dimension)."""
     goals = points.points
     if isinstance(arm, PlanarTwoLink):
         near, far = arm.reach
@@ -135,16 +122,13 @@ def _reached(
     poses = np.concatenate([points.rotations, goals[:, :, None]], axis=2)
     positions = np.empty((len(poses), arm.dof))
     for i in range(len(poses)):
-        start = many[:FEW_SEEDS] if starts is None else starts[i : i + 1]
-        positions[i] = nearest_reached(arm, poses[i], task, start)
+        positions[i] = nearest_reached(arm, poses[i], task, many[:FEW_SEEDS])
     away = np.linalg.norm(arm.tool_position(positions) - goals, axis=1)
-    for i in np.argsort(-away)[:closely]:
+    for i in np.argsort(-away)[:WORST]:
         if away[i] > OUT_OF_REACH:
             # A search from another configuration may result in a nearer position.
             start = np.vstack([positions[i], many[:REACH_SEEDS]])
             positions[i] = nearest_reached(arm, poses[i], task, start)
-    if starts is not None:
-        starts[:] = positions
     return arm.tool_position(positions)
 
 
@@ -160,7 +144,7 @@ def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: boo
     )
     count = len(np.unique(points.owner[away > OUT_OF_REACH]))
     others = "" if far or count < 2 else f" ({count} of {len(points.paths)} are out of reach)"
-    remedy = unit_hint(gap) if far else "; " + _remedy(job, points, away, rapid)
+    remedy = unit_hint(gap) if far else "; " + _remedy(points, rapid)
     return Unreachable(
         f"{capitalise(called)} is out of reach of the arm {job.arm.name} by up to "
         f"{f'{gap:.3g} m' if far else number(gap, 'm')}, most at {_place(point, far)}, {s:.6g} m "
@@ -173,50 +157,11 @@ def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: boo
     )
 
 
-def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str:
-    """Remedy that brings all points into reach, as the end of a sentence."""
-    shift = _find_shift(job.arm, points, away)
+def _remedy(points: _PathPoints, rapid: bool) -> str:
+    """Remedy for points out of reach, as the end of a sentence."""
     lower = "all contours are in reach: use a smaller approach or retract, or " if rapid else ""
     free = suggest_remedy(points.paths[0][1]).removeprefix("move the path or the arm")
-    if shift is None:
-        return f"{lower}move the part or the arm{free}; armcontour place finds a position"
-    return (
-        f"{lower}move the part by {_place(shift)} (path.frame, --position), which brings all "
-        f"{'rapids' if rapid else 'contours'} into reach{free}, or let armcontour place find the "
-        "best position"
-    )
-
-
-def _find_shift(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
-    """Shift of the part with which all points are in reach [m], (dimension,); None if not found."""
-    worst = np.argsort(-away)[: MAX_MOVED // 4]
-    even = np.linspace(0, len(away) - 1, MAX_MOVED).astype(np.intp)
-    sample = points.some(np.union1d(worst, even))
-    shift = np.zeros(sample.points.shape[1])
-    starts = None
-    if isinstance(arm, SerialArm):
-        from armcontour.robot.inverse import seeds
-
-        starts = np.tile(seeds(arm)[0], (len(sample.s), 1))
-    for _ in range(MAX_STEPS):
-        moved = sample._replace(points=sample.points + shift)
-        missing = _reached(arm, moved, WORST, starts) - moved.points
-        gaps = np.linalg.norm(missing, axis=1)
-        k = int(np.argmax(gaps))
-        if gaps[k] <= OUT_OF_REACH:
-            return shift
-        # A shift that is mainly horizontal stays horizontal, because the part lies on a table.
-        step = missing[k].copy()
-        if len(step) == 3 and np.linalg.norm(step[:2]) > np.abs(step[2]):
-            step[2] = 0.0
-        long = float(np.linalg.norm(step))
-        # The step is lengthened so that its component along the missing distance is sufficient.
-        required = gaps[k] ** 2 / long if long > 0 else 0.0
-        shift = (
-            np.round((shift + step / max(long, OUT_OF_REACH) * (required + INSIDE)) / RESOLUTION)
-            * RESOLUTION
-        )
-    return None
+    return f"{lower}move the part or the arm{free}; armcontour place finds a position"
 
 
 def _place(point: FloatArray, far: bool = False) -> str:

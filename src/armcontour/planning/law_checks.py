@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -24,6 +24,8 @@ ROUNDING = 1e-6
 UNIT_SUFFIXES = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
 # Limits that a reserve reduces.
 RESERVED = ("joint_acceleration", "joint_torque")
+# Limits that errors of `raise_too_fast` name.
+START, END = "start speed", "end speed"
 
 
 def with_reserve(limits: Limits, reserve: float) -> Limits:
@@ -136,3 +138,15 @@ def check_limits(
                 allowed=float(limit),
             )
         start += float(law.breaks[-1])
+
+
+def raise_too_fast(name: str, x: float, allowed: float, s: float) -> NoReturn:
+    """Raise the error for a start or end speed; `x` and `allowed` are squared speeds [m²/s²]."""
+    raise NotRealizable(
+        f"The {name} speed of {np.sqrt(x):.6g} m/s is too high: at {s:.6g} m along the path the "
+        f"limits allow about {np.sqrt(max(allowed, 0.0)):.6g} m/s.",
+        s=s,
+        limit=f"{name} speed",
+        needed=float(np.sqrt(x)),
+        allowed=float(np.sqrt(max(allowed, 0.0))),
+    )

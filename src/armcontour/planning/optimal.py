@@ -32,7 +32,7 @@ from armcontour.planning.constraints import (
     ToolSpeed,
     limits_on,
 )
-from armcontour.planning.end_speeds import END, START, EndSpeeds, raise_too_fast
+from armcontour.planning.law_checks import END, START, raise_too_fast
 from armcontour.planning.options import FASTEST, JerkLimits, Optimal, Task
 from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
@@ -96,35 +96,28 @@ def plan_optimal(
             grid_through(joint_path, points)
             points = np.interp(points, joint_path.breaks, new_breaks)
         joint_path = reparametrized
+    loss = math.inf
     if points is None:
-        count = distribute_intervals(joint_path, intervals)
+        grid = cut_pieces(joint_path, distribute_intervals(joint_path, intervals))
         loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
     else:
-        placed = grid_through(joint_path, points)
+        grid = grid_through(joint_path, points)
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     jerk = JerkLimits.from_limits(limits, joint_path.dof)
-
-    def solve(start: float, end: float) -> PathLaw:
-        if points is None:
-            law = time_optimal(cut_pieces(joint_path, count), active, arm, start, end, loss)
-        else:
-            law = time_optimal(placed, active, arm, start, end)
-        if jerk is None:
-            return law
-        # Imported on demand, because most plans have no limits of jerk.
-        from armcontour.planning.jerk.limiter import limit_jerk
-
-        task = Task(arm, tuple(active), jerk, start, end, intervals, options.iterations)
-        return limit_jerk(law, task)
-
+    ends = options.start_speed, options.end_speed
     try:
-        law = solve(options.start_speed, options.end_speed)
+        law = time_optimal(grid, active, arm, *ends, loss)
+        if jerk is not None:
+            # Imported on demand, because most plans have no limits of jerk.
+            from armcontour.planning.jerk.limiter import limit_jerk
+
+            law = limit_jerk(
+                law, Task(arm, tuple(active), jerk, *ends, intervals, options.iterations)
+            )
     except NotRealizable as error:
-        if error.limit not in (START, END):
-            if len(at_rest):
-                _refuse_standing(float(at_rest[0]))
-            raise
-        raise EndSpeeds(solve, options.start_speed, options.end_speed).refuse(error) from None
+        if error.limit not in (START, END) and len(at_rest):
+            _refuse_standing(float(at_rest[0]))
+        raise
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 

@@ -9,9 +9,6 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
-from armcontour.planning.end_speeds import END as END_SPEED
-from armcontour.planning.end_speeds import START as START_SPEED
-from armcontour.planning.end_speeds import raise_too_fast
 from armcontour.planning.jerk.interior_point import (
     DURATION,
     END,
@@ -30,6 +27,9 @@ from armcontour.planning.jerk.mesh import (
     square_at,
 )
 from armcontour.planning.jerk.mesh_rows import MeshRows
+from armcontour.planning.law_checks import END as END_SPEED
+from armcontour.planning.law_checks import START as START_SPEED
+from armcontour.planning.law_checks import raise_too_fast
 from armcontour.planning.options import MAX_ITERATIONS, Task
 from armcontour.planning.topp.kernels import MotionBounds
 
