@@ -476,20 +476,16 @@ def test_pierces_and_approaches_along_the_axis_of_a_tilted_tool():
     np.testing.assert_allclose(down.vertices, [[0.382, 0, 0.124], [0.394, 0, 0.108]], atol=1e-15)
 
 
-def test_a_tool_change_is_a_rest_between_the_spindle_off_and_on():
+def test_a_tool_change_is_a_stop_with_an_event_and_a_note():
     spindle_off, on = (Event(name="spindle", value=x) for x in (False, True))
     first, second = (Event(name="tool", value=x) for x in (1.0, 2.0))
     drawn = program(first, on, BEND, spindle_off, second, on, SQUARE, spindle_off)
-    prepared_program = prepare(drawn, Process(tool_change=5.0))
-    assert kinds(prepared_program) == "Event Event Contour Event Event Dwell Event Contour Event"
-    # The first tool is mounted already.
-    assert [x.duration for x in prepared_program.moves if isinstance(x, Dwell)] == [5.0]
-    assert not prepared_program.notes
     plain = prepare(drawn, Process())
     assert kinds(plain) == kinds(drawn) and ["1 tool change" in x for x in plain.notes] == [True]
+    # The first tool is mounted already.
     assert not prepare(program(first, on, BEND), Process()).notes
     # A switch of the same name is another output than the tool.
-    switched = prepare(drawn, Process(tool_change=5.0, switch=Switch()))
+    switched = prepare(drawn, Process(switch=Switch()))
     assert [x.value for x in switched.moves if isinstance(x, Event) and x.name == "tool"] == [1, 2]
     assert all([y.value for y in x.events] == [True, False] for x in switched.contours)
 
@@ -573,7 +569,7 @@ def test_refuses_values_that_make_no_process():
         ({"by_layer": {"M": {"passes": None}}}, "by_layer.M", "passes"),
         ({"by_layer": {"M": {"direction": "up"}}}, "by_layer.M", "direction"),
         ({"direction": "climb", "kerf_side": "right"}, "climb", "kerf_side"),
-        *(({x: 0.0}, x) for x in ("tool_change", "rapid_speed", "approach_speed")),
+        *(({x: 0.0}, x) for x in ("rapid_speed", "approach_speed")),
     ]
     refused(*((lambda x=x: Process(**x), *words) for x, *words in processes))
     leads = {"length": 0.0}, {"length": -0.01}, {"shape": "spiral"}, {"side": "top"}

@@ -283,8 +283,6 @@ _COMMANDS = {
 }
 _AXIS = {"from": 0.0, "to": 0.01, "places": 2}
 _ASKED: dict[str, Any] = {"over": {"x": _AXIS}, "refine": False}
-# Keys that hold tools by their names.
-_TOOLS = ((lambda x: {"tools": x}),)
 # The first base that has a field is the one it is tried in; what no base has is added to the first.
 BASES: list[dict[str, Any]] = [
     PLANE,
@@ -345,7 +343,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, process={"events": [{"name": "tool", "at": 0.02, "lead_distance": 1e-3}]}),
     SPACE,
     _with(SPACE, process={"approach": 0.01, "retract": 0.01}),
-    _with(SPACE, process={"rapid_speed": 0.5, "approach_speed": 0.1, "tool_change": 5.0}),
+    _with(SPACE, process={"rapid_speed": 0.5, "approach_speed": 0.1}),
     _with(SPACE, process={**_PIERCED, "by_layer": {"": _PIERCED}}),
     _with(SPACE, limits={"angular_acceleration": 10.0, "joint_torque": 100.0}),
     _with(SPACE, arm={"tool": _TURNED, "work": _TURNED}),
@@ -365,22 +363,6 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, placement=_ASKED | {"about": [0.3, 0.2, 0.0]}),
     _with(PLANE, export={"formats": ["ros-yaml"], "outputs": {"a": 1}, "tolerances": 2.0,
                          "points": 9, "point_tolerance": 1e-3, "cycle": 0.01, "derivatives": 1}),
-    _with(SPACE, tools={"T1": [0.0, 0.0, 0.1]}),
-    _with(SPACE, tools={"T1": {"payload": SPACE["arm"]["payload"]}}),
-    *(
-        _with(SPACE, **tool_of({"short": x}))
-        for tool_of in _TOOLS
-        for x in (_TURNED, *(_BODY_TURNS[k] | {"position": [0.0, 0.0, 0.1]} for k in (0, 1)))
-    ),
-    *(
-        _with(SPACE, **tool_of({"short": {"shapes": x}}))
-        for tool_of in _TOOLS
-        for x in (
-            *(_bodies(*_MOVING, **turn) for turn in _BODY_TURNS),
-            *(_bodies(*_SIZES, margin=0.01, **turn) for turn in _BODY_TURNS),
-            _bodies("halfspaces", normal=[0.0, 0.0, 1.0]),
-        )
-    ),
     {**SPACE, "path": _ABOUT},
     {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
     {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},

@@ -30,7 +30,7 @@ from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 
 # Sections of a job that can name files, and the keys in these sections whose values are file names.
-FILE_SECTIONS = ("arm", "tools", "path", "scene")
+FILE_SECTIONS = ("arm", "path", "scene")
 FILE_KEYS = ("file", "files", "joint_limits")
 # For some kinds of work, the section of a job whose key `run` selects the run.
 RUN_SELECTORS = {CERTIFY: "certificate", PLACE: "placement"}

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
-from armcontour.core.text import show
-from armcontour.files.job_model import ArmModel, FrameModel, JobModel, TableToolModel, ToolModel
+from armcontour.files.job_model import ArmModel, FrameModel, ToolModel
 from armcontour.files.robots.arm_options import DESCRIPTIONS, MJCF
 from armcontour.files.robots.loading import load_arm, with_more_shapes
 from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
-from armcontour.geometry import Path
-from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.scene import LinkShape
 
@@ -74,41 +71,6 @@ def frame_of(key: str, model: FrameModel) -> Frame:
         position=np.array(model.position or [0.0, 0.0, 0.0]),
         rotation=np.eye(3) if turned is None else turned,
     )
-
-
-def arm_with_tool(model: JobModel, drawn: Path | Program) -> str | ArmModel:
-    """The key `arm` of a job, with the tool of the tool table that the contours use."""
-    table = {
-        name: x if isinstance(x, TableToolModel) else TableToolModel(position=x)
-        for name, x in (model.tools or {}).items()
-    }
-    for name, entry in table.items():
-        frame_of(f"tools.{name}", entry)
-    if not table:
-        return model.arm
-    from armcontour.program.tools import tools_of_contours
-
-    names = list(dict.fromkeys(tools_of_contours(Program.from_path(drawn))))
-    if names == [""]:
-        return model.arm
-    for name in names:
-        if name not in table:
-            description = f"uses the tool {name}" if name else "selects no tool for some contours"
-            raise InvalidInput(
-                f"The program {description}, but the key tools has {', '.join(map(show, table))}. "
-                "Add the tool to tools, or choose one of its tools with path.tool."
-            )
-    tool = table[names[0]]
-    if any(repr(table[x]) != repr(tool) for x in names):
-        raise InvalidInput(
-            f"The program uses the tools {', '.join(names)}, which have different values in the "
-            "key tools, but a run can have only one tool. Run the contours of each tool "
-            f"separately, with path: {{tool: {names[0]}}} in the job, or --only-tool {names[0]}."
-        )
-    arm = model.arm if isinstance(model.arm, ArmModel) else named_arm(model.arm)
-    tool_model = ToolModel(**{x.name: getattr(tool, x.name) for x in fields(ToolModel)})
-    payload = arm.payload if tool.payload is None else tool.payload
-    return replace(arm, tool=tool_model, payload=payload)
 
 
 def named_arm(arm: str) -> ArmModel:

@@ -20,7 +20,7 @@ from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
-from armcontour.files.job_arm import arm_of, arm_with_tool
+from armcontour.files.job_arm import arm_of
 from armcontour.files.job_model import ExperimentModel, JobModel, PathModel, RunModel
 from armcontour.files.job_path import part_of, path_of
 from armcontour.files.key_errors import Patch
@@ -164,9 +164,6 @@ def parts_of(
     """Make the parts of a job that can need other files: its arm, its path and its scene."""
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
-    used = arm_with_tool(model, drawn)
-    if used is not model.arm:
-        arm = arm_of(used, folder, trust_xacro=trust_xacro)
     scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
     return arm, drawn, scene
 

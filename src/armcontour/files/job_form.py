@@ -110,7 +110,7 @@ GROUPS = {
         *("process.kerf", "process.kerf_side", "process.lead_in", "process.lead_out"),
         *("process.pierce", "process.tabs", "process.weave", "process"),
     ),
-    "Tool and tilt": ("path.orientation", "arm.tool", "arm.payload", "tools", "path.tool"),
+    "Tool and tilt": ("path.orientation", "arm.tool", "arm.payload"),
     "Arm and limits": ("arm", "limits", "configuration", "seed", "command_limits"),
     "Layers and order": (
         *("path.layers", "process.by_layer", "process.order", "process.reverse_open"),

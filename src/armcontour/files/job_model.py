@@ -143,17 +143,6 @@ class ToolModel(FrameModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TableToolModel(ToolModel):
-    """A tool of the tool table.
-
-    Args:
-        payload: Payload at the tip with this tool; by default the payload of the arm.
-    """
-
-    payload: Payload | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ArmModel(ArmOptions):
     """An arm by `name` or `file`, with its tool, work frame, payload and additional shapes.
 
@@ -274,7 +263,6 @@ class PathModel(ReadOptions):
         frame: Position and rotation of the origin of the file, or of points and segments.
         repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
             contours have names such as `hole [2,1]` (row, column).
-        tool: For G-code, the tool whose contours are executed, such as T2; all tools by default.
         orientation: The required tool orientation in space (tilt, work angle, push or drag angle of
             a torch): one for the whole path, or one per waypoint; for a file, in the coordinates of
             the drawing.
@@ -293,7 +281,6 @@ class PathModel(ReadOptions):
         About("--rpy", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
     ] = None
     repeat: RepeatModel | None = None
-    tool: Annotated[str | None, About("--only-tool", POSITION)] = None
     orientation: Annotated[
         OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
     ] = None
@@ -392,8 +379,6 @@ class JobModel(SharedModel):
         seed: Joint positions near the start configuration [rad], for an arm in space, in the order
             of the joints or by their names; by default the configuration with the fastest motion
             along the path.
-        tools: The tool table, which replaces `arm.tool`: tools by their names in the program, such
-            as T1 for the word T1 of G-code. A run has one tool; select it with `path.tool`.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
         accuracy: Largest allowed distance of the tool from the drawing [m]. By default corner
@@ -415,7 +400,6 @@ class JobModel(SharedModel):
     arm: str | ArmModel
     configuration: str | None = None
     seed: list[Angle] | dict[str, Angle] | None = None
-    tools: Annotated[dict[str, TableToolModel | Place], Field(min_length=1)] | None = None
     path: PathModel
     process: Process | None = None
     accuracy: Distance | None = None

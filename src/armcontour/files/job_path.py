@@ -22,7 +22,7 @@ from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
 
 # Keys that require `path.file`.
-FILE_OPTIONS = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat", "tool")
+FILE_OPTIONS = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat")
 NOT_PLANAR = (
     "path.frame moves the drawing out of the plane in which the arm moves its tool. Specify a "
     "position with z = 0, and a rotation about z only, by the last angle of rpy."
@@ -116,11 +116,7 @@ def read_drawing(
 
 
 def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Program:
-    """Select one tool of a drawing, repeat the drawing, lift it to space, and orient the tool."""
-    if model.tool is not None:
-        from armcontour.program.tools import part_of_tool
-
-        program = part_of_tool(program, model.tool)
+    """Repeat a drawing, lift it to space, and orient the tool."""
     if model.repeat is not None:
         program = _repeat(program, model.repeat, model.names)
     if dimension == 2:

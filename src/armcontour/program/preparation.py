@@ -89,8 +89,6 @@ def prepare(
         elif isinstance(move, Event) and move.changes_tool:
             moves.append(move)
             changes += bool(drawn)
-            if drawn and process.tool_change is not None:
-                moves.append(Dwell(duration=process.tool_change))
         elif not (isinstance(move, Event) and output_states.record_event(move)):
             moves.append(move)
     placement = None
@@ -118,10 +116,11 @@ def prepare(
         )
     result = _link_moves(program.moves, contours, process, departing_rapids)
     notes = (*program.notes, *(() if placement is None else placement.notes))
-    if changes and process.tool_change is None:
+    if changes:
         note = (
-            f"no time is specified for {count_noun(changes, 'tool change')}, so the program "
-            "continues at once. Specify process.tool_change, such as 5 s."
+            f"the program has {count_noun(changes, 'tool change')}. The tool stops there, but the "
+            "plan contains no time for the change, and the same tool frame before and after it. "
+            "For other tools, divide the program into one file per tool."
         )
         notes = (*notes, note)
     speed = process.rapid_speed

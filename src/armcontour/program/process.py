@@ -244,9 +244,6 @@ class Process(Checked):
         direction: Direction of travel along closed contours, seen from `up`: "drawn", "clockwise",
             "counterclockwise", or for a spindle that turns clockwise "climb", with the tool to the
             left of the part's edge, or "conventional". The tool is on the waste side.
-        tool_change: Time for which the tool rests at a tool change of a program [s], after the
-            event `tool`. None for a change without duration, with a note. The first tool is
-            already mounted.
         resume_at: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m].
 
@@ -281,7 +278,6 @@ class Process(Checked):
     direction: Annotated[str, Choice(DIRECTIONS)] = DRAWN
     rapid_speed: Speed | None = None
     approach_speed: Speed | None = None
-    tool_change: Interval | None = None
     resume_at: Annotated[Distance, About("--resume-at")] = 0.0
     _of_layers: Mapping[str, Process] = field(init=False, repr=False)
 

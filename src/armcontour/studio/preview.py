@@ -16,7 +16,7 @@ from typing import Any
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress
-from armcontour.files.job_arm import arm_of, arm_with_tool
+from armcontour.files.job_arm import arm_of
 from armcontour.files.job_file import assemble_job, model_of
 from armcontour.files.job_model import JobModel
 from armcontour.files.job_path import part_of, placed_path, unplaced_path
@@ -276,13 +276,6 @@ class CoarsePlanner:
         path = self._reuse.get(
             "path", (drawn, _part(data)), lambda: placed_path(model.path, drawn, arm.dimension)
         )
-        used = arm_with_tool(model, path)
-        if used is not model.arm:
-            arm = self._reuse.get(
-                "equipped",
-                (data["arm"], data["tools"], path),
-                lambda: arm_of(used, self.folder, trust_xacro=self.trust_xacro),
-            )
         return arm, path
 
     def _plan(
