@@ -30,8 +30,6 @@ BARS = (
     (2, 1.0, (14.30, 14.2093), (13.12, 13.0570)),
     (2, 0.1, (15.25, 15.1954), (14.75, None)),
 )
-# Line tolerance [mm] and zone [mm] of a mixed tolerance of 5 mm on job 1, and its bars.
-MIXED = (0.1, 20.0), (4.90, 4.64)
 LONGEST = {1: 2.0, 2: 6.0}
 # Corners of long paths, their tolerance and the lengths of their lines [m].
 LONG, SHORT = 1000, 100
@@ -54,20 +52,6 @@ def lines() -> list[Line]:
         )
         for job, tolerance, *bars in BARS
         for cap, (bar, oracle) in zip((CENTRIPETAL, None), bars, strict=True)
-    ]
-    (line, zone), bars = MIXED
-    mixed = {"tolerance": 5e-3, "line_tolerance": line / 1e3, "zone": zone / 1e3}
-    entries += [
-        _line(
-            "1/mixed",
-            f"job 1, lines {line:g} mm, corners 5 mm",
-            {"points": POINTS[1], "options": mixed},
-            cap,
-            bar,
-            None,
-            LONGEST[1],
-        )
-        for cap, bar in zip((CENTRIPETAL, None), bars, strict=True)
     ]
     longer = Bar(ratio=12, seconds=30)
     title, peer = f"shaped: {LONG} corners, 2 mm", f"{SHORT} corners"

@@ -19,7 +19,6 @@ arm = ac.load_arm("pmk3s")
 objective = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
 compare("1 mm", objective, arm, limits, 1e-3)
-compare("5 mm, lines 0.1 mm", objective, arm, limits, 5e-3, line_tolerance=1e-4, zone=20e-3)
 planned = compare("5 mm", objective, arm, limits, 5e-3)
 
 servo = ac.ServoModel(kp=25.0, kv=150.0)

@@ -53,7 +53,7 @@ QUARTER = np.pi / 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """An objective path, an arm, limits, and options of `plan`: tolerance, line_tolerance, zone.
+    """An objective path, an arm, limits, and options of `plan`.
 
     `hold` says how the tool is held in space: "held" or "axis" for DOWN or its axis alone,
     "pointing" for AXIS.
@@ -77,22 +77,14 @@ def hold_tool(path: ac.Path, hold: str) -> ac.Path:
 
 def pieces_of(problem: Problem) -> Pieces:
     """The objective in pieces, each with its tolerance."""
-    path, options = problem.objective, problem.options
-    tolerance = options["tolerance"]
-    corners = path.breaks[1:-1][path.turns > 1e-9]
-    zone = options.get("zone")
-    edges = np.empty(0) if zone is None else np.concatenate([corners - zone, corners + zone])
+    path, tolerance = problem.objective, problem.options["tolerance"]
 
     def own_tolerance(s: np.ndarray, side: str) -> np.ndarray:
         segment_tolerance = path.tolerances[path.locate(s, side=side)]
         return np.fmin(np.where(np.isnan(segment_tolerance), np.inf, segment_tolerance), tolerance)
 
     def bands(s: np.ndarray) -> np.ndarray:
-        band = own_tolerance(s, "left")
-        if zone is not None:
-            away = np.abs(s[:, None] - corners).min(axis=1, initial=np.inf) > zone
-            band = np.where(away, np.minimum(band, options["line_tolerance"]), band)
-        return band
+        return own_tolerance(s, "left")
 
     def joints(s: np.ndarray) -> np.ndarray:
         at_vertex = np.isin(s, path.breaks)
@@ -101,7 +93,7 @@ def pieces_of(problem: Problem) -> Pieces:
             at_vertex, smaller, np.maximum(own_tolerance(s, "left"), own_tolerance(s, "right"))
         )
 
-    return cut(path, edges, bands, joints)
+    return cut(path, np.empty(0), bands, joints)
 
 
 @cache
@@ -135,9 +127,6 @@ def _options(rng: Random, objective: ac.Path) -> dict[str, Any]:
     if rng.random() < 0.03:
         tolerance = float(rng.choice([0.0, 1e-9, 1e-6, 1e-5]) * (tolerance > 1e-5))
     options = {"tolerance": tolerance}
-    if rng.random() < 0.25:
-        options["line_tolerance"] = tolerance * float(rng.choice([0.0, 0.02, 0.3, 1.0]))
-        options["zone"] = float(rng.uniform(1, 8) * max(tolerance, 1e-4))
     return options
 
 
@@ -317,9 +306,6 @@ def time_rivals(planned: ac.Trajectory, problem: Problem) -> dict[str, float]:
     options = {} if objective.dimension == 2 else {"seed": planned(0.0)}
     plans = {}
     for name, path in shapes.items():
-        # Arcs do not know of zones.
-        if name != "stops" and "zone" in problem.options:
-            continue
         try:
             plans[name] = ac.plan(path, problem.arm, problem.limits, ac.Optimal(**options)).duration
         except ac.ArmContourError:

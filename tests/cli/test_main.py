@@ -109,21 +109,16 @@ def test_any_key_of_the_job_is_set(tmp_path, run, refused):
         assert refused(tmp_path, [(options, words)], codes=(2,), begin=begin) == []
 
 
-def test_shapes_of_corners_from_the_command_line(tmp_path, run, refused):
-    free = ("--corner-shape", "free", "--iterations", "2")
-    lines = ("--line-tolerance", "0.1 mm", "--zone", "8 mm")
+def test_shapes_of_corners_from_the_command_line(run):
+    free = ("--corner-shape", "free")
     job = JOB | {"runs": JOB["runs"] | {"fast": {}}}
-    shown, result = run(job, "--no-simulation", *free, *lines)
+    shown, result = run(job, "--no-simulation", *free)
     assert re.search(r"Run fast: shaped: [\d.]+ s \(arcs [\d.]+ s, .*stops [\d.]+ s\)", shown)
     shaping = result["runs"]["fast"]["shaping"]
     assert "shaping" not in result["runs"]["planned"]
-    assert shaping["wanted"]["line_tolerance"] == pytest.approx(1e-4)
-    assert shaping["wanted"]["zone"] == pytest.approx(8e-3)
     others = [x for name, x in shaping["durations"].items() if name != "shaped"]
     assert shaping["gain"] == 1 - shaping["durations"]["shaped"] / min(others) >= 0
-    assert sum(shaping["starts"].values()) == 1 and shaping["iterations"] <= 2
-    rows = [("run job.yaml --out no --zone 8mm", ["corners.zone requires shape: free"])]
-    assert refused(tmp_path, rows, codes=(2,)) == []
+    assert sum(shaping["starts"].values()) == 1
 
 
 def test_an_error_has_its_exit_code_and_leaves_nothing(tmp_path, refused):

@@ -130,7 +130,6 @@ seed: {elbow: 0} => seed names the joints 'elbow' ... shoulder_lift_joint
 ignore_jerk: true => unknown key ignore_jerk: ... joint_jerk: inf
 experiment: {runs: [three]} => experiment.runs names the run three
 experiment: {noise: 1 m} => experiment.noise: must be a quantity in rad
-corners: {tolerance: 0.001, continuity: tangent, transition_tolerance: 1 um} => n_tolerance requires
 {corners: {tolerance: 1mm, continuity: curvature}, runs: {a: {timing: {method: paper}}}} => .contin
 """
 

@@ -69,10 +69,7 @@ def test_values_go_before_those_of_the_job_and_of_its_runs():
     assert prepare(job.program, job.process).length == pytest.approx(0.06)
 
 
-FREE = (
-    "{corners.zone: 0.01, corners.shape: free, corners.line_tolerance: 0.0001, "
-    "corners.iterations: 4}"
-)
+FREE = "{corners.shape: free}"
 
 
 def test_a_shape_goes_to_every_run_that_can_have_it():
@@ -80,24 +77,19 @@ def test_a_shape_goes_to_every_run_that_can_have_it():
     del of_job["slow"]
     of_job = yaml.safe_dump({"runs": of_job}, default_flow_style=True)
     runs = read(FREE, of_job)
-    free = {"shape": "free", "line_tolerance": 1e-4, "zone": 0.01, "iterations": 4}
-    assert runs["own"].rounding == Rounding(tolerance=1e-3, **free)
+    assert runs["own"].rounding == Rounding(shape="free", tolerance=1e-3)
     angle = pytest.approx(np.radians(1))
     assert runs["plain"].rounding.angular_tolerance == angle
     assert runs["plain"].rounding.free and runs["plain"].rounding.tolerance == 2e-3
     assert runs["sharp"].rounding is None
-    assert not runs["paper"].rounding.free and runs["paper"].rounding.zone is None
+    assert not runs["paper"].rounding.free
     # Without corners of the job there are those of --tolerance.
     sharp = yaml.safe_dump({**yaml.safe_load(of_job), "corners": "sharp"})
     runs = read("{corners.shape: free, corners.tolerance: 0.0003}", sharp)
     assert runs["plain"].rounding == Rounding(shape="free", tolerance=3e-4)
     # A free shape becomes arcs again, and has no corners with a tangent or a curvature.
-    free = (
-        "runs: {one: {corners: {shape: free, tolerance: 1 mm, line_tolerance: 0.1 mm, zone: 9 mm}}}"
-    )
+    free = "runs: {one: {corners: {shape: free, tolerance: 1 mm}}}"
     assert read("{corners.shape: arc}", free)["one"].rounding == Rounding(tolerance=1e-3)
-    same = read("{corners.shape: free}", free)["one"].rounding
-    assert same.free and same.zone == pytest.approx(9e-3)
     curved = "{corners: {tolerance: 1 mm, continuity: curvature}, runs: {one: {}}}"
     runs = read("{corners.shape: free}", curved)["one"].rounding
     assert runs == Rounding(shape="free", tolerance=1e-3)
@@ -106,7 +98,6 @@ def test_a_shape_goes_to_every_run_that_can_have_it():
 BAD = """
 {corners.shape: round} => corners.shape: must be arc or free, not 'round'
 {corners.shape: free} => runs.slow.corners.speed determines the radius of arcs
-{corners.zone: 0.01} => runs.lifted.corners.zone requires shape: free
 {limits.speed: 1 mm} => limits.speed: must be a quantity in m/s
 {limits.sped: 1} => unknown key limits.sped: did you mean speed?
 {tolerance: 1 mm} => unknown key tolerance: did you mean certificate.tolerance or corners.tolerance?

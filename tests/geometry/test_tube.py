@@ -61,27 +61,18 @@ def sampled_distance(path, objective, places, reach, n=400):
     return np.array(distances), path.locate(s)
 
 
-SHARP = [(0, 0), (0.1, 0), (0.2, 0), (0.2, 0.1)]
-SHORT = [(0, 0), (0.01, 0), (0.01, 0.01), (0.3, 0.01)]
 ZIGZAG = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)]
-FINE = {"line_tolerance": 1e-4, "zone": 0.02}
-EXACT = {"line_tolerance": 0.0, "zone": 0.05}
-PIECES = [  # points, tolerance of the vertices, zones, breaks, tolerances, vertices
-    (CORNER, 2e-3, {}, [0, 0.1, 0.2], [2e-3, 2e-3], [1]),
-    # Zones lie around corners only, reach over short lines and end with the path.
-    (SHARP, 5e-3, FINE, [0, 0.1, 0.18, 0.2, 0.22, 0.3], [1e-4, 1e-4, 5e-3, 5e-3, 1e-4], [2]),
-    (SHORT, 5e-3, EXACT, [0, 0.01, 0.02, 0.06, 0.07, 0.31], [5e-3] * 4 + [0.0], [1, 2]),
+PIECES = [  # points, tolerance of the vertices, breaks, tolerances, vertices
+    (CORNER, 2e-3, [0, 0.1, 0.2], [2e-3, 2e-3], [1]),
     # Each vertex has its tolerance up to the middle.
-    (ZIGZAG, [1e-3, 2e-3], {}, [0, 0.1, 0.15, 0.2, 0.3], [1e-3, 1e-3, 2e-3, 2e-3], [1, 2]),
-    # A path without corners has the line tolerance.
-    ([(0, 0), (1, 0)], 1e-3, {}, [0, 1], [1e-3], []),
-    ([(0, 0), (1, 0)], 1e-3, FINE, [0, 1], [1e-4], []),
+    (ZIGZAG, [1e-3, 2e-3], [0, 0.1, 0.15, 0.2, 0.3], [1e-3, 1e-3, 2e-3, 2e-3], [1, 2]),
+    ([(0, 0), (1, 0)], 1e-3, [0, 1], [1e-3], []),
 ]
 
 
-@each("points, tolerance, zones, breaks, tolerances, vertices", PIECES)
-def test_pieces_of_a_tube(points, tolerance, zones, breaks, tolerances, vertices):
-    tube = Tube.around(ac.Path.polyline(points), tolerance, **zones)
+@each("points, tolerance, breaks, tolerances, vertices", PIECES)
+def test_pieces_of_a_tube(points, tolerance, breaks, tolerances, vertices):
+    tube = Tube.around(ac.Path.polyline(points), tolerance)
     np.testing.assert_allclose(tube.breaks, breaks, atol=1e-15)
     np.testing.assert_array_equal(tube.tolerance, tolerances)
     np.testing.assert_array_equal(tube.vertex, vertices)
@@ -117,22 +108,6 @@ def test_room_is_that_of_the_best_piece_of_the_window(dimension):
     np.testing.assert_allclose(tube.margin(points, windows), expected, atol=1e-14)
 
 
-def test_no_tolerance_reaches_out_of_its_zone():
-    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1)])
-    tube = Tube.around(path, 0.2, line_tolerance=0.01, zone=0.3)
-    # Before the zone, at its start and in it, 0.1 beside the line, and then 0.005 beside the line.
-    points = np.array([(0.65, 0.1), (0.7, 0.1), (0.75, 0.1), (0.65, 0.005)])
-    everything = np.tile([0, len(tube) - 1], (4, 1))
-    room = tube.margin(points, everything)
-    np.testing.assert_allclose(room, [-0.09, -0.09, 0.1, 0.005], atol=1e-14)
-    # A path that swings out before the zone begins is refused, one that does so after it is not.
-    for begin, proven in ((0.65, False), (0.71, True)):
-        line = ac.Path.polyline([(0, 0), (begin, 0), (0.9, 0.15), (1, 0.3), (1, 1)])
-        s = np.array([0, begin, *line.breaks[2:4], line.length])
-        places = np.stack([[0, begin, 0.95, 1.3, 2.0], s], axis=1)
-        assert tube.prove(line, places, 0.3).ok is proven
-
-
 def test_stopping_at_every_vertex_keeps_tolerance_zero():
     for points in (CORNER, [(0, 0, 0), (1, 0.3, 0.2), (0.01, 0.3, 0.1)]):
         path = ac.Path.polyline(points)
@@ -161,19 +136,6 @@ def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
     rounded = ac.round_corners(path, tolerance=turn * 1e-3)
     assert rounded.corners.error[0] == pytest.approx(turn * 1e-3)
     assert Tube.around(path, turn * 1e-3).prove(rounded, places_of(rounded), 0.5).ok
-
-
-def test_lines_bind_between_corners():
-    # A detour of 1 mm in the middle of a line, 0.3 m from the corner.
-    path = ac.Path.polyline([(0, 0), (0.6, 0), (0.6, 0.6)])
-    detour = ac.Path.polyline([(0, 0), (0.3, 1e-3), (0.6, 0), (0.6, 0.6)])
-    places = evenly(path, detour)
-    for line_tolerance, ok in ((1e-3, True), (0.999e-3, False)):
-        tube = Tube.around(path, 5e-3, line_tolerance=line_tolerance, zone=0.1)
-        proof = tube.prove(detour, places, 0.01)
-        assert proof.ok is ok and proof.violated is not ok
-    assert proof.sampled_excess == pytest.approx(1e-6) and proof.s == pytest.approx(0.3, abs=1e-5)
-    assert proof.place == pytest.approx(0.3, abs=1e-5)
 
 
 def test_a_hop_to_the_neighbouring_pass_is_no_way():
@@ -309,7 +271,6 @@ def test_what_is_refused():
     bent = ac.round_corners(path, tolerance=1e-3, continuity="curvature")
     prove = Tube.around(path, 1e-3).prove
     refused(
-        (lambda: Tube.around(path, 1e-3, zone=0.1), "both line_tolerance and zone"),
         (lambda: Tube.around(path, -1e-3), "tolerance must not be negative"),
         (lambda: Tube.around(path, [1e-3, 1e-3]), "2 values, but the path has 1 vertices"),
         (lambda: Tube.around(bent, 1e-3), "transition between", {"index": 1}),

@@ -9,13 +9,10 @@ from tests.geometry.tables import each, line, path_of, refused
 from tests.jobs.making import ARM
 
 import armcontour as ac
-from armcontour.files import parse_job
 from armcontour.files.drawings.gcode import read_gcode
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.exports import CsvFormat, TemplateFormat
-from armcontour.geometry import Path
-from armcontour.jobs import analog_outputs, prepare_and_round
-from armcontour.jobs.single_corners import corner_waypoints
+from armcontour.jobs import analog_outputs
 from armcontour.program import (
     Analog,
     Contour,
@@ -196,59 +193,3 @@ corners: {corners}
 servo: {{kp: 25 1/s, kv: 150 1/s}}
 runs: {{only: {{compensation: {{method: none}}}}}}
 """
-
-
-def job(corners, points=OPEN, process=""):
-    corners = corners if "{" in corners else f"{{tolerance: 1 mm, at: {{{corners}}}}}"
-    return parse_job(JOB.format(points=points, process=process, corners=corners))
-
-
-def errors(job_case):
-    """The corners of the rounded path [mm], and their errors [mm]."""
-    _, program = prepare_and_round(job_case, job_case.runs[0])
-    corners = program.contours[0].path.corners
-    return np.column_stack([corners.point, corners.error]) * 1e3
-
-
-def test_one_corner_has_its_own_error_and_the_others_have_the_error_of_all():
-    # Waypoint 4 is a corner, waypoint 3 is in a line.
-    lead = "process: {lead_in: {length: auto, shape: line, side: left}}"
-    begin = "process: {begin: 0.02, overlap: 90 mm}"
-    # The overlap passes waypoints 2 and 3 once more.
-    overlapping = [(360, 200, 0.2), (360, 260, 1), (300, 260, 1), (300, 200, 0.1), (360, 200, 0.2)]
-    for parsed, expected in (
-        (job("2: 0.2 mm"), [(360, 200, 0.2), (360, 270, 1.0)]),
-        (job("2: 3 mm, 4: 0 mm"), [(360, 200, 3.0), (360, 270, 0.0)]),
-        (job("2: 0.2 mm", OPEN, lead), [(360, 200, 0.2), (360, 270, 1.0)]),
-        (job("1: 0.1 mm, 2: 0.2 mm", SQUARE, begin), overlapping),
-    ):
-        np.testing.assert_allclose(errors(parsed), expected, atol=1e-6)
-
-
-def test_corners_are_found_between_leads_and_in_reverse():
-    path = Path.polyline([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]])
-    lead = Lead(length=5e-3, shape="line", side="left")
-    process = Process(lead_in=lead, lead_out=lead)
-    (contour,) = prepare(Program.from_path(path), process).contours
-    assert len(contour.path) == 5
-    assert corner_waypoints(path, contour.path).tolist() == [0, 2, 3, 0]
-    back = Path.polyline(path.vertices[::-1])
-    assert corner_waypoints(path, back).tolist() == [3, 2]
-
-
-def test_what_is_no_corner_is_refused():
-    one, drawn = job("2: 1 mm"), job("1: 0.1 mm", SQUARE, "process: {begin: drawn}")
-    moves = Program.from_path(Path.polyline([[0.3, 0.2], [0.36, 0.2], [0.36, 0.26]])).moves
-    two = Program(moves=(*moves, ac.Rapid(), *moves))
-    refused(
-        (lambda: job("1: 1 mm"), "waypoint 1 is an end of the path"),
-        (lambda: job("3: 1 mm"), "no corner at waypoint 3"),
-        (lambda: job("5: 1 mm", SQUARE), "waypoint 5 is the start", "Use the number 1"),
-        (lambda: job("2: 1 mm", SQUARE, "process: {kerf: 1 mm}"), "combined with process.k"),
-        (lambda: job("{speed: 0.1, acceleration: 1, at: {2: 1 mm}}"), "requires corners.tolerance"),
-        (lambda: prepare_and_round(drawn, drawn.runs[0]), "waypoint 1 cannot be rounded"),
-        (lambda: dataclasses.replace(one, path=two), "path with one contour, but the job has 2"),
-    )
-    # The automatic start is in the middle of a segment: something passes waypoint 1.
-    passing = errors(job("1: 0.1 mm", SQUARE, "process: {}"))
-    assert (np.abs(passing - (300, 200, 0.1)).max(axis=1) < 1e-6).any()

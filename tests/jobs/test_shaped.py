@@ -96,9 +96,6 @@ def test_values_that_do_not_go_together_are_refused():
     free = {"shape": "free", "tolerance": 1e-3}
     refused(
         (made(shape="free"), "corners.tolerance is missing"),
-        (made(tolerance=1e-3, zone=0.02), "corners.zone"),
-        (made(**free, line_tolerance=2e-3, zone=0.02), "corners: line_tolerance is 2 mm"),
-        (made(**free, line_tolerance=1e-4), "line_tolerance is given without zone"),
         (made(shape="free", tolerance=float("nan")), "tolerance of a rounding"),
         (made(**free, iterations=-1), "iterations of a rounding"),
         (lambda: a_run(timing=ac.Paper()), "timing method optimal", "paper"),

@@ -100,11 +100,6 @@ def test_wide_corners_of_a_drawing_are_not_kept():
     assert rapids["time"] == pytest.approx(plain(data)["rapid_time"], rel=1e-12)
 
 
-def test_single_corners_have_the_smallest_tolerance():
-    run = runs_of(corners={"tolerance": 2e-3, "at": {2: 5e-4}}, runs={"one": {}})["one"]
-    assert allowed(run) == pytest.approx(5e-5)
-
-
 def test_the_limit_that_binds_for_the_longest_time_is_named(runs):
     why = runs["late"].explanation
     times = {}

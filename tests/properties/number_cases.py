@@ -232,7 +232,7 @@ _ON_BODIES = {
         "armature": 0.0,
     },
 }
-_FREE = {"shape": "free", "line_tolerance": 1e-4, "zone": 5e-3, "iterations": 2}
+_FREE = {"shape": "free"}
 _POLED = {"method": "pole_placement"}
 _INVERSE = {"one": {"compensation": {"method": "inverse_dynamics"}}}
 _PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
@@ -311,8 +311,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, runs={"one": {"timing": {"method": "paper", "knots": 50, "intervals": None}}}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [-100.0, -100.0, -150.0]}}}),
     _with(PLANE, corners=_FREE),
-    _with(PLANE, corners={"continuity": "curvature", "transition_tolerance": 1e-5}),
-    _with(PLANE, corners={"at": {2: 1e-3}}),
+    _with(PLANE, corners={"continuity": "curvature"}),
     _with(PLANE, corners={"tolerance": None, "speed": 0.03, "acceleration": 0.05}),
     *(
         _with(PLANE, **{
@@ -485,8 +484,6 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--rpy": ("# rad, 0, 0", "0 deg, 0 deg, # deg"),
     "--speed": ("# m/s", "# mm/s"),
     "--tolerance": ("# m", "# mm"),
-    "--line-tolerance": ("# m", "# mm"),
-    "--zone": ("# m", "# mm"),
     "--total-tolerance": ("# m", "# mm"),
     "--resume-at": ("# m", "# mm"),
     "--tool-diameter": ("1: # m", "1: # mm"),

@@ -27,7 +27,7 @@ path:
     - [360 mm, 200 mm]  # the corner
     - [0.36, 0.26]
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}  # both
-corners: {tolerance: 5 mm, at: {2: 1 mm}}
+corners: {tolerance: 5 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 runs:
   only: {compensation: {method: none}}
@@ -56,7 +56,7 @@ def random_edit(rng, points):
             {"do": "move_waypoint", "index": rng.randrange(points), "to": position},
             {"do": "insert_waypoint", "index": rng.randrange(points + 1), "at": position},
             {"do": "remove_waypoint", "index": rng.randrange(points)},
-            {"do": "corner_tolerance", "index": 1, "value": rng.choice([1e-3, "2 mm", None])},
+            {"do": "set", "key": "corners.tolerance", "value": rng.choice([1e-3, "2 mm"])},
             {"do": "place", "by": position, "turn": rng.uniform(-1, 1), "about": [0.3, 0.2]},
             {"do": "obstacle", "action": "add", "kind": "box", "size": [0.1] * 3, "at": [1, 0, 0]},
             {"do": "obstacle", "action": "remove", "kind": "box", "index": 0},

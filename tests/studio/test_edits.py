@@ -90,7 +90,6 @@ WORDS = (
     "change",
     "box",
     "own",
-    "corners.at.2",
     "paper",
 )
 JSON = st.recursive(
@@ -106,7 +105,6 @@ VALID = (
     {"do": "set_waypoint", "index": 1, "value": ["1 mm", 2]},
     {"do": "insert_waypoint", "index": 1, "at": [0.3, 0.2]},
     {"do": "remove_waypoint", "index": 1},
-    {"do": "corner_tolerance", "index": 1, "value": "1 mm"},
     {"do": "place", "by": [0.1, 0], "turn": 0.1, "about": [0, 0]},
     {"do": "to_waypoints"},
     {"do": "obstacle", "action": "change", "kind": "box", "index": 0, "size": [1, 1, 1]},
@@ -168,16 +166,6 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("corners.shape", "free", "paper")["corners"]["shape"] == "free"
     changes = set_to("corners.shape", "arc")["runs"]["own"]["corners"]
     assert changes == {"shape": "arc", "tolerance": "1 mm"}
-
-
-def test_single_corners_get_a_tolerance_and_lose_it():
-    def tolerance(text, value):
-        return edited(text, "paper", do="corner_tolerance", index=1, value=value)
-
-    assert tolerance(PLANE, 2e-3)["corners"] == {"tolerance": "5 mm", "at": {2: "2 mm"}}
-    text = PLANE.replace("5 mm}", "5 mm, at: {2: 1.5 mm}}")
-    assert tolerance(text, "0.5")["corners"]["at"] == {2: "0.5 mm"}
-    assert tolerance(text, None) == load(PLANE, "")
 
 
 def test_obstacles_are_added_changed_and_removed():
@@ -302,17 +290,10 @@ def test_a_point_lies_where_it_was_moved_to(text, index, u, v):
     assert abs(height) <= 1e-12
 
 
-def test_points_are_inserted_and_removed_with_orientations_and_numbers_of_corners():
-    single = PLANE.replace("5 mm}", "5 mm, at: {2: 1 mm}}")
-    data = edited(single, do="insert_waypoint", index=1, at=[0.33, 0.21])
+def test_points_are_inserted_and_removed_with_orientations():
+    data = edited(PLANE, do="insert_waypoint", index=1, at=[0.33, 0.21])
     # In the form of the point that is there.
     assert data["path"]["points"][1] == ["330 mm", "21 cm"] and len(data["path"]["points"]) == 4
-    assert data["corners"]["at"] == {3: "1 mm"}
-    data = edited(single, do="insert_waypoint", index=3, at=[0.4, 0.2])
-    assert data["corners"]["at"] == {2: "1 mm"}
-    # The point that becomes an end of the path has no corner any more.
-    for index in (0, 1, 2):
-        assert "at" not in edited(single, do="remove_waypoint", index=index)["corners"]
     data = edited(SPACE, do="insert_waypoint", index=3, at=[0.5, 0.1])
     assert len(data["path"]["orientation"]) == len(data["path"]["points"]) == 4
     data = edited(SPACE, do="remove_waypoint", index=1)
@@ -435,8 +416,6 @@ def unit_in_si(key):
 def test_names_of_digits_are_names_in_lists_of_keys():
     data = edited(TEXT, "paper", do="set", key=["process", "by_layer", "0", "passes"], value=2)
     assert data["process"] == {"by_layer": {"0": {"passes": 2}}}
-    data = edited(TEXT, "paper", do="set", key=["corners", "at", 2], value="1 mm")
-    assert data["corners"]["at"] == {2: "1 mm"}
 
 
 def test_a_value_of_one_run_takes_the_rest_of_its_mapping_along():

@@ -170,15 +170,6 @@ def test_a_job_that_is_refused_from_the_start_is_drawn(tmp_path, old, new):
     session.close()
 
 
-def test_the_document_has_the_tolerances_that_its_file_has(tab):
-    assert tab.last("document")["path"]["tolerances"] == {}
-    # The corner cannot use it up.
-    tab.edit({"do": "corner_tolerance", "index": 1, "value": 0.4})
-    assert tab.last("document")["path"]["tolerances"] == {"1": 0.4}
-    (corner,) = tab.last("picture")["corners"]
-    assert corner["error"] < 0.1
-
-
 def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
     file = tmp_path / "bad.yaml"
     file.write_text(JOB.replace("arm: pmk3s", "arm: none"))

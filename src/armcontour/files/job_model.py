@@ -288,6 +288,8 @@ class PathModel(ReadOptions):
 
 # `corners` of a job has the key `continuity`, so that `path` does not need it.
 KEY_OVERRIDES[PathModel] = KeyOverrides(omit=frozenset({"continuity"}))
+# The search ends by itself, so that only Python limits its iterations.
+KEY_OVERRIDES[Rounding] = KeyOverrides(omit=frozenset({"iterations"}))
 KEY_OVERRIDES[ArmModel] = KeyOverrides(
     types={
         **dict.fromkeys(("joint_limits", "srdf"), str | None),

@@ -18,7 +18,7 @@ from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.job_model import JobModel, RunModel
 from armcontour.files.job_text_edits import REMOVE, Change, Keys, change_data, change_text, value_at
 from armcontour.files.key_errors import Patch as Patch
-from armcontour.jobs.job import ARC, FREE, OF_FREE
+from armcontour.jobs.job import ARC, FREE
 from armcontour.motion import Method
 
 IN_JOB, IN_RUN = ({x.name for x in fields(model)} for model in (JobModel, RunModel))
@@ -30,12 +30,11 @@ TIMING_OPTIONS, COMPENSATION_OPTIONS = (
     {key: str(kind.method) for kind in methods.values() for key in kind.__annotations__}
     for methods in (planning.METHODS, compensation.METHODS)
 )
-SHAPE_OPTIONS = {**dict.fromkeys(OF_FREE, FREE), "continuity": ARC, "transition_tolerance": ARC}
 # The keys above, by the last two keys of the key path of their method or shape.
 CHOICES: dict[Keys, dict[str, str]] = {
     ("timing", "method"): TIMING_OPTIONS,
     ("compensation", "method"): COMPENSATION_OPTIONS,
-    ("corners", "shape"): SHAPE_OPTIONS,
+    ("corners", "shape"): {"continuity": ARC},
 }
 
 
@@ -139,7 +138,7 @@ def _changes_of_value(keys: Keys, value: Any, data: Any, run: str | None) -> Ite
     runs = value_at(data, ("runs",))
     if run is not None or keys[0] not in IN_RUN or not isinstance(runs, Mapping):
         yield from _set_value(locate_key(keys, data, run), value, data)
-    elif keys[0] == "corners" and (keys[1:] == ("shape",) or keys[1:] and keys[1] in SHAPE_OPTIONS):
+    elif keys in (("corners", "shape"), ("corners", "continuity")):
         yield from _set_corner_option(keys, value, data, runs)
     else:
         if keys[0] in IN_JOB:
@@ -162,7 +161,7 @@ def _set_corner_option(
         method = value_at(data, ("runs", name, "timing", "method"), Method.OPTIMAL)
         if not isinstance(corners, Mapping) or method != Method.OPTIMAL:
             continue
-        if SHAPE_OPTIONS.get(str(keys[1])) == ARC and corners.get("shape") == FREE:
+        if keys[1] == "continuity" and corners.get("shape") == FREE:
             continue
         refused, keys_of_run = False, ("runs", name, "corners")
         if inherited != keys_of_run:

@@ -96,9 +96,6 @@ class ShapedPath(Path):
         places: Corresponding arc lengths on the objective and on this path [m], from start to end,
             both increasing, (n, 2).
         tolerance: The specified tolerance [m].
-        line_tolerance: The specified tolerance outside the zones of the vertices [m]; None without
-            zones.
-        zone: Distance from a vertex, along the objective, within which `tolerance` applies [m].
         outcome: Result of the search for the shape.
         curve: The curve that the tool follows; None if it follows the lines and arcs.
 
@@ -109,8 +106,6 @@ class ShapedPath(Path):
     objective: Path
     places: FloatArray
     tolerance: float
-    line_tolerance: float | None = None
-    zone: float | None = None
     outcome: ShapingOutcome = field(repr=False)
     curve: SmoothCurve | None = field(default=None, repr=False)
     # Index of the quintic of the curve to which each segment belongs, (n,).
@@ -141,10 +136,6 @@ class ShapedPath(Path):
             self._title("Shaped path"),
             [
                 ("tolerance", number(self.tolerance, "m")),
-                (
-                    "tolerance outside the zones",
-                    "" if self.line_tolerance is None else number(self.line_tolerance, "m"),
-                ),
                 ("shortest durations", ", ".join(f"{k} {x:.4g} s" for k, x in durations.items())),
                 *self._rows,
             ],

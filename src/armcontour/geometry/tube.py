@@ -113,9 +113,6 @@ class Tube(Checked):
         cls,
         objective: Path,
         tolerance: npt.ArrayLike,
-        *,
-        line_tolerance: float | None = None,
-        zone: float | None = None,
     ) -> Tube:
         """The tube around an objective path.
 
@@ -125,29 +122,16 @@ class Tube(Checked):
             objective: The objective path.
             tolerance: Largest distance [m]: one number, or one per vertex between segments. The
                 tolerance of a vertex applies up to the middle between it and the next vertex.
-            line_tolerance: Largest distance outside the zones of the corners [m]; by default the
-                same.
-            zone: Distance from a corner along the objective within which the tolerance of the
-                nearest corner applies [m].
 
         Raises:
-            InvalidInput: A tolerance is negative or not a number, their number is wrong, or only
-                one of line tolerance and zone is given; or the objective has transitions.
+            InvalidInput: A tolerance is negative or not a number, their number is wrong, or the
+                objective has transitions.
         """
-        if (line_tolerance is None) != (zone is None):
-            raise InvalidInput("A tube needs both line_tolerance and zone, or neither.")
-        if line_tolerance is not None and zone is not None:
-            checks.not_negative("line_tolerance", line_tolerance, "m")
-            checks.positive("zone", zone, "m")
         values = checks.per_vertex("tolerance", tolerance, len(objective) - 1, "m")
         corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
-        # Vertices whose tolerances apply: all, or with zones only the corners.
-        centre = np.arange(len(values)) if zone is None else corner
-        centre_s = objective.breaks[1:-1][centre]
-        middles = (centre_s[1:] + centre_s[:-1]) / 2
-        cuts = [middles] if np.ndim(tolerance) else []
-        cuts += [] if zone is None else [centre_s - zone, centre_s + zone]
-        inside = np.concatenate([*cuts, centre_s[:0]])
+        inner = objective.breaks[1:-1]
+        middles = (inner[1:] + inner[:-1]) / 2
+        inside = middles if np.ndim(tolerance) else inner[:0]
         inside = inside[(inside > 0) & (inside < objective.length)]
         neighbours = objective.breaks[objective.locate(inside) + np.array([[0], [1]])]
         inside = inside[np.abs(neighbours - inside).min(axis=0) > REPEATED_POINT]
@@ -156,17 +140,8 @@ class Tube(Checked):
         begin = np.maximum(breaks[:-1] - objective.breaks[source], 0.0)
         segments = objective.segments.cut(source, begin, breaks[1:] - objective.breaks[source])
         tolerances = np.full(len(segments), 0.0 if np.ndim(tolerance) else tolerance)
-        middle = (breaks[1:] + breaks[:-1]) / 2
-        near = np.searchsorted(middles, middle)
-        if len(centre_s):
-            tolerances = values[centre][near]
-        if zone is not None and line_tolerance is not None:
-            outside = (
-                np.abs(middle - centre_s[near]) > zone
-                if len(centre_s)
-                else np.full(len(tolerances), True)
-            )
-            tolerances = np.where(outside, line_tolerance, tolerances)
+        if len(inner):
+            tolerances = values[np.searchsorted(middles, (breaks[1:] + breaks[:-1]) / 2)]
         caps = np.where(np.isnan(objective.tolerances), np.inf, objective.tolerances)
         return cls(
             objective=objective,

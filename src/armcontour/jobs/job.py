@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Annotated, Any, cast
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 from armcontour.control.compensation import CompensationOptions, InverseDynamics
 from armcontour.control.compensation.compensator import INVERSE
@@ -25,7 +25,6 @@ from armcontour.core.quantities import (
     Name,
     Named,
     Speed,
-    Tolerance,
 )
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, digits, format_table, short_repr
@@ -36,10 +35,9 @@ from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.exports import Exports
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.placement_options import PlaceSearch
-from armcontour.jobs.single_corners import check_corners
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
 from armcontour.planning import Optimal, PlanOptions, Shaped, check_duration
-from armcontour.planning.options import FASTEST
+from armcontour.planning.options import DEFAULT_ITERATIONS, FASTEST
 from armcontour.program import Process, Program
 from armcontour.program.preparation import check_process
 from armcontour.robot import Arm, Limits
@@ -70,13 +68,7 @@ class Rounding(Checked):
             path whose points are all within the tolerance of the objective, at corners and along
             lines, and requires `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
-        at: For the shape arc, the largest errors of single corners instead of `tolerance` [m], by
-            the numbers of their waypoints from 1, such as `{2: 1 mm}`: points of a polyline or a
-            spline, ends of segments. For a path of one contour.
-        line_tolerance: For the shape free, the largest distance from the objective farther than
-            `zone` from its corners [m]; by default the tolerance applies everywhere.
-        zone: For the shape free, the distance from a corner within which `tolerance` applies [m].
-        iterations: For the shape free, the largest number of steps of the search; by default 60.
+        iterations: For the shape free, the largest number of iterations of the search.
         speed: Lowest corner speed [m/s] (case I).
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
@@ -84,25 +76,17 @@ class Rounding(Checked):
         continuity: For the shape arc, continuity of the rounded path: "tangent" with arcs alone, or
             "curvature" with transitions, so that jerk limits do not require stops. By default
             "curvature" for runs with jerk limits, and "tangent" for others.
-        transition_tolerance: With a continuous curvature, the largest distance of the path from the
-            objective where lines and arcs meet without a corner [m]; by default 10 µm, but not more
-            than `tolerance`.
     """
 
     shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
     tolerance: Annotated[Distance | None, About("--tolerance", usual=(1e-5, 2e-2))] = None
-    # This field is excluded from the hash, because mappings are not hashable.
-    at: Mapping[int, Distance] | None = field(default=None, hash=False)
-    line_tolerance: Annotated[Distance | None, About("--line-tolerance")] = None
-    zone: Annotated[Tolerance | None, About("--zone")] = None
-    iterations: Annotated[Annotated[int, AtLeast(0)] | None, About("--iterations")] = None
+    iterations: Annotated[int, AtLeast(0)] = DEFAULT_ITERATIONS
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
     continuity: Annotated[
         Annotated[Continuity, Choice(CONTINUITIES)] | None, About("--continuity")
     ] = None
-    transition_tolerance: Distance | None = None
 
     @property
     def free(self) -> bool:
@@ -112,26 +96,14 @@ class Rounding(Checked):
     @property
     def with_arcs(self) -> Rounding:
         """The same tolerance with arcs at the corners."""
-        return replace(self, shape=ARC, **dict.fromkeys(OF_FREE))
-
-    @property
-    def least_tolerance(self) -> float | None:
-        """Smallest tolerance of all corners [m]; None if no tolerance is specified."""
-        single = (self.at or {}).values()
-        return None if self.tolerance is None else min([self.tolerance, *single])
-
-    @property
-    def shaping_options(self) -> dict[str, float | None]:
-        """Specified tolerances and iterations of shape free, by name."""
-        names = {x.name for x in fields(self)} & {x.name for x in fields(Shaped)}
-        values = {name: getattr(self, name) for name in names}
-        specified = {name: x for name, x in values.items() if x is not None}
-        return {**specified, "angular_tolerance": self.angular_tolerance}
+        return replace(self, shape=ARC)
 
     @property
     def options(self) -> Shaped:
         """Options of the function `shape` for corners of shape free."""
-        return Shaped(**cast(Any, self.shaping_options))
+        assert self.tolerance is not None
+        angle = self.angular_tolerance
+        return Shaped(tolerance=self.tolerance, angular_tolerance=angle, iterations=self.iterations)
 
     def check(self, timing: str, key: str = "corners") -> None:
         """Check that the values are consistent.
@@ -144,14 +116,7 @@ class Rounding(Checked):
             InvalidInput: Inconsistent values.
         """
         self._check_continuity(timing, key)
-        self._check_single(key)
         if not self.free:
-            for name in OF_FREE:
-                if getattr(self, name) is not None:
-                    raise InvalidInput(
-                        f"{key}.{name} requires shape: free, but the shape is {self.shape}. Set "
-                        f"shape: free, or remove {name}."
-                    )
             return
         if timing != Method.OPTIMAL:
             raise InvalidInput(
@@ -170,30 +135,9 @@ class Rounding(Checked):
                 f"{key}.tolerance is missing. Shape free requires the largest distance from the "
                 "objective, such as tolerance: 1 mm."
             )
-        with error_context(key):
-            _ = self.options
-
-    def _check_single(self, key: str) -> None:
-        """Check that `at` is used with arcs and with a tolerance for the other corners."""
-        if not self.at:
-            return
-        if self.free:
-            raise InvalidInput(
-                f"{key}.at requires shape: arc, but the shape is free, whose tolerance applies to "
-                "the whole path. Remove at, or set shape: arc."
-            )
-        if self.tolerance is None:
-            raise InvalidInput(
-                f"{key}.at also requires {key}.tolerance, the tolerance of all other corners."
-            )
 
     def _check_continuity(self, timing: str, key: str) -> None:
         """Check that shape and timing support the continuity of the corners."""
-        if self.transition_tolerance is not None and (self.free or self.continuity == TANGENT):
-            raise InvalidInput(
-                f"{key}.transition_tolerance requires corners with continuity: curvature. Remove "
-                "it, or set shape: arc and continuity: curvature."
-            )
         if self.continuity is None:
             return
         if self.free:
@@ -210,8 +154,6 @@ class Rounding(Checked):
 
 # Default of the maximum distance of transitions from the objective [m].
 TRANSITION_TOLERANCE = 1e-5
-# Keys of `Rounding` that only the shape free has.
-OF_FREE = ("line_tolerance", "zone", "iterations")
 
 
 @checks.explain_calls
@@ -297,9 +239,7 @@ class Run(Checked):
         """Maximum distance of transitions from the objective [m]; 0 if there are no transitions."""
         if self.continuity != CURVATURE or self.rounding is None:
             return 0.0
-        specified, maximum = self.rounding.transition_tolerance, self.rounding.tolerance
-        if specified is not None:
-            return specified
+        maximum = self.rounding.tolerance
         return min(TRANSITION_TOLERANCE, math.inf if maximum is None else maximum)
 
     @property
@@ -379,8 +319,6 @@ class Job(Checked):
                 check_duration(program, run.limits)
                 run.check_end_time(program)
                 check_speeds(program, self.process, run.limits)
-                if run.rounding is not None and run.rounding.at:
-                    check_corners(program, self.process, list(run.rounding.at))
         with error_context("process"):
             check_process(program, self.process)
         names = [x.name for x in self.runs]

@@ -530,7 +530,6 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
     yield Row("shaping.durations", shaped.durations, "s")
     yield Row("shaping.gain", shaped.gain, "1", "saved by shaping", str(shaped))
     yield Row("shaping.iterations", shaped.iterations)
-    yield Row("shaping.wanted", None if run.rounding is None else run.rounding.shaping_options)
 
 
 def unknown_notes(study: JobResult) -> tuple[str, ...]:

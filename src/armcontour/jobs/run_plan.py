@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from copy import copy
 from functools import partial
 from itertools import tee
 from typing import Any
 
-import numpy.typing as npt
-
 from armcontour.core.errors import InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.geometry import Path
 from armcontour.jobs.alternatives import (
     alternatives,
     check_collision,
     clearance_of,
     first_contour_clear,
 )
-from armcontour.jobs.job import TANGENT, Job, Rounding, Run
+from armcontour.jobs.job import TANGENT, Job, Run
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse, comparable
-from armcontour.jobs.single_corners import check_found, corner_tolerances
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
@@ -125,8 +120,6 @@ def prepare_and_round(
             shared = inputs if job.process.automatic else inputs[:2]
             prepared = cache.get("preparing", shared, lambda: _prepare(job, run))
             run.check_end_time(prepared)
-            if run.rounding is not None and run.rounding.at:
-                check_found(job.program.path, prepared, list(run.rounding.at))
         return prepared, round_program(job, run, prepared, report)
 
     return cache.get(ROUNDING, (objective, *inputs), make)
@@ -201,22 +194,13 @@ def round_program(
         acceleration = run.limits.centripetal_acceleration
     rounded = round_corners(
         _join_smoothly(program, run, rounded=False),
-        tolerance=_tolerance(job, rounding),
+        tolerance=rounding.tolerance,
         speed=rounding.speed,
         acceleration=acceleration,
         angular_tolerance=rounding.angular_tolerance,
         continuity=run.continuity or TANGENT,
     )
     return _join_smoothly(rounded, run, rounded=True)
-
-
-def _tolerance(job: Job, rounding: Rounding) -> float | None | Callable[[Path], npt.ArrayLike]:
-    """Largest corner error [m]; if single corners have tolerances, a function of a path."""
-    single, tolerance = rounding.at, rounding.tolerance
-    if not single or tolerance is None:
-        return tolerance
-    drawn = job.program.path
-    return lambda path: corner_tolerances(drawn, path, tolerance, single)
 
 
 def trace_run(job: Job, run: Run, program: Program, progress: Progress) -> Tracing:

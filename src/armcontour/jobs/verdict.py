@@ -91,7 +91,7 @@ def allowed_error(planned: Planned) -> float | None:
     run = planned.run
     if run.accuracy is not None:
         return max(run.accuracy - (planned.rounding_error or 0.0), 0.0)
-    smallest = None if run.rounding is None else run.rounding.least_tolerance
+    smallest = None if run.rounding is None else run.rounding.tolerance
     return None if smallest is None else smallest * DEFAULT_ACCURACY
 
 

@@ -21,7 +21,6 @@ from armcontour.core.quantities import (
     Interval,
     Quantity,
     Reserve,
-    Tolerance,
 )
 from armcontour.core.render import number
 from armcontour.motion import DEFAULT_CYCLE, JointPath, Method, check_cycle
@@ -137,52 +136,20 @@ class Shaped(PlanOptions):
         tolerance: Largest distance of the path from the objective, and of the vertices of the
             objective from the path [m]; 0 stops at every vertex. Tolerances of the path's own
             segments cap it, and so does half of a stretch between two sharp corners.
-        line_tolerance: Tolerance at points farther than `zone` from every vertex [m]; by default
-            the same as `tolerance`.
-        zone: Distance from the vertices along the objective, beyond which `line_tolerance` applies
-            [m].
         angular_tolerance: Largest angle between the tool and its required orientation [rad], as in
             `round_corners`.
         iterations: Largest number of iterations. The path satisfies all limits after each one.
         intervals: Approximate number of grid intervals of the plans that are compared.
 
     Raises:
-        InvalidInput: A value of the wrong type or out of range, or one of `line_tolerance` and
-            `zone` without the other.
+        InvalidInput: A value of the wrong type or out of range.
     """
 
     method = Method.SHAPED
     tolerance: Distance
-    line_tolerance: Distance | None = None
-    zone: Tolerance | None = None
     angular_tolerance: AngularDistance | None = None
     iterations: Annotated[int, AtLeast(0, MAX_SHAPES)] = DEFAULT_ITERATIONS
     intervals: Intervals | None = None
-
-    def _check_together(self) -> None:
-        if (self.line_tolerance is None) != (self.zone is None):
-            specified, missing = ("line_tolerance", "zone")[:: 1 if self.zone is None else -1]
-            raise InvalidInput(
-                f"{specified} is given without {missing}. line_tolerance applies farther from the "
-                "vertices than zone: give both or neither."
-            )
-        if self.line_tolerance is None or self.zone is None:
-            return
-        if self.line_tolerance > self.tolerance:
-            raise InvalidInput(
-                f"line_tolerance is {number(self.line_tolerance, 'm')}, but must be at most the "
-                f"tolerance of {number(self.tolerance, 'm')}.",
-                needed=self.line_tolerance,
-                allowed=self.tolerance,
-            )
-        if self.zone < self.tolerance:
-            raise InvalidInput(
-                f"zone is {number(self.zone, 'm')}, but must be at least the tolerance of "
-                f"{number(self.tolerance, 'm')}, because the tolerance reaches that far from a "
-                "vertex.",
-                needed=self.tolerance,
-                allowed=self.zone,
-            )
 
 
 @checks.explain_calls

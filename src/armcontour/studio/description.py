@@ -34,7 +34,6 @@ LABELS = {
     "set_waypoint": "set waypoint {number}",
     "insert_waypoint": "insert waypoint {number}",
     "remove_waypoint": "remove waypoint {number}",
-    "corner_tolerance": "tolerance of corner {number}",
     "place": "place the part",
     "to_waypoints": "make waypoints of the drawing",
     "obstacle": "{action} an obstacle",
@@ -191,14 +190,11 @@ def _path(
         return {"editable": False, "convertible": False, "why_not": why, "notes": []}
     notes = [] if state.job is None else list(state.job.program.notes)
     tolerance = locate_key(("corners", "tolerance"), data, run)
-    rounding = None if state.job is None else run_of(state.job, run).rounding
     coordinates = handles.waypoints[0].written if handles.waypoints else (None,)
     return {
         "axes": handles.axes,
         "unit": unit_of(coordinates[0], LENGTH),
         "tolerance_unit": unit_of(value_at(data, tolerance), LENGTH),
-        # Tolerances of single corners by the index of their waypoint [m].
-        "tolerances": {k - 1: x for k, x in (rounding and rounding.at or {}).items()},
         "kind": handles.kind,
         "file": handles.file,
         "editable": handles.editable,

@@ -15,8 +15,7 @@ from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data
 from armcontour.files.job_text_edits import key_in
 from armcontour.geometry import Path, RoundedPath
-from armcontour.jobs import Rounding, Run
-from armcontour.jobs.single_corners import corner_waypoints
+from armcontour.jobs import Run
 from armcontour.jobs.verdict import time_limit_row
 from armcontour.motion import LawAlongPath
 from armcontour.planning import Explanation
@@ -326,7 +325,7 @@ def _points_at(program: Program, s: FloatArray) -> FloatArray:
 def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
     """Rounded corners of all contours; an empty list if there are more than MAX_CORNERS."""
     rows: list[dict[str, Any]] = []
-    rounding, contours = planned.run.rounding, planned.job.program.contours
+    rounding = planned.run.rounding
     for index, contour in enumerate(planned.path.contours):
         path = contour.path
         if not isinstance(path, RoundedPath):
@@ -339,28 +338,17 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
         bound = np.fmin(
             tolerances[c.vertex - 1], tolerances[np.minimum(c.vertex, len(tolerances) - 1)]
         )
-        # Corners can have their own tolerance only if the program has a single contour.
-        numbers = np.zeros(len(c), dtype=np.intp)
-        if len(contours) == 1:
-            numbers = corner_waypoints(contours[0].path, path.objective)[c.vertex - 1]
-        allowed = bound if rounding is None else np.fmin(bound, _caps(rounding, numbers))
+        usual = np.nan if rounding is None or rounding.tolerance is None else rounding.tolerance
+        allowed = np.fmin(bound, usual)
         for k in range(len(c)):
             rows.append(
                 {
                     **{"index": len(rows), "contour": index, "vertex": c.vertex[k]},
-                    "waypoint": int(numbers[k]) - 1 if numbers[k] else None,
                     **{"apex": apex[k], "corner": point[k], "error": c.error[k]},
                     **{"allowed": allowed[k], "radius": c.radius[k], "reason": c.reason[k]},
                 }
             )
     return rows
-
-
-def _caps(rounding: Rounding, numbers: IntArray) -> FloatArray:
-    """Corner error that the job allows at each waypoint number [m]; NaN if not specified."""
-    usual = np.nan if rounding.tolerance is None else rounding.tolerance
-    single = rounding.at or {}
-    return np.array([single.get(k, usual) for k in numbers.tolist()], dtype=np.float64)
 
 
 def _notes(planned: Preview) -> list[str]:

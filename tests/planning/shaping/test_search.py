@@ -17,7 +17,6 @@ from armcontour.planning.shaping.starts import (
     STOPS,
     Timer,
     make_starts,
-    match,
     prove,
 )
 
@@ -48,7 +47,8 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
 
 
 def test_what_is_not_shaped(arm, limits):
-    path = ac.shape(LINES, arm, limits, ac.Shaped(tolerance=1e-3, line_tolerance=0.0, zone=0.01))
+    exact = ac.Path.polyline(LINES.vertices, segment_limits=ac.SegmentLimits(tolerance=0.0))
+    path = ac.shape(exact, arm, limits, ac.Shaped(tolerance=1e-3))
     assert "a line has no tolerance" in path.outcome.note
     assert path.outcome.durations["shaped"] == min(path.outcome.durations.values())
     assert explain_unshaped(LINES, Tube.around(LINES, 1e-3)) is None
@@ -60,9 +60,7 @@ def test_what_is_not_shaped(arm, limits):
 
 
 def tube_of(path, options):
-    return Tube.around(
-        path, options.tolerance, line_tolerance=options.line_tolerance, zone=options.zone
-    )
+    return Tube.around(path, options.tolerance)
 
 
 def test_starts_use_all_of_the_tolerance():
@@ -81,23 +79,6 @@ def test_starts_use_all_of_the_tolerance():
     path = ac.Path.polyline(points, segment_limits=segment_limits)
     start_path, _ = make_starts(path, tube_of(path, options), options, 0.7)[ARCS]
     np.testing.assert_allclose(start_path.corners.error, 0.7e-3, rtol=1e-9)
-
-
-def test_corners_are_as_large_as_their_zones_allow():
-    options = ac.Shaped(tolerance=5e-3, line_tolerance=1e-4, zone=6e-3)
-    tube = tube_of(LINES, options)
-    free = ac.Shaped(tolerance=5e-3)
-    for name in (ARCS, PARABOLAS):
-        path, places = make_starts(LINES, tube, options)[name]
-        assert prove(tube, path, places).ok
-        whole, _ = make_starts(LINES, tube_of(LINES, free), free)[name]
-        assert (path.corners.error < whole.corners.error).all()
-        # A twentieth more would leave the zone.
-        round_ = ac.round_corners if name == ARCS else ac.geometry.round_with_parabolas
-        larger = round_(LINES, tolerance=np.array(path.corners.error) * 1.05)
-        s = np.array([0, larger.length])
-        wide = match(tube, larger, np.stack([s * LINES.length / larger.length, s], axis=1), 0.03)
-        assert not prove(tube, larger, wide).ok
 
 
 def test_the_nearest_point_of_a_corner_passes_it():

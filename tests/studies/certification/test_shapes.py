@@ -77,18 +77,3 @@ def test_a_note_reports_that_arcs_are_not_faster(job, certified):
     row, shown = certified.to_data()["shape"], number(certified.shapes["arc"], "s")
     assert row.value == data["shape"] == shape and shown in row.note
     assert shown in render_report(certified.study, certificate=certified)
-
-
-def test_the_servo_takes_its_part_of_lines_too(job):
-    run = job.runs[0]
-    tight = replace(run.rounding, line_tolerance=0.1e-3, zone=10e-3)
-    certificate = ac.certify(
-        replace(job, runs=(replace(run, rounding=tight),)),
-        goal=ac.CertificateGoal(tolerance=TOLERANCE),
-    )
-    allowed = certificate.budget.servo_allowed
-    assert certificate.contours[0].shape == "free"
-    rounding = certificate.run.rounding
-    assert rounding.tolerance + allowed == pytest.approx(TOLERANCE)
-    assert rounding.line_tolerance + allowed == pytest.approx(0.1e-3)
-    assert 0 < certificate.evaluation.contour_error.max <= allowed < 0.1e-3

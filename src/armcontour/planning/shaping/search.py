@@ -405,8 +405,6 @@ class ShapeSearch:
             objective=objective,
             places=drawn.places,
             tolerance=options.tolerance,
-            line_tolerance=options.line_tolerance,
-            zone=options.zone,
             outcome=ShapingOutcome(start=self.start.name, durations={}),
             curve=drawn.curve,
         )

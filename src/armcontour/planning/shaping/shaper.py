@@ -365,8 +365,6 @@ def _shaped_path(
         objective=objective,
         places=matches,
         tolerance=options.tolerance,
-        line_tolerance=options.line_tolerance,
-        zone=options.zone,
         outcome=outcome,
         curve=path.curve if isinstance(path, ShapedPath) else None,
     )

@@ -123,9 +123,7 @@ class Timer:
 
 def tube_of(objective: Path, options: Shaped) -> Tube:
     """Tube of the tolerance around an objective path."""
-    return Tube.around(
-        objective, options.tolerance, line_tolerance=options.line_tolerance, zone=options.zone
-    )
+    return Tube.around(objective, options.tolerance)
 
 
 def make_starts(

@@ -175,8 +175,6 @@ def _shaping_table(shaped: list[tuple[str, ShapedPath]]) -> TextTable:
         Row("gain", None, "1", "gain"),
         Row("iterations", None, "", "iterations"),
         Row("tolerance", None, "m", "tolerance"),
-        Row("line_tolerance", None, "m", "along lines"),
-        Row("zone", None, "m", "from corners"),
         Row("deviation", None, "m", "distance"),
     )
     rows = [
@@ -184,7 +182,7 @@ def _shaping_table(shaped: list[tuple[str, ShapedPath]]) -> TextTable:
             label,
             *(x.outcome.durations.get(name) for name in (*STARTS, SHAPED)),
             *(x.outcome.start, x.outcome.gain, max(len(x.outcome.history) - 1, 0)),
-            *(x.tolerance, x.line_tolerance, x.zone, x.deviation),
+            *(x.tolerance, x.deviation),
         )
         for label, x in shaped
     ]

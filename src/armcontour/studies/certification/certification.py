@@ -207,7 +207,7 @@ def _find_fastest(
             return base, None, least
         alone = search_plan(replace(base, servo_allowed=budget))
         return base, alone, alone[0].trajectory.duration
-    tightest = _shared_tolerance(run, goal)
+    tightest = goal.tolerance
     budgets = (
         [x * tightest for x in SERVO_SHARES] if goal.servo_error is None else [goal.servo_error]
     )
@@ -258,23 +258,13 @@ def _worst_error(proof: ProgramTrial, moves: Sequence[MoveSearch]) -> float:
     return max(largest + [float(x.max.max()) for x in robots])
 
 
-def _shared_tolerance(run: Run, goal: CertificateGoal) -> float:
-    """The smallest tolerance that is divided between shape and servo [m]."""
-    assert goal.tolerance is not None
-    line = None if run.rounding is None else run.rounding.line_tolerance
-    return goal.tolerance if line is None else min(line, goal.tolerance)
-
-
 def _reduce_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
     """The run with its shape tolerances reduced by `servo`, the part of the servo [m]."""
     rounding = run.rounding
     if rounding is None or goal.tolerance is None:
         return run
     tolerance = goal.tolerance - servo
-    single = {k: min(x, tolerance) for k, x in (rounding.at or {}).items()} or None
-    line = None if rounding.line_tolerance is None else _shared_tolerance(run, goal) - servo
-    shape = replace(rounding, tolerance=tolerance, at=single, line_tolerance=line)
-    return replace(run, rounding=shape)
+    return replace(run, rounding=replace(rounding, tolerance=tolerance))
 
 
 def _check_program(case: Case) -> None:

@@ -12,7 +12,6 @@ from armcontour.studio.edits.conversion import waypoint_changes
 from armcontour.studio.edits.keys import set_value, unset_value
 from armcontour.studio.edits.layout import obstacle, place, tilt
 from armcontour.studio.edits.waypoints import (
-    corner_tolerance,
     draw,
     insert_waypoint,
     move_waypoint,
@@ -50,7 +49,6 @@ EDITS: dict[Any, EditFunction] = {
     "set_waypoint": set_waypoint,
     "insert_waypoint": insert_waypoint,
     "remove_waypoint": remove_waypoint,
-    "corner_tolerance": corner_tolerance,
     "place": place,
     "to_waypoints": lambda edit, state: waypoint_changes(state.handles, state.data),
     "obstacle": obstacle,

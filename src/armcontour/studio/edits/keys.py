@@ -25,8 +25,8 @@ from armcontour.studio.handles import EditState
 SHARP = "sharp"
 # Initial tolerance of corners that become rounded.
 FIRST_TOLERANCE = "1 mm"
-# Mappings whose keys are waypoint numbers or tool numbers.
-NUMBERED = ("at", "tools")
+# Mappings whose keys are tool numbers.
+NUMBERED = ("tools",)
 # Required mappings of a job: they stay even if they become empty.
 REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 

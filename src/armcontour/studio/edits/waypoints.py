@@ -1,4 +1,4 @@
-"""Edits of waypoints, corner tolerances and pen segments."""
+"""Edits of waypoints and pen segments."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
 from armcontour.files.job_text_edits import Change, Keys, value_at
-from armcontour.files.patch import locate_key
 from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import (
     CENTER,
@@ -34,43 +33,6 @@ MAX_WAYPOINT = 10_000_000
 TO = "to"
 # A drawn shape continues the path if it starts within this distance of the path's end [m].
 NEAR = 1e-9
-
-
-def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that set the tolerance of one corner; the value None removes the tolerance."""
-    if edit["index"] is None:
-        raise InvalidInput(
-            "This corner cannot have its own tolerance, because it is not at a waypoint of a path "
-            "with a single contour. Set the tolerance of all corners."
-        )
-    index = checks.check_int("number of the waypoint", edit["index"], 0, MAX_WAYPOINT)
-    keys = locate_key(("corners", "at"), state.data, state.run)
-    key: Keys = (*keys, index + 1)
-    tolerances = value_at(state.data, keys)
-    if edit["value"] is None:
-        alone = isinstance(tolerances, dict) and set(tolerances) == {index + 1}
-        return [Change(keys if alone else key)]
-    return [Change(key, format_value(edit["value"], value_at(state.data, key), key))]
-
-
-def renumber_corners(index: int, by: int, state: EditState) -> list[Change]:
-    """Changes of corner tolerances after waypoint `index` is inserted (by = 1) or removed (-1)."""
-    changes = []
-    last = len(state.handles.ends) - 1
-    # If an end of the path is removed, its neighbour becomes the end, which is not a corner.
-    ends = {1, last} if by < 0 and index in (0, last) else set()
-    runs = (("runs", name, "corners", "at") for name in state.data["runs"])
-    for keys in (("corners", "at"), *runs):
-        tolerances = value_at(state.data, keys)
-        if not isinstance(tolerances, dict):
-            continue
-        # Keys are waypoint numbers, which start at 1: the removed waypoint has number index + 1.
-        remaining = {k: x for k, x in tolerances.items() if by > 0 or k != index + 1}
-        moved = {k + by if k > index else k: x for k, x in remaining.items()}
-        new = {k: x for k, x in moved.items() if k not in ends}
-        if new != tolerances:
-            changes.append(Change(keys, new) if new else Change(keys))
-    return changes
 
 
 def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
@@ -119,7 +81,7 @@ def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     else:
         changes = [Change((*_list_of(handles), index), coordinates, insert=True)]
     like = min(index, len(ends) - 1)
-    return [*changes, *copy_orientation(index, like, state), *renumber_corners(index, 1, state)]
+    return [*changes, *copy_orientation(index, like, state)]
 
 
 def _insert_segment(index: int, coordinates: list[Any], state: EditState) -> list[Change]:
@@ -169,7 +131,7 @@ def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     orientation = value_at(state.data, ("path", "orientation"))
     if isinstance(orientation, list) and index < len(orientation):
         changes.append(Change(("path", "orientation", index)))
-    return [*changes, *renumber_corners(index, -1, state)]
+    return changes
 
 
 def copy_orientation(index: int, like: int, state: EditState) -> list[Change]:

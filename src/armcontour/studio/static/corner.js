@@ -5,7 +5,7 @@ import { mm } from "./format.js";
 /** @typedef {[number, number]} Point */
 /**
  * A rounded corner, as in pictures; lengths in metres.
- * @typedef {{index: number, vertex: number, waypoint: number | null, apex: Point, corner: Point, error: number,
+ * @typedef {{index: number, vertex: number, apex: Point, corner: Point, error: number,
  *   allowed: number | null, radius: number, reason: string}} Corner
  */
 
@@ -25,18 +25,9 @@ function bisectorOf({ apex, corner }) {
   return length > 0 ? [du / length, dv / length] : [0, 1];
 }
 
-/**
- * Edits that set the tolerance of a corner, or of all corners.
- * @param {Corner} corner @param {number | string} value m, or as typed @param {boolean} [all] @returns {object[]}
- */
-export function toleranceEdits(corner, value, all = false) {
-  // A corner of a drawing has no waypoint: its tolerance is that of all.
-  if (!all && corner.waypoint !== null) return [{ do: "corner_tolerance", index: corner.waypoint, value }];
-  // Corners with a tolerance of their own get that of all.
-  return [
-    { do: "set", key: "corners.tolerance", value },
-    { do: "unset", key: "corners.at" },
-  ];
+/** Edits that set the tolerance of all corners. @param {number | string} value m, or as typed @returns {object[]} */
+export function toleranceEdits(value) {
+  return [{ do: "set", key: "corners.tolerance", value }];
 }
 
 /**

@@ -29,8 +29,8 @@ const FROM = {
 };
 /** Keys of which a layer that is omitted is not run, and of layers. */
 const [READ, BY_LAYER] = ["path.layers", "process.by_layer"];
-/** Keys of mappings by numbers, of waypoints and of tools. */
-const NUMBERED = ["corners.at", "path.tools"];
+/** Keys of mappings by numbers, of tools. */
+const NUMBERED = ["path.tools"];
 
 const head = signal(/** @type {any} */ (null));
 const everything = signal(false);

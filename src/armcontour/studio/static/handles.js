@@ -180,11 +180,9 @@ class Handles {
   corner(index) {
     const element = this.shape("corner", index, [draw("path", { class: "stem" }), draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
     const corner = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
-    const isOfAll = () => corner().waypoint === null || this.store.options.corners === "all";
     /** The tolerance of the file, which the corner need not use up. */
     const tolerance = () => {
-      const { path, values } = this.store.document;
-      return path.tolerances[corner().waypoint] ?? values["corners.tolerance"]?.value ?? corner().error;
+      return this.store.document.values["corners.tolerance"]?.value ?? corner().error;
     };
     /** The error that is drawn, which the pointer grabs. */
     const drawn = () => this.pointer.held(handle)?.[0] ?? corner().error;
@@ -196,12 +194,12 @@ class Handles {
       at: () => corner()?.apex ?? null,
       shown: ([value]) => apexAt(corner(), value),
       start: (event) => ({
-        names: [isOfAll() ? "tolerance of all corners" : "tolerance"],
+        names: ["tolerance of all corners"],
         unit: this.store.document.path.tolerance_unit,
         values: [event instanceof KeyboardEvent ? tolerance() : drawn()],
       }),
       moved: (by, [value], event) => [value + along(corner(), by, event instanceof KeyboardEvent)],
-      edits: ([value]) => toleranceEdits(corner(), value, isOfAll()),
+      edits: ([value]) => toleranceEdits(value),
       describe: () => {
         if (!corner()) return;
         mark(element, "aria-valuenow", mm(corner().error));

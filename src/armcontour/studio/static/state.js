@@ -33,7 +33,6 @@
  * @property {"limit" | "speed" | "error"} colour   what colours the path
  * @property {boolean} executed     whether the executed tool is drawn
  * @property {number} magnify       factor of its error; 0 = automatic
- * @property {"one" | "all"} corners  whose tolerance a drag of a corner changes
  * @property {string} pen          the shape that is drawn; "" for none
  * @property {boolean} place        whether the part is moved as a whole
  * @property {"planned" | "executed"} time   which motion is played
@@ -55,7 +54,6 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   colour: "limit",
   executed: true,
   magnify: 0,
-  corners: "one",
   pen: "",
   place: false,
   time: "planned",

@@ -64,12 +64,11 @@ function waypoints(store, link) {
 function corners(store, link) {
   const region = find("#tab-corners");
   const row = (/** @type {any} */ corner, /** @type {number} */ k) => {
-    const { waypoint, error, allowed, radius, reason } = corner;
+    const { error, allowed, radius, reason } = corner;
     const value = allowed === null || allowed === undefined ? "" : `${Number((1000 * allowed).toPrecision(6))} mm`;
-    const name = waypoint === null ? "Tolerance of all corners" : `Tolerance of the corner at waypoint ${waypoint + 1}`;
-    return html`<tr key=${k}><th scope="row">${waypoint === null ? "" : waypoint + 1}</th>
+    return html`<tr key=${k}><th scope="row">${k + 1}</th>
       <td>${corner.corner.map((/** @type {number} */ x) => mm(x, 2)).join(", ")}</td><td>${mm(error)} mm</td>
-      <td><${Entry} value=${value} send=${(/** @type {string} */ text) => link.edit(toleranceEdits(corner, withUnit(text, value, "mm")))} aria-label=${name} /></td>
+      <td><${Entry} value=${value} send=${(/** @type {string} */ text) => link.edit(toleranceEdits(withUnit(text, value, "mm")))} aria-label="Tolerance of all corners" /></td>
       <td>${mm(radius, 2)} mm</td><td class="words">${reason ?? ""}</td></tr>`;
   };
   whileSeen(store, region, ["picture"], () => {

@@ -12,24 +12,17 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {import("./legend.js").Shades} Shades */
 
 const COLOURINGS = { limit: "Limit", speed: "Speed", error: "Error" };
-const CORNERS = { one: "One corner", all: "All" };
 const STAGES = { "2d": "2D", both: "Both", "3d": "3D" };
 /** Shapes of the pen, each with its picture. */
 const PEN = { Line: "M3 13L13 3", Arc: "M2 12A6.3 6.3 0 0 1 14 12", Circle: "M8 2a6 6 0 1 0 .1 0z", Rectangle: "M2 4h12v8H2z" };
 const LEGEND_EVERY = 250; // ms
-/** Why a corner may have no tolerance of its own. */
-const TOGETHER = "Corners of several contours have one tolerance: corners.tolerance, or that of a layer";
 
 /**
  * One of several: buttons of which one is pressed.
- * @param {{label: string, names: Record<string, string>, now: string, choose: (name: any) => void, hidden?: boolean, without?: string}} props
- *   `without`: why the first one cannot be chosen
+ * @param {{label: string, names: Record<string, string>, now: string, choose: (name: any) => void}} props
  */
-const Choice = ({ label, names, now, choose, hidden = false, without = "" }) => html`<span class="group choice" role="group" aria-label=${label} hidden=${hidden}>
-  ${Object.entries(names).map(([name, text], k) => {
-    const why = k === 0 ? without : "";
-    return html`<button type="button" data-name=${name} disabled=${Boolean(why)} title=${why || `${label}: ${text.toLowerCase()}`} aria-pressed=${String(now === name)} onClick=${() => choose(name)}>${text}</button>`;
-  })}</span>`;
+const Choice = ({ label, names, now, choose }) => html`<span class="group choice" role="group" aria-label=${label}>
+  ${Object.entries(names).map(([name, text]) => html`<button type="button" data-name=${name} title=${`${label}: ${text.toLowerCase()}`} aria-pressed=${String(now === name)} onClick=${() => choose(name)}>${text}</button>`)}</span>`;
 
 /** @param {{text: string, title: string, is: boolean, act: () => void}} props */
 const Toggle = ({ text, title, is, act }) => html`<button type="button" title=${title} aria-pressed=${String(is)} onClick=${act}>${text}</button>`;
@@ -86,8 +79,6 @@ export function init(store, view) {
   const update = () => {
     const { options } = store;
     const magnify = Number(view.region.dataset.magnify);
-    const corners = store.latest("picture")?.head.corners ?? [];
-    const isSingle = corners.some((/** @type {any} */ x) => x.waypoint !== null);
     const set = (/** @type {string} */ name) => (/** @type {any} */ value) => store.setView({ [name]: value });
     const held = document.activeElement?.matches("#viewbar input");
     const button = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ act) =>
@@ -101,7 +92,6 @@ export function init(store, view) {
           <span class="times">${magnify ? `×${magnify}` : ""}</span>
           <${Toggle} text="Auto" title="Magnify errors so that they are well seen" is=${options.magnify === 0} act=${() => set("magnify")(store.options.magnify ? 0 : Number(view.region.dataset.magnify) || 100)} />
         </span>
-        <${Choice} label="A drag of a tolerance changes" names=${CORNERS} now=${isSingle ? options.corners : "all"} choose=${set("corners")} without=${isSingle ? "" : TOGETHER} />
         <${Toggle} text="Place part" title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
         <${Pen} now=${options.pen} can=${canDraw(store)} choose=${(/** @type {string} */ name) => set("pen")(store.options.pen === name ? "" : name)} />
         <button type="button" id="add-obstacle" data-later title="A box beside the part, with a name and a height; drag it or its corner, press F2 to change them">Add obstacle</button>
