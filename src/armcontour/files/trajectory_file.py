@@ -16,7 +16,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.text import list_some, show
-from armcontour.files.csv_table import CsvTable, last_digit, read_table
+from armcontour.files.csv_table import CsvTable, last_digit, read_table, title_pattern
 from armcontour.files.exports.table import (
     EVENT_KEYS,
     SetPointTable,
@@ -34,7 +34,6 @@ from armcontour.files.joint_table import (
     read_csv_text,
     read_joint_title,
     read_samples,
-    title_pattern,
 )
 from armcontour.files.result_folder import SUMMARY, verify_file
 from armcontour.files.ros_files import is_ros_file, read_ros_motion
@@ -58,8 +57,8 @@ def read_trajectory(
     """Read a trajectory from a CSV file, a JointTrajectory in YAML, or a bag of ROS 2.
 
     The first line of CSV names the columns: `t`, `q1` or `joint 1`, `dq1`, `ddq1`, ..., each with a
-    unit in brackets (`t [ms]`, `joint 1 [deg]`) or as a suffix (`q1_deg`) if the unit is not SI.
-    The column names of logs are also recognized (see `read_log`). If a file has commands and
+    unit in brackets (`t [ms]`, `joint 1 [deg]`) if the unit is not SI. The column names of logs are
+    also recognized (see `read_log`). If a file has commands and
     measured positions, the measured positions are read. Other columns are ignored. Separators are
     commas, semicolons, tabs or blanks. Lines that start with # are comments.
 

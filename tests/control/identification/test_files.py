@@ -32,29 +32,16 @@ limits:
   joint_acceleration: {value: [1.0, 1.0], unit: rad/s^2, source: test}
 """
 
-# The names in the table of docs/guides/identify.md.
-COMMANDS = ("u1", "command 1", "q1_cmd", "setpoint 1", "target 1")
-MEASURED = (
-    *("q1", "measured 1", "q1_actual", "q1_measured", "q1_meas", "q1_feedback"),
-    *("feedback 1", "actual 1", "joint 1"),
-)
+COMMANDS = ("u1", "u_1", "command 1", "command_1")
+MEASURED = ("q1", "q_1", "measured 1", "joint 1")
 HEADERS = (
     *(f"t,{u},{q}" for u, q in product(COMMANDS, MEASURED)),
-    *(f"t,{u} [rad],{q} [rad]" for u, q in product(COMMANDS, MEASURED)),
-    *(f"t [s],{u}_rad,{q}_rad" for u, q in product(COMMANDS[2:3], MEASURED[2:6])),
-    "t_s,command1_rad,q1_rad",
-    "Time (s), Joint 1 command, Joint 1 actual",
-    # What this package writes of joints, and what it wrote.
-    "t [s],command 1 [rad],q 1 [rad]",
-    "t [s],command 1 [rad],joint 1 [rad]",
+    *(f"Time (s),{u} [rad],{q} [rad]" for u, q in product(COMMANDS, MEASURED)),
 )
 NAMED = (
-    ("t,q_cmd_2,q_2", "joint 2"),
-    # As UR's real-time interface writes them.
     ("timestamp,target_q_0,actual_q_0,target_qd_0,actual_qd_0,actual_TCP_pose_0", "joint 0"),
-    ("t,shoulder command,shoulder measured", "shoulder"),
-    ("t,cmd_lwr_joint_3,meas_lwr_joint_3", "lwr_joint_3"),
-    ("timestamp,setpoint elbow [rad],feedback elbow [rad]", "elbow"),
+    ("t,command shoulder,measured shoulder", "shoulder"),
+    ("t,command elbow [rad],q elbow [rad]", "elbow"),
 )
 
 
@@ -73,7 +60,7 @@ def test_units_order_comments_and_columns_that_are_not_needed(separator):
     rows = "\n".join(f"{i * 4},9,{90 + i},{45},{i},{i},{7}" for i in range(60))
     text = (
         "# from a controller\n# interpolation: step\n"
-        "t [ms],torque1,q2 [deg],q1_deg,u1 [deg],u2 [deg],dq1\n" + rows
+        "t [ms],torque1,q2 [deg],q1 [deg],u1 [deg],u2 [deg],dq1\n" + rows
     )
     log = parse_log(text.replace(",", separator), start=0.01, end=0.23)
     assert log.interpolation == "step" and log.joint_names == ("joint 1", "joint 2")
@@ -89,10 +76,10 @@ def test_units_cells_and_columns_that_are_not_needed():
     rows = "\n".join(f"{i},{i * 0.1},{i * 0.1},ready,,nan" for i in range(60))
     assert len(parse_log("t,u1,q1,state,load,current\n" + rows).t) == 60
     rows = "".join(f"{i},{i},{i + 1}\n" for i in range(60))
-    for names in ("t [s],q1_cmd [deg],q1_actual [deg]\n", "t,q1_cmd_deg,q1_actual_deg\n"):
-        log = parse_log(names + rows)
-        np.testing.assert_allclose(np.degrees(log.command[:, 0]), np.arange(60))
-        np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
+    columns = "u# [deg]=q#_cmd_deg,q# [deg]=q#_actual_deg"
+    log = parse_log(f"t,q1_cmd_deg,q1_actual_deg\n{rows}", columns=columns)
+    np.testing.assert_allclose(np.degrees(log.command[:, 0]), np.arange(60))
+    np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
 
 
 def test_columns_are_named_beside_the_file(refuses):

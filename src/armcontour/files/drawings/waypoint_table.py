@@ -98,7 +98,7 @@ def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str]
     ]
 
 
-def _title(name: str, has_unit: bool) -> Title[str] | None:
+def _title(name: str) -> Title[str] | None:
     """Content and unit of a column from its title; None if the title is unknown."""
     match = _NAME.fullmatch(name.strip())
     key = match["name"].lower() if match else ""

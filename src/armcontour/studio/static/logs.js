@@ -10,7 +10,7 @@ export const ENDINGS = ".csv,.txt,.log,.mcap,.db3";
 /** Names of logs, and of tables, which may be drawings as well. */
 const [BAGS, TABLES] = [/\.(log|mcap|db3)$/i, /\.(csv|txt)$/i];
 /** A column of times, in the first line that is no comment; waypoints have none. */
-const TIMES = /(^|[^a-z])(t|time|timestamp|zeit|ipoc|sec)([^a-z0-9]|$)/i;
+const TIMES = /(^|[^a-z])(t|time|timestamp|ipoc)([^a-z0-9]|$)/i;
 /** Logs that the server keeps, the oldest first, those that tasks take, and names of columns. */
 const [all, ticked, columns] = [signal(/** @type {string[]} */ ([])), signal(/** @type {string[]} */ ([])), signal("")];
 
