@@ -1,6 +1,5 @@
 """`python -m soak.gcode`: random G-code programs, read and interpreted a second time.
 
-`--cycles` writes series of canned cycles in three planes.
 With files named, these are read and compared instead. Exit code 1 if a program is refused that is
 valid by construction, or if any point, speed, tolerance or event differs.
 """
@@ -64,7 +63,6 @@ def main() -> int:
     parser.add_argument("files", nargs="*", type=Path, help="G-code files; default: random ones")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=20_000)
-    parser.add_argument("--cycles", action="store_true", help="series of canned cycles")
     options = parser.parse_args()
     judges, author = load("test_gcode"), load("gcode_author")
     counts: Counter[str] = Counter()
@@ -73,8 +71,7 @@ def main() -> int:
         good = {"equal", "refused"}
     else:
         seeds = range(options.first_seed, options.first_seed + options.count)
-        write = author.series if options.cycles else author.program
-        verdicts = ((f"seed {x}", judge(write(x), judges)) for x in seeds)
+        verdicts = ((f"seed {x}", judge(author.program(x), judges)) for x in seeds)
         good = {"equal"}
     wrong = 0
     for name, verdict in verdicts:

@@ -327,16 +327,3 @@ def test_prints_or_chooses_layers_and_size():
     assert data["layers"]["CUT"]["length"] == pytest.approx(2 * 0.89506, abs=1e-4)
     size = [b - a for a, b in zip(*data["extent"], strict=True)]
     assert size == pytest.approx([0.28, 0.245], abs=1e-12)
-
-
-def test_tools_have_diameters(tmp_path):
-    file = tmp_path / "part.ngc"
-    file.write_text("F600\nG41 D1 G1 X10\nG42.1\n")
-    with pytest.raises(InvalidInput, match="--tool-diameter '1: 3 mm'"):
-        show(file)
-    file.write_text("F600\nG41 D2 G1 X10\nX20\nM2\n")
-    data = json.loads(show(file, "--tool-diameter", "1: 3 mm, 2:4mm", "--json"))
-    assert data["extent"][1] == pytest.approx([0.02, 2e-3])
-    for text in ("3 mm", "x: 3 mm", "1: 3", "1: 3 mm, 1: 4 mm", "123456789: 1 mm"):
-        with pytest.raises(InvalidInput, match="--tool-diameter"):
-            show(file, "--tool-diameter", text)

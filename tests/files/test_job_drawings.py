@@ -302,26 +302,3 @@ def test_a_closed_path_of_points_begins_elsewhere_only_if_there_is_a_process(fol
     np.testing.assert_array_equal(parsed.program.path(0.0), ring[0])
     moved = parse_job(yaml.safe_dump({**points, "process": {"overlap": "1 mm"}}))
     assert np.linalg.norm(prepare(moved.program, moved.process).path(0.0) - ring[0]) > 0.01
-
-
-def test_tools_have_diameters_by_their_numbers(folder):
-    (folder / "part.nc").write_text("F600\nG41 D1 G1 X10\nX20\nM2\n")
-
-    def read(tools):
-        return job(folder, path={"file": "part.nc", "tools": tools}).path
-
-    for diameter in ("4 mm", 4e-3):
-        y = read({1: diameter}).path.vertices[:, 1]
-        np.testing.assert_allclose(y[1:] - y[0], 2e-3, atol=1e-12)
-    refusals(read, [(x, "tool") for x in ({"one": "4 mm"}, {1: "4"}, {-1: 4e-3})])
-
-
-def test_words_of_g_code_are_left_out_by_name(folder):
-    (folder / "part.nc").write_text("T1 M6\nG1 X60 F600\nG55 G0 Y9\nG1 X0\n")
-
-    def read(unknown):
-        return job(folder, path={"file": "part.nc", "unknown": unknown}).path
-
-    (note, *_) = read({"skip": ["t", "M06", "G55"]}).notes
-    assert "M6 (1 time" in note and "the word T (1 time" in note
-    refusals(read, [({"skip": ["X"]}, "must list codes ... but has 'X'")])

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
-from tests.geometry.tables import each, line, path_of, refused
+from tests.geometry.tables import line, path_of, refused
 from tests.jobs.making import ARM
 
 import armcontour as ac
@@ -13,6 +13,7 @@ from armcontour.files.drawings.gcode import read_gcode
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.exports import CsvFormat, TemplateFormat
 from armcontour.jobs import analog_outputs
+from armcontour.jobs.analog import check_analog
 from armcontour.program import (
     Analog,
     Contour,
@@ -155,13 +156,9 @@ def test_refuses_outputs_without_a_full_speed_and_odd_ones(plan):
     )
 
 
-# Travels of slicers are G1 without E; M5 and M3 stand between the moves of a laser.
-PRINT = b"M83\nG1 X310 Y200 F1200\nG1 X320 E1\nG1 X340\nG1 X360 E1\n"
-CUT = b"G1 X310 Y200 F1200\nM8\nM3\nG1 X320\nM9\nM5\nG1 X340\nM3\nG1 X360\n"
-
-
-@each("text, travels", [(PRINT, [(0, 310), (320, 340)]), (CUT, [(320, 340)])])
-def test_values_are_off_where_the_file_is_off(text, travels):
+def test_values_are_off_where_the_file_is_off():
+    text = b"G1 X310 Y200 F1200\nM8\nM3\nG1 X320\nM9\nM5\nG1 X340\nM3\nG1 X360\n"
+    travels = [(320, 340)]
     program = read_gcode(b"G21 G90\nG0 X300 Y200\n" + text, source="a", options=ReadOptions())
     process = Process(analog=(POWER, Analog(name="mist", rest=2.0, full=2.0, follows="coolant")))
     program = prepare(program, process)
@@ -176,20 +173,30 @@ def test_values_are_off_where_the_file_is_off(text, travels):
     power = functions["power"](t)
     assert travel.sum() > 100 and not power[travel].any()
     assert work.sum() > 100 and (power[work] >= 0.2).all()
-    cooled = (x > 310.01) & (x < 319.99) & (b"M8\n" in text)
+    cooled = (x > 310.01) & (x < 319.99)
     np.testing.assert_array_equal(functions["mist"](t)[cooled], 2.0)
     np.testing.assert_array_equal(functions["mist"](t)[x > 320.01], 0.0)
 
 
-OPEN = "[[0.3, 0.2], [0.36, 0.2], [0.36, 0.26], [0.36, 0.27], [0.3, 0.26]]"
-SQUARE = "[[0.3, 0.2], [0.36, 0.2], [0.36, 0.26], [0.3, 0.26], [0.3, 0.2]]"
-JOB = """\
-name: corners
-arm: pmk3s
-path: {{points: {points}}}
-{process}
-limits: {{speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}}
-corners: {corners}
-servo: {{kp: 25 1/s, kv: 150 1/s}}
-runs: {{only: {{compensation: {{method: none}}}}}}
-"""
+def test_values_are_proportional_to_s_of_the_file():
+    text = b"G21 G90\nG0 X300 Y200\nM3 S500\nG1 X320 F1200\nX340 S1000\nS0\nX360\n"
+    drawn = read_gcode(text, source="laser.nc", options=ReadOptions())
+    laser = Analog(name="laser", rest=2.0, full=10.0, full_s=1000.0)
+    process = Process(analog=(laser, dataclasses.replace(laser, name="marked", full_s=None)))
+    program = prepare(drawn, process)
+    trajectory = ac.plan(program, ARM, LIMITS)
+    functions = analog_outputs(program, trajectory, process, LIMITS)
+    t = np.linspace(0, trajectory.duration, 3001)[1:-1]
+    x = 1e3 * ARM.tool_position(trajectory(t))[:, 0]
+    inside = np.min([abs(x - 320), abs(x - 340)], axis=0) > 0.01
+    share = np.select([x < 320, x < 340], [0.5, 1.0], 0.0)[inside]
+    full = functions["marked"](t)[inside]
+    assert full.min() >= 2.0 and full.max() == pytest.approx(10.0)
+    np.testing.assert_allclose(functions["laser"](t)[inside], share * full, rtol=1e-12)
+    weak = Process(analog=(dataclasses.replace(laser, full_s=900.0),))
+    bare = Program(moves=drawn.contours[:1])
+    quiet = dataclasses.replace(bare.moves[0], events=())
+    refused(
+        (lambda: analog_outputs(program, trajectory, weak, LIMITS), "laser.nc has S up to 1000"),
+        (lambda: check_analog(Program(moves=(quiet,)), weak, LIMITS), "has no S"),
+    )

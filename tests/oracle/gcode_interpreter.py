@@ -85,18 +85,11 @@ class Interpreter:
         self.speed = self.tolerance = math.nan
         self.moves, self.contour, self.rapid = [], None, None
         self.started, self.states = False, {}
-        self.shift, self.touched = [0.0, 0.0, 0.0], set()
         self.lost, self.gap = set(), False
-        self.feed_mode, self.feed = 94, None
-        self.retract_to_r = False
-        self.cycle, self.sticky, self.series = None, {}, {}
-        self.tool = None
-        self.extruded, self.extruder_absolute, self.m83 = 0.0, True, False
+        self.feed, self.tool = None, None
 
     def run(self, text):
         self.m6 = any("M6" in re.findall(r"[A-Z][0-9.]+", bare(x)) for x in text.split("\n"))
-        feeding = re.compile(r"G0*[123](?![0-9.])[^M]*(?<![A-Z])E-?[0-9.]")
-        self.prints = any(feeding.search(bare(x)) for x in text.split("\n"))
         frames = 0
         for i, line in enumerate(text.split("\n"), 1):
             if line.strip().startswith("%"):
@@ -116,28 +109,24 @@ class Interpreter:
 
     def line(self, text, line):
         """Carries out a line; whether it ends the program."""
-        if text.strip().startswith("/") or re.match(r"(N\d+)?(M11[78](?!\d)|O\d+$)", bare(text)):
+        if text.strip().startswith("/") or re.match(r"(N\d+)?O\d+$", bare(text)):
             return False
-        m, codes, v, before = [], [], {}, None
+        head = re.match(r"(N\d+)?M([0-9.]+)", bare(text))
+        if head and float(head[2]) not in KNOWN_M:
+            return False
+        m, codes, v = [], [], {}
         for letter, value in words_of(bare(text)):
             if letter == "G":
                 codes.append(round(value, 4))
             elif letter == "M":
                 m.append(round(value, 4))
-                before = dict(v) if before is None else before
             elif letter != "N":
                 v[letter] = value
-        if any(x not in KNOWN_M for x in m):
-            keep = v if set(codes) & {*MOTIONS, 28, 30, 53, 92} else before
-            v = {k: x for k, x in v.items() if k in keep and k not in "DEHLOPQST"}
         if 80 in codes and (0 in codes or 1 in codes):
             codes.remove(80)
         return self.step(codes, m, v, line)
 
     def step(self, codes, m, v, line):
-        if {0, 1, 2, 3, 80} & set(codes):
-            # Any other motion ends the series of holes.
-            self.series = {}
         self.set_feed(codes, v)
         if "S" in v and not (4 in codes and "P" not in v):
             self.switch("spindle speed", v["S"])
@@ -154,38 +143,29 @@ class Interpreter:
                 self.states.pop("tool", None)
             self.switch("tool", True if self.tool is None else self.tool)
         self.switches(m)
-        if {82, 83} & set(m):
-            self.m83 = 83 in m
-        if {82, 83} & set(m) or {90, 91} & set(codes):
-            self.extruder_absolute = not (self.m83 or 91 in codes)
         if 4 in codes:
             self.halt()
-            duration = next(v.pop(k) for k in "PSXU" if k in v)
+            duration = next(v.pop(k) for k in "PSX" if k in v)
             if duration > 0:
                 self.moves.append(Dwell(duration))
         for code in codes:
             self.set_mode(code, v)
         if not self.once(codes, v, line):
             self.perform(v, line)
-        for code, value in ((0, True), (60, True), (1, "optional")):
+        for code, value in ((0, True), (1, "optional")):
             if code in m:
                 self.halt()
                 self.moves.append(Event("pause", value))
         if 2 in m or 30 in m:
-            for name in ("extruder", "spindle", "coolant"):
+            for name in ("spindle", "coolant"):
                 if self.states.get(name):
                     self.switch(name, False)
             return True
         return False
 
     def set_feed(self, codes, v):
-        for code in (93, 94):
-            if code in codes and code != self.feed_mode:
-                self.feed_mode, self.feed = code, None
         unit = 0.0254 if 20 in codes else 1e-3 if 21 in codes else self.unit
-        if self.feed_mode == 93:
-            self.feed = v.get("F")
-        elif "F" in v:
+        if "F" in v:
             self.feed = v["F"] * unit / 60
 
     def switches(self, m):
@@ -204,7 +184,7 @@ class Interpreter:
             self.plane = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}[code]
         elif code in (20, 21):
             self.unit = {20: 0.0254, 21: 0.001}[code]
-        elif code in (61, 61.1):
+        elif code == 61:
             self.tolerance = 0.0
         elif code == 64:
             self.tolerance = v["P"] * self.unit if "P" in v else math.nan
@@ -212,35 +192,20 @@ class Interpreter:
             self.relative = code == 91
         elif code in (90.1, 91.1):
             self.centers_absolute = code == 90.1
-        elif code in (98, 99):
-            self.retract_to_r = code == 99
 
     def once(self, codes, v, line):
         """Codes that have the coordinates of their line to themselves."""
         axes = {i: v[k] * self.unit for i, k in enumerate("XYZ") if v.get(k) is not None}
-        if 28 in codes or 30 in codes:
+        if 28 in codes:
             if axes:
                 before, self.motion = self.motion, 0
                 self.straight(self.target(axes), 0)
                 self.motion = before
             self.leave({i for i, k in enumerate("XYZ") if k in v} or {0, 1, 2})
             return True
-        if 92 in codes:
-            self.extruded = v.pop("E", self.extruded)
-            for i, value in axes.items():
-                if i in self.touched:
-                    self.shift[i] = self.x[i] - value
-                else:
-                    self.x[i] = value
-                    self.touched.add(i)
-            return True
         if 53 in codes:
             self.motion = 0
             self.leave(set(axes))
-            return True
-        if 92.1 in codes or 92.2 in codes:
-            self.shift = [0.0] * 3
-        if 43.1 in codes:
             return True
         self.motion = next((c for c in codes if c in MOTIONS), self.motion)
         return False
@@ -252,101 +217,28 @@ class Interpreter:
             self.lost |= named
             self.gap = True
         else:
-            self.x = [self.shift[i] if i in named else self.x[i] for i in range(3)]
+            self.x = [0.0 if i in named else self.x[i] for i in range(3)]
 
     def target(self, axes):
         if self.relative:
             return [a + axes.get(i, 0.0) for i, a in enumerate(self.x)]
-        self.touched |= set(axes)
         self.lost -= set(axes)
-        return [axes[i] + self.shift[i] if i in axes else self.x[i] for i in range(3)]
+        return [axes.get(i, self.x[i]) for i in range(3)]
 
     def perform(self, v, line):
         axes = {i: v[k] * self.unit for i, k in enumerate("XYZ") if k in v}
         arc = self.motion in (2, 3) and any(k in v for k in "XYZIJKR")
-        fed = 0.0
-        if "E" in v and self.motion is not None:
-            fed = v["E"] - self.extruded if self.extruder_absolute else v["E"]
-            self.extruded += fed
         if not arc and not axes:
-            if fed:
-                if self.states.get("extruder"):
-                    self.switch("extruder", False)
-                self.halt()
-                self.moves.append(Event("extruder feed", round(fed * self.unit * 1e3, 4)))
-                if self.feed and self.feed_mode == 94:
-                    self.moves.append(Dwell(abs(fed) * self.unit / self.feed))
             return
-        if self.motion not in (0, 1, 2, 3):
-            self.drill(axes, v, line)
-            return
-        if fed > 0 or self.states.get("extruder"):
-            self.switch("extruder", fed > 0)
         end = self.target(axes)
         if arc:
             self.arc(self.x, end, v, line)
             self.x = end
-        elif self.motion == 1 and fed <= 0 and self.prints and not self.started:
-            # A printer's way to where its print begins.
-            self.motion = 0
-            self.straight(end, line)
-            self.motion = 1
         else:
             self.straight(end, line)
-
-    def drill(self, axes, v, line):
-        """Drilling cycles, as a list of moves along the axis of the plane."""
-        a, b, c = self.plane
-        if self.cycle != self.motion:
-            self.cycle, self.sticky = self.motion, {}
-        self.sticky.update({k: x for k, x in v.items() if k in "RQP"})
-        if c in axes:
-            self.sticky["Z"] = axes.pop(c) / self.unit
-        parameters = {k: x * (1 if k == "P" else self.unit) for k, x in self.sticky.items()}
-        initial = self.series.setdefault(c, self.x[c])
-        self.series = {c: initial}
-        if self.relative:
-            top = initial + parameters["R"]
-            bottom = top + parameters["Z"]
-        else:
-            top, bottom = parameters["R"] + self.shift[c], parameters["Z"] + self.shift[c]
-        first = max(self.x[c], top)
-        back = top if self.retract_to_r else max(initial, top)
-        plan = []
-        if self.motion == 83:
-            count = math.ceil((top - bottom) / parameters["Q"] - 1e-12) - 1
-            for i in range(1, count + 1):
-                depth = top - parameters["Q"] * i
-                plan += [("G1", depth), ("G0", top), ("G0", depth + 0.254e-3)]
-        plan.append(("G1", bottom))
-        if self.motion == 82:
-            plan.append(("P", parameters.get("P", 0.0)))
-        plan.append(("G0", back))
-        code = self.motion
-        self.along(c, "G0", first, line)
-        for _ in range(round(v.get("L", 1))):
-            self.motion = 0
-            end = self.target(axes)
-            end[c] = self.x[c]
-            self.straight(end, line)
-            self.along(c, "G0", top, line)
-            for step, value in plan:
-                if step == "P":
-                    self.halt()
-                    if value > 0:
-                        self.moves.append(Dwell(value))
-                else:
-                    self.along(c, step, value, line)
-        self.motion = code
-
-    def along(self, c, motion, height, line):
-        self.motion = 0 if motion == "G0" else 1
-        self.straight([height if i == c else self.x[i] for i in range(3)], line)
 
     def straight(self, end, line):
         start, self.x = self.x, end
-        if self.motion == 1:
-            self.touched |= {0, 1, 2}
         if self.motion == 0 and self.gap:
             if not self.lost:
                 self.gap = False
@@ -364,13 +256,6 @@ class Interpreter:
             between = list(zip(start, end, strict=True))
             point_at = lambda u: [a + (b - a) * u for a, b in between]  # noqa: E731
             self.add("line", point_at, math.dist(start, end), line)
-
-    def speed_of(self, length):
-        if self.feed is None:
-            return math.nan
-        if self.feed_mode == 93:
-            return length * self.feed / 60
-        return self.feed
 
     def switch(self, name, value):
         if self.states.get(name, "never") == value and name in self.states:
@@ -393,16 +278,15 @@ class Interpreter:
         self.contour = None
         self.flush()
 
-    def add(self, kind, point_at, length, line, speed=None):
+    def add(self, kind, point_at, length, line):
         if not self.contour:
             self.flush()
             self.contour = Contour(line)
             self.started = True
-        speed = self.speed_of(length) if speed is None else speed
+        speed = math.nan if self.feed is None else self.feed
         self.contour.segments.append(Segment(kind, point_at, length, speed, self.tolerance))
 
     def arc(self, start, end, v, line):
-        self.touched |= {0, 1, 2}
         a, b, c = self.plane
         s, e = complex(start[a], start[b]), complex(end[a], end[b])
         way = 1 if self.motion == 3 else -1
@@ -412,8 +296,6 @@ class Interpreter:
         else:
             offset = complex(v.get("IJK"[a], 0.0), v.get("IJK"[b], 0.0)) * self.unit
             center = offset if self.centers_absolute else s + offset
-            if self.centers_absolute:
-                center += complex(self.shift[a], self.shift[b])
 
         def place(z, height):
             point = [0.0, 0.0, 0.0]
@@ -438,9 +320,7 @@ class Interpreter:
                 z = center + (s - center) * (1 + (growth - 1) * u) * cmath.exp(1j * way * total * u)
                 return place(z, start[c] + (end[c] - start[c]) * u)
 
-            radius = abs(s - center) * (1 + growth) / 2
-            speed = self.speed_of(math.hypot(radius * total, end[c] - start[c]))
-            self.add("helix", helix, math.nan, line, speed)
+            self.add("helix", helix, math.nan, line)
             return
         # Along the chord the centre is moved to its middle, across it stays.
         moved = center if full else s + (e - s) * complex(0.5, ((center - s) / (e - s)).imag)
@@ -459,11 +339,10 @@ class Interpreter:
             parts = [(moved, s, angle)]
         first = parts[0]
         circle = 2 * math.pi * abs(s - first[0])
-        speed = self.speed_of(circle * (turns - 1) + sum(abs(y - x) * t for x, y, t in parts))
         for _ in range(turns - 1):
-            self.add("arc", turned(first[0], s, 2 * math.pi), circle, line, speed)
+            self.add("arc", turned(first[0], s, 2 * math.pi), circle, line)
         for middle, begin, angle in parts:
-            self.add("arc", turned(middle, begin, angle), angle * abs(begin - middle), line, speed)
+            self.add("arc", turned(middle, begin, angle), angle * abs(begin - middle), line)
 
     @staticmethod
     def by_radius(s, e, radius, way):
@@ -480,8 +359,8 @@ class Interpreter:
         return candidates[sweeps.index(pick(sweeps))]
 
 
-KNOWN_M = {*range(10), 30, 60, *range(62, 66), 67, 68, 82, 83}
-MOTIONS = (0, 1, 2, 3, 80, 81, 82, 83)
+KNOWN_M = {*range(10), 30, *range(62, 66), 67, 68}
+MOTIONS = (0, 1, 2, 3, 80)
 
 
 def interpret(text, unit=1e-3):

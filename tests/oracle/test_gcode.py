@@ -92,9 +92,9 @@ def compare_helix(path, i, segment, chord_tolerance):
 def test_corpus_is_read_as_the_oracle_reads_it():
     programs = {x: x.read_bytes() for x in sorted(CORPUS.rglob("*.ngc"))}
     accepted = {x: y for x, y in programs.items() if b"refused in line" not in y[:400]}
-    assert len(accepted) > 40
+    assert len(accepted) > 35
     for file, data in accepted.items():
-        if file.parent.name not in ("skipped", "refused"):
+        if file.parent.name != "refused":
             print(file)  # pytest shows it of a failure
             program = read_gcode(data, source=file.name, options=ReadOptions(mend_vertices=0.0))
             text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
@@ -234,7 +234,7 @@ class Author:
         self.write(words)
 
     def mode(self):
-        words, kind = [self.r.choice(["G61", "G61.1", "G64"])], self.r.randrange(6)
+        words, kind = [self.r.choice(["G61", "G64"])], self.r.randrange(6)
         if kind == 0:
             self.absolute = not self.absolute
             words = ["G90" if self.absolute else "G91"]
@@ -254,8 +254,7 @@ class Author:
 
 AUTHORS = {
     "geometry": lambda seed: Author(seed).text(),
-    "cycles, offsets, references": gcode_author.program,
-    "series of cycles": gcode_author.series,
+    "references and switches": gcode_author.program,
 }
 
 
@@ -267,27 +266,9 @@ def test_random_programs_are_read_as_the_oracle_reads_them(author):
         compare(read(text), oracle.interpret(text))
 
 
-def heights_of_holes(text):
-    """Ends of all feed moves along z [mm]."""
-    contours = [x for x in read(text).moves if isinstance(x, Contour)]
-    return [round(float(x.path.vertices[-1][2]) * 1e3, 6) for x in contours]
-
-
-def test_relative_cycles_keep_the_initial_level_of_their_series():
-    text = "G90 G0 X0 Y0 Z5\nG91 G99 G81 X10 Z-8 R-4 L2 F40\nX10 Y5\nY5\nG80\n"
-    assert heights_of_holes(text) == [-7.0] * 4
-
-
-def test_the_last_hole_of_a_series_returns_to_the_initial_level():
-    text = "G90 G0 X0 Y0 Z25\nG99 G81 X10 Y0 Z-5 R2 F40\nX20\nG98 X30\nG80\nG0 X0 Y50\nG1 Z0\n"
-    rapids = [x for x in read(text).moves if isinstance(x, Rapid)]
-    expected = np.array([[30.0, 0.0, 25.0], [0.0, 50.0, 25.0]])
-    assert rapids[-1].path.vertices[-2:] * 1e3 == pytest.approx(expected)
-
-
 def test_random_programs_have_all_features():
     texts = [gcode_author.program(seed) for seed in range(PROGRAMS)]
-    for feature in "G28 G30 G53 G54 G55 G59.3 G92 G92.1 G92.2 G81 G82 G83 G98 G99 G93".split():
+    for feature in "G28 G53 G54 G55 G59 G43 G99".split():
         assert any(feature in x for x in texts), feature
     texts = [Author(seed).text().upper() for seed in range(PROGRAMS)]
     programs = [oracle.interpret(x) for x in texts]

@@ -19,7 +19,7 @@ M5
 G0 X0 Y20
 G1 X20
 """
-PRINT = b"G21 G90 F1200\nM83\nG1 X10\nG1 X20 E1\nG1 X30\nG1 X40 E1\n"
+GLUE = b"G21 G90 F1200\nG0 X10\nM62 P1\nG1 X20\nM63 P1\nG1 X30\nM62 P1\nG1 X40\n"
 SWITCH = Switch(name="laser")
 
 
@@ -63,11 +63,11 @@ def test_what_is_on_over_rapids_is_off_between_them():
 
 
 def test_a_switch_of_an_output_that_the_file_switches_adds_its_leads_only():
-    program = read_gcode(PRINT, source="part.gcode", options=ReadOptions())
-    switch = Switch(name="extruder", on_lead=0.02, off_lead=0.01)
+    program = read_gcode(GLUE, source="part.ngc", options=ReadOptions())
+    switch = Switch(name="output 1", on_lead=0.02, off_lead=0.01)
     (contour,) = ac.prepare(program, ac.Process(switch=switch)).contours
     expected = [(True, 0.0), (False, 0.01), (True, 0.02), (False, 0.03)]
-    assert states(contour, "extruder") == expected
+    assert states(contour, "output 1") == expected
     assert [x.lead_time for x in contour.events] == [0.02, 0.01, 0.02, 0.01]
     # A contour that a file runs with the output off stays off.
     assert states(laser(switch=Switch(name="spindle", value=0.5)).contours[2]) == []

@@ -146,7 +146,6 @@ _DRAWN: dict[str, Any] = {
     "chord_tolerance": 1e-5,
     "join_tolerance": 1e-5,
     "mend_vertices": 1e-6,
-    "tools": {1: 3e-3},
 }
 _FRAMED = {"position": [0.0, 0.0, 0.1], "quaternion": [0.0, 0.0, 0.0, 1.0]}
 _UP = {"up": [0.0, 0.0, 1.0]}
@@ -157,16 +156,21 @@ _ORIENTED = [
     {"follow_tangent": {**_UP, "rpy": _GIVEN[0]}},
     {"follow_tangent": {**_UP, "quaternion": _GIVEN[1]}},
 ]
+_POWER = {
+    **{"name": "power", "rest": 0.2, "full": 1.0, "speed": 0.1, "off": 0.0, "lead_time": 0.0},
+    "full_s": 1e3,
+}
 _PROCESS = {
     "lead_in": {"length": 5e-3},
     "lead_out": {"length": 5e-3},
     "overlap": 1e-3,
     "dwell": 0.01,
     "switch": {"on_lead": 0.01, "off_lead": 0.01},
-    "events": [{"name": "tool", "value": 1.0, "at": 1e-3, "lead_time": 0.01}],
-    "analog": [
-        {"name": "power", "rest": 0.2, "full": 1.0, "speed": 0.1, "off": 0.0, "lead_time": 0.0}
+    "events": [
+        {"name": "tool", "value": 1.0, "at": 1e-3, "lead_time": 0.01},
+        {"name": "spindle speed", "value": 500.0},
     ],
+    "analog": [_POWER],
     "resume_at": 0.0,
 }
 _CUT = {
@@ -176,9 +180,10 @@ _CUT = {
     "dwell": 0.01,
     "switch": {"value": 1.0, "on_lead": 0.01, "off_lead": 0.01},
     "events": [
-        {"name": "tool", "value": 1.0, "at": 0.02, "lead_time": 0.01, "lead_distance": 1e-3}
+        {"name": "tool", "value": 1.0, "at": 0.02, "lead_time": 0.01, "lead_distance": 1e-3},
+        {"name": "spindle speed", "value": 500.0},
     ],
-    "analog": _PROCESS["analog"],
+    "analog": [_POWER],
     "passes": 1,
     "tabs": {"count": 1, "width": 1e-3},
 }
@@ -486,7 +491,6 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--tolerance": ("# m", "# mm"),
     "--total-tolerance": ("# m", "# mm"),
     "--resume-at": ("# m", "# mm"),
-    "--tool-diameter": ("1: # m", "1: # mm"),
     "--cycle": ("# s", "# ms"),
     "--point-tolerance": ("# rad", "# mrad"),
     "--rate": ("# Hz",),

@@ -162,23 +162,6 @@ def to_skip(_: bool) -> str:
     return "skip"
 
 
-def to_words(texts: list[str]) -> dict[str, list[str]]:
-    """Convert texts of words, separated by commas, to the job value `{skip: [words]}`."""
-    return {"skip": [word.strip() for text in texts for word in text.split(",") if word.strip()]}
-
-
-def to_tools(texts: list[str]) -> dict[int, str | int]:
-    """Convert texts such as "1: 3 mm" to tool diameters by tool number."""
-    example = "1: 3 mm"
-    diameters = _named([part for text in texts for part in text.split(",")], example)
-    for name in diameters:
-        if not (name.isascii() and name.isdigit() and len(name) <= 8):
-            raise ValueError(
-                f"requires the number of a tool, as in {example!r}, but has {show(name)}"
-            )
-    return {int(name): to_quantity(diameter) for name, diameter in diameters.items()}
-
-
 def to_axes(texts: list[str]) -> dict[str, dict[str, str | int]]:
     """Convert texts such as "x: -300 mm .. 300 mm, 25" to ranges by axis."""
     example, axes = "x: -300 mm .. 300 mm, 25", dict[str, dict[str, str | int]]()
@@ -252,8 +235,6 @@ READERS: dict[str, Callable[[Any], Any]] = {
         to_quantities,
         to_point,
         to_skip,
-        to_words,
-        to_tools,
         to_axes,
         to_offsets,
         to_anchor,

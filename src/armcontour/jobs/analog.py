@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -12,7 +12,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.geometry import ShapedPath
 from armcontour.motion import TimedEvent, Trajectory
 from armcontour.motion.trajectory import Span
-from armcontour.program import Analog, Contour, Process, Program, contour_called
+from armcontour.program import Analog, Contour, Event, Process, Program, contour_called
+from armcontour.program.moves import SPINDLE_SPEED
 from armcontour.robot import Limits
 
 Values = Callable[[FloatArray], FloatArray]
@@ -30,9 +31,10 @@ def analog_outputs(
     that `Analog.follows` names is off, and the value of `Analog.off` otherwise.
 
     Raises:
-        InvalidInput: An output depends on the assigned velocity, and a contour has none.
+        InvalidInput: An output depends on the assigned velocity, and a contour has none; or it
+            depends on S of G-code, and the program has no S or an S above `full_s`.
     """
-    check_speeds(program, process, limits)
+    check_analog(program, process, limits)
     states = _States(trajectory, process)
     functions: dict[str, Values] = {}
     for name in process.analog_names:
@@ -48,9 +50,20 @@ def _output(process: Process, name: str) -> Analog | None:
     return next((x for x in process.analog if x.name == name), None)
 
 
-def check_speeds(program: Program, process: Process, limits: Limits) -> None:
-    """Raise InvalidInput if an analog output depends on an assigned velocity that is missing."""
-    if limits.speed is not None or not process.analog_names:
+def check_analog(program: Program, process: Process, limits: Limits) -> None:
+    """Raise InvalidInput if an analog output depends on a velocity or S that is missing."""
+    events = [*_events(program), *(x for own in process.variants for x in own.events)]
+    s_words = [x.value for x in events if x.name == SPINDLE_SPEED]
+    largest = max((float(x) for x in s_words if not isinstance(x, str)), default=None)
+    for output in (x for own in process.variants for x in own.analog):
+        if output.full_s is not None and (largest is None or largest > output.full_s):
+            found = "no S" if largest is None else f"S up to {largest:g}"
+            raise InvalidInput(
+                f"The analog output {output.name} is proportional to S up to full_s = "
+                f"{output.full_s:g}, but {program.source or 'the program'} has {found}. Set full_s "
+                "to the S of full power, or remove it."
+            )
+    if limits.speed is not None:
         return
     for k, contour in enumerate(program.contours):
         layer = process.layers.get(contour.layer)
@@ -92,8 +105,19 @@ def _values(
             speeds = _tool_speeds(contour, s, trajectory.s(inside, 1))
             active = _values_at_speeds(output, speeds, _full_speeds(contour, s, limits, output))
             on = states.on(contour.layer, output, np.clip(inside, *span.t))
+            if output.full_s is not None:
+                active = active * states.s_words(np.clip(inside, *span.t)) / output.full_s
             values[first:last] = np.where(on, active, output.off)
     return values
+
+
+def _events(program: Program) -> Iterator[Event]:
+    """All events of a program: along contours, and between moves."""
+    for move in program.moves:
+        if isinstance(move, Event):
+            yield move
+        elif isinstance(move, Contour):
+            yield from move.events
 
 
 def _times_on(span: Span, process: Process) -> tuple[float, float]:
@@ -135,7 +159,7 @@ def _full_speeds(
 
 
 class _States:
-    """States of on/off outputs over the time of a plan, without lead times."""
+    """States of on/off outputs and the word S over the time of a plan, without lead times."""
 
     def __init__(self, trajectory: Trajectory, process: Process) -> None:
         events: dict[str, list[TimedEvent]] = {}
@@ -151,10 +175,20 @@ class _States:
             for name, own in events.items()
             if any(isinstance(x.value, bool | np.bool_) for x in own)
         }
+        own = events.get(SPINDLE_SPEED, [])
+        self._s_words = (
+            np.array([x.due for x in own]),
+            np.array([0.0, *(float(x.value) for x in own)]),
+        )
         self.process = process
         self.switches = {x.switch.name for x in process.variants if x.switch is not None}
         self.drawn = set(self.outputs) - COOLANT
         self.drawn -= {x.name for own in process.variants for x in own.events}
+
+    def s_words(self, t: FloatArray) -> FloatArray:
+        """The word S of G-code at increasing times [s]; 0 before the first one."""
+        dues, values = self._s_words
+        return np.asarray(values[np.searchsorted(dues, t, side="right")])
 
     def on(self, layer: str, output: Analog, t: FloatArray) -> BoolArray:
         """Mask of increasing times [s] at which the process of a layer is on."""

@@ -30,7 +30,7 @@ from armcontour.core.render import number
 from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.geometry.rounded_path import CONTINUITIES, Continuity
-from armcontour.jobs.analog import check_speeds
+from armcontour.jobs.analog import check_analog
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.exports import Exports
 from armcontour.jobs.goal import CertificateGoal
@@ -318,7 +318,7 @@ class Job(Checked):
                 self.plant_servo.check_gains(run.cycle)
                 check_duration(program, run.limits)
                 run.check_end_time(program)
-                check_speeds(program, self.process, run.limits)
+                check_analog(program, self.process, run.limits)
         with error_context("process"):
             check_process(program, self.process)
         names = [x.name for x in self.runs]

@@ -1,4 +1,4 @@
-"""Offsets and crossings of lines and arcs in the plane, for kerfs and cutter compensation.
+"""Offsets and crossings of lines and arcs in the plane, for kerfs.
 
 A table of pieces has a row for each line or arc; its columns are named below.
 """
@@ -45,24 +45,6 @@ def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
 def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
     """Angles from arriving to leaving tangents, positive to the left [rad], (n,)."""
     return np.asarray(np.arctan2(_cross(arriving, leaving), (arriving * leaving).sum(axis=1)))
-
-
-@np.errstate(divide="ignore", invalid="ignore")  # The radius of a line is 1 / 0.
-def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lengths by which both pieces at inside corners are cut at their crossing [m], (n,) each."""
-    # `before`, `after`: the pieces before and after the corners, (n, 6) each.
-    # The crossing is the one nearest to the end of the first piece. The lengths are NaN without a
-    # crossing after the start of the second piece, and can exceed the lengths of the pieces.
-    points = _common_points(before, after)
-    ahead = _distances_along(after, points)
-    back = before[:, LENGTH, None] - _distances_along(before, points)
-    whole = 2 * np.pi / np.abs(before[:, CURVATURE, None])
-    back = np.where(back < -SAME_POINT, back + whole, back)
-    back = np.where((back >= -SAME_POINT) & (ahead >= -SAME_POINT), back, np.inf)
-    nearest = np.argmin(back, axis=1)[:, None]
-    back, ahead = (np.take_along_axis(x, nearest, axis=1)[:, 0] for x in (back, ahead))
-    there = np.isfinite(back)
-    return np.where(there, back, np.nan), np.where(there, ahead, np.nan)
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # The radius of a line is 1 / 0.

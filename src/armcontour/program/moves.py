@@ -50,6 +50,8 @@ Value = bool | PlainNumber | Name
 # Name of the output that changes tools: a number or a text is a tool, as a T word in G-code. True
 # and False switch the output on and off.
 TOOL = "tool"
+# Name of the output for the word S of G-code.
+SPINDLE_SPEED = "spindle speed"
 # Largest numbers of moves and segments of a repeated program. Planning more takes minutes.
 MAX_MOVES = 100_000
 MAX_SEGMENTS = 1_000_000

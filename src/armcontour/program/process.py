@@ -20,6 +20,7 @@ from armcontour.core.quantities import (
     Direction,
     Distance,
     Duration,
+    Factor,
     Interval,
     Name,
     NeededName,
@@ -129,6 +130,8 @@ class Analog(Checked):
         off: Value while the process is off: in rapids, dwells, leads that are not active, and after
             an event that switches the process off.
         lead_time: Time by which the output leads the tool [s]; after it if negative.
+        full_s: Word S of G-code at which the output has its full value, such as 1000 for a laser.
+            The value on a contour is multiplied by S / `full_s`. None ignores S.
         follows: Name of the on/off output of the process. By default the process is off while any
             on/off output of the program or of `switch` is off, except coolant.
     """
@@ -139,6 +142,7 @@ class Analog(Checked):
     speed: Speed | None = None
     off: Ratio = 0.0
     lead_time: Time = 0.0
+    full_s: Factor | None = None
     follows: Name = ""
 
 

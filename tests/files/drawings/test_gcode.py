@@ -28,9 +28,7 @@ def read(text, **options):
     """Read a file of the corpus by its name, or a text with | for the ends of lines."""
     if isinstance(text, str) and re.fullmatch(r"\w+/\w+", text):
         data = (CORPUS / f"{text}.ngc").read_bytes()
-        unknown = "skip" if b"unknown: skip" in data else "refuse"
-        read_options = ReadOptions(mend_vertices=0.0, unknown=unknown)
-        return read_gcode(data, source=f"{text}.ngc", options=read_options)
+        return read_gcode(data, source=f"{text}.ngc", options=ReadOptions(mend_vertices=0.0))
     data = text if isinstance(text, bytes) else f"{text}\n".replace("|", "\n").encode()
     return read_gcode(data, source="part.ngc", options=ReadOptions(**options))
 
@@ -76,7 +74,7 @@ def check_points(table, **options):
 
 
 def test_corpus_is_large_cites_its_sources_and_is_refused_with_its_line(refuses):
-    assert len(FILES) >= 40
+    assert len(FILES) >= 60
     for file in FILES:
         data, name = file.read_bytes(), f"{file.parent.name}/{file.stem}"
         assert re.match(rb"(\xef\xbb\xbf)?; (LinuxCNC|docs/guides/gcode.md)", data), file
@@ -89,7 +87,7 @@ def test_corpus_is_large_cites_its_sources_and_is_refused_with_its_line(refuses)
 def test_corpus_has_the_points_worked_out_by_hand():
     comments = {f"{x.parent.name}/{x.stem}": VERTICES.findall(x.read_bytes()) for x in FILES}
     table = [f"{name} => {points.decode()}" for name, data in comments.items() for points in data]
-    assert len(table) >= 40
+    assert len(table) >= 35
     check_points("\n".join(table))
 
 
@@ -98,7 +96,6 @@ def test_corpus_has_the_values_worked_out_by_hand():
     for name, kind, expected in (
         ("units/change_on_the_way", "speeds", [0.01, 0.0254, 0.0254]),
         ("units/inches", "speeds", [0.0254, 0.0254]),
-        ("feeds/inverse_time", "speeds", [1e-3, 2e-3 / 60, 3e-3 / 60, 2e-3]),
         ("control/path_control", "tolerances", [nan, 5e-5, 0.0, 0.0, nan]),
         ("units/inches", "tolerances", [nan, 2.54e-4]),
         ("arcs/quarter", "lengths", [pi / 2 * 1e-3]),
@@ -137,14 +134,13 @@ def test_any_height_puts_all_moves_in_space():
 
 
 # Moves and events. What is so already is no event, and the end switches off; T alone changes the
-# tool where the program has no M6; dwells of printers are in milliseconds; relative extrusion
-# outlasts G90.
+# tool where the program has no M6.
 MOVES = """
 events/spindle_and_coolant => spindle speed=1000.0, spindle=True, coolant=flood, cut spindle \
 speed=2000.0@1 coolant=mist and flood@2 spindle=reverse@2 spindle=False@3 coolant=False@3, rapid
 events/on_only_once => spindle speed=500.0, spindle=True, cut spindle speed=600.0@2 spindle=False@3
 M5|G1 X1 F60 => spindle=False, cut
-M3 S60 I|G1 X1 F60|X2 S50|M5 I => spindle speed=60.0, spindle=True, cut spindle speed=50.0@1 \
+M3 S60|G1 X1 F60|X2 S50|M5 => spindle speed=60.0, spindle=True, cut spindle speed=50.0@1 \
 spindle=False@2
 M3 $0 S1|G1 X1 F60|X2|M5 $0|X3 => spindle speed=1.0, spindle=True, cut spindle=False@2
 M3 $0|S200 $1|$1 M4|G1 X1 F60|M5$-1|X2 => spindle=True, spindle 1 speed=200.0, \
@@ -156,20 +152,7 @@ events/pause => cut, pause=True, cut, pause=optional, cut
 events/tools_and_outputs => tool=3.0, cut analog output 2=25.0@1 output 1=True@2, tool=4.0, cut
 references/unknown => cut, tool=2.0, rapid, cut
 T1|G1 X1 F60|T2|X2 => tool=1.0, cut, tool=2.0, cut
-F60|G1 X5 M88 P3|G1 X9 M67 E2 Q25 => cut analog output 2=25.0@5
-events/extruder => extruder=True, cut extruder=False@2, extruder feed=-3.0, dwell 3, \
-extruder=True, cut extruder=False@1
-M83|G1 X1 E1 F600|G1 E-.8 F2400|G0 X5|G1 E.8|G1 X6 E1 => extruder=True, cut extruder=False@1, \
-extruder feed=-0.8, dwell 0.02, rapid, extruder feed=0.8, dwell 0.02, extruder=True, cut
-G20|M83|G1 X1 E1 F60|G1 E-1 => extruder=True, cut extruder=False@25.4, extruder feed=-25.4, dwell 1
-G4 P20|M83|G1 X1 E1 F60|G4 P20|G4 S2|X2 => dwell 0.02, extruder=True, cut, dwell 0.02, dwell 2, \
-extruder=False, cut
-M104 S200|G1 X1 F60|G4 P20|X2 => cut, dwell 0.02, cut
-G1 X1 F60|M67 E1 Q2|G4 P20|X2 (M83) => cut analog output 1=2.0@1, dwell 20, cut
-M83|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => extruder=True, cut extruder=False@1 extruder=True@2
-M83|M82|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => extruder=True, cut extruder=False@1
-G91|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => extruder=True, cut extruder=False@1
-M83|G91|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => extruder=True, cut extruder=False@1 extruder=True@2
+F60|M88 P3|G1 X5 M48|G1 X9 M67 E2 Q25 => cut analog output 2=25.0@5
 """
 
 
@@ -233,58 +216,17 @@ frame/percent_signs => 0,0 1,0 2,0 => after the end of the program, line 5,
 references/unknown => 1,2,1 3,2,1 / > 7,7,4 7,7,1 / 7,7,1 8,7,1 => G28 (1 ... line 5 ... G53 (1
 G1 X2 F60 => 0,0 2,0
 G1 X1 F60|G0 X1|G1 X2 => 0,0 1,0 2,0
-M104 S2|G1 X1 F6|M106 S2|M104 S0|X2 H3 => 0,0 1,0 2,0 => M104 (2 ... line 1) ... M106 (1 ... word H
+M104 S2|G1 X1 F6|M106 S2|M104 S0|X2 => 0,0 1,0 2,0 => M104 (2 ... line 1) ... M106 (1 time, f
 G1 X1 F60|G43 H2|X2 => 0,0 1,0 2,0 => first in line 2
 G1 X1 F60|G4|X2 => 0,0 1,0 / 1,0 2,0 => G4 without a time ... line 2
-START_PRINT BED_TEMP=60 X=1|G29 G|M486 AShape|M486 S0|G1 X1 F6 => 0,0 1,0 => START_PRINT ... M486 (2
-EXCLUDE_OBJECT_START NAME=x|start PRINT_TEMP=3|G1 X1 F6 => 0,0 1,0 => EXCLUDE_OBJECT_S ... START (1
-M83|G1 X1 E1 F60|G28 X0|G1 Y180 F2000 => 0,0 1,0 => line 4
-G1 X1 F60|G92 A0|X2 => 0,0 1,0 2,0 => G92 of other axes
-G1 X1 F60|G05 P10|G5.1 Q1|G8 P1|G187 P1 E.01|X2 => 0,0 1,0 2,0 => G5 (1 ... G5.1 (1 ... word P (1
-G1 X1 F60|G187 P1 E.01|M0 P500|X2 => 0,0 1,0 / 1,0 2,0 => G187 (1 ... the word P (1
-G1 X1 F60|X2 Y3 M88 => 0,0 1,0 2,3 => M88
-F60|G1 X5 M88 P3|G1 X9 M67 E2 Q25 => 0,0 5,0 9,0 => M88
+M117 Hello X5|M862.3 P "MK3S"|M84 X Y E|G1 X1 F6 => 0,0 1,0 => M117 (1 ... M862.3 (1 ... M84 (1
+G1 X1 F60 A0|X2 C0.0 => 0,0 1,0 2,0 => the word A with the value 0 ... word C with
+G1 X1 F60|X2 Y3 M60 => 0,0 1,0 2,3 => M60
 G0 X1|G1 X2 => 1,0 2,0 => without a feed rate, first in line 2
-G1 X1 F60|G92 S1500|G50 S900|X2|:1000 => 0,0 1,0 2,0 => G92 S
-M83|G1 X1 E1 F60|G4 P20|X2 => 0,0 1,0 / 1,0 2,0 => line 3 ... milliseconds
-M83|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => 0,0 1,0 2,0 3,0 => line 3 ... M83
-G90|M83|G1 X1 F60 E2.5|X2 => 0,0 1,0 2,0
+G92 E0|G1 X1 E1 F60|G1 E-5|X2 => 0,0 1,0 2,0 => The word E, first in line 1, is left out
 %|G1 X1 F60|%| => 0,0 1,0
-M104 S2|G28|G1 Z15 F60|G92 E0|G1 X2 Y2|Z0|G1 X6 E2|G1 X9 => 2,2 6,2 9,2 => before ... line 3
-G1 X2 F60|G1 X6 E2 => 2,0 6,0 => before the first extrusion, first in line 1
-G1 X2 F60|G1 X6 ; E2 => 0,0 2,0 6,0
+G98 G1 X1 F60|G99 X2|G49|G59 => 0,0 1,0 2,0
 """)
-    check_points("G1 X1 F60|G92 A0|X2 => 0,0 1,0 2,0 => G92 of", unknown={"skip": ["A"]})
-    text = "G10 L2 P1 X5 R1|G1 X1 F60 => 0,0 1,0 => G10 (1 time"
-    check_points(text, unknown={"skip": ["G10"]})
-    check_points("G1 X1 F60|G28.2 X0 Y5|X2 => 0,0 1,0 2,0 => G28.2", unknown={"skip": ["G28.2"]})
-    words = (
-        "T1 M6|G1 X1 A90 F60|G55 X2 => 0,0 1,0 2,0 => M6 (1 ... word T (1 ... word A (1 ... G55 (1"
-    )
-    check_points(words, unknown={"skip": ["T", "M6", "A", "G55"]})
-    check_points("G1 X1 F60|G123 => 0,0 1,0 => G123 (1 time, first in line 2)", unknown="skip")
-    start = "G92 E0|G0 Z20|G1 F1500 E-6.5|G1 F600 Z2"
-    for code in ("M201", "M203", "M205", "M92", "M566", "M999"):
-        program = read(f"{start}|{code} X5 Y5 E3|G1 X10 Y10 E0|{code} X20 Y20|M2")
-        assert in_mm(program.path) == [[0, 0, 2], [10, 10, 2]]
-        assert f"{code} (2 times, first in line 5)" in program.notes[0]
-
-
-def test_types_or_layers_of_a_slicer_are_layers():
-    def layers(text):
-        return [(x.name, x.layer) for x in read(text).contours]
-
-    for kind, layer in ((";TYPE:", ";LAYER_CHANGE"), ("; FEATURE: ", "; CHANGE_LAYER")):
-        text = f"G1 X1 F60|{layer}|{kind}Perimeter|X2|{kind}Perimeter|X3|{layer}|X4|"
-        layers_read = layers(text + f"{kind}Solid infill|X5|;LAYER_COUNT:9|;Z:.2|X6")
-        walls = [("line 4", "Perimeter"), ("line 8", "Perimeter")]
-        assert layers_read == [("line 1", ""), *walls, ("line 10", "Solid infill")]
-    text = "G1 X1 F60|;LAYER:-1|X2|;LAYER:0|X3|; layer 2, Z = 0.4|X4"
-    assert [x for _, x in layers(text)] == ["", "layer -1", "layer 0", "layer 2"]
-    text = "F60|;LAYER_CHANGE|G1 X1|;LAYER_CHANGE|X2"
-    assert [x for _, x in layers(text)] == ["layer 1", "layer 2"]
-    # Contours of one line have names of their own.
-    assert [x for x, _ in layers("F60|G83 X1 Z-3 R0 Q1")] == ["line 2", "line 2 (2)", "line 2 (3)"]
 
 
 def test_units_speeds_and_tolerances_that_the_file_leaves_open():
@@ -296,68 +238,69 @@ def test_units_speeds_and_tolerances_that_the_file_leaves_open():
     assert np.isnan(read("G0 X1|G1 X2").path.speeds).all()
 
 
-# A language for programs, and what only a controller stores, with words of the refusal.
-LANGUAGE = """
-O100 sub => flow control (O100 sub)
-o<pocket> call [1] => flow control (o<pocket> call [1])
-N9 o1 if [2] => flow control (N9 o1 if [2])
-IF[#1EQ2]GOTO3 => flow control
-M98 P100 => M98 (subprograms)
-M99 => M99 (subprograms)
-#1=5 => parameter #
-X#1 => parameter #
-X-#<a> => parameter #
-X[1 2] => expression
-X-[1] => expression
-XSIN[30] => expression
-G65 P9010 => G65 is not supported (a macro call)
-G73 X2 Z-1 R1 Q1 => G73 is not supported (a canned cycle
-G84 X2 Z-1 R1 => G84 is not supported (a canned cycle
+# Words that are not supported, and what messages say of them.
+UNSUPPORTED = """
+O100 sub => 'O100SUB'
+o<pocket> call [1] => 'O<POCKET>CALL[1]'
+IF[#1EQ2]GOTO3 => 'IF[#1EQ2]GOTO3'
+M98 P100 => M98
+M99 => M99
+#1=5 => '#1=5'
+X-#<a> => 'X-#<A>'
+X[1 2] => 'X[12]'
+G65 P9010 => G65
+G73 X2 Z-1 R1 Q1 => G73
+G81 X2 Z-1 R1 => G81
 G10 L2 P1 X0 => G10
-G10 L1 P1 R2 => G10
 G28.1 => G28.1
+G30 => G30
 G52 X1 => G52
+G92 X1 => G92 without E
+G92 => G92 without E
 G92.3 => G92.3
+G93 G1 X2 F2 => G93
+G41 D1 => G41
+G5.2 X1 Y1 P0 L3 => G5.2
+G17.1 => G17.1
+G54.1 P2 => G54.1
+G95 => G95
+G-1 => G-1
+G1.23 => G1.23
+M-1 => M-1
+G1 X=10 Y=20 => 'X=10Y=20'
+$H => '$H'
+$10=1 => '$10=1'
+START_PRINT BED_TEMP=60 => 'START_PRINTBED_TEMP=60'
+N3 T0*57 => '*57'
+G28 T => 'T'
+G1 A90 => A90, a move of the axis A,
 """
 
 
-def test_g_code_as_a_programming_language_is_refused_with_its_line():
-    table = [(f"G1 X1 F60|{x}", "part.ngc, line 2: ", y, "CAM system") for x, y in rows(LANGUAGE)]
+def test_other_words_are_refused_with_their_line():
+    table = [
+        (f"G1 X1 F60|{x}|X2", f"part.ngc, line 2: {y} is not supported: post-process the program")
+        for x, y in rows(UNSUPPORTED)
+    ]
     refusals(read, table)
     for text in ("O0100 (PART)|G1 X1 F60", "%|N1 O7|G1 X1 F60|M30|O100 sub|%"):
         assert in_mm(read(text).path) == [[0, 0], [1, 0]]
 
 
 WRONG = f"""
-M83|G1 X1 E1 F60|G28 X0|G1 Y180 E1 => line 4
 G1 X1 F60|G28 X0|G1 Y180 => line 3
-G1 X1 F60|G28.2 X0 Y5|X2 => line 2 ... --skip G28.2
-F60|G1 X=10 Y=20 => line 2: 'X=10Y=20' is a word of another dialect
-F60|G2 X1 Y1 CR=10 => line 2: 'CR=10' ... dialect
-G1 X1 F60|MSG("end") => line 2: 'MSG("END")' ... dialect
-G1 X1 F60|CYCLE800(1) => line 2: 'CYCLE800(1)' ... dialect
-R1=5 => line 1: '=5' ... dialect
-G1 X Y5 F60 => line 1: the letter X is not followed by a number
-G1 X1 F60|$H => line 2: $ is a command of a sender
-$10=1 => line 1: $ is a command of a sender
+G1 X Y5 F60 => line 1: 'XY5F60' is not supported
 G1 X1 F60 $1 => line 1: no code on this line uses the word $
+G1 X1 F60 H1 => line 1: no code on this line uses the word H
 M3 $-2 => line 1: the number of a spindle $ must not be below -1
 M3 $.5 => line 1: the number of a spindle $ must be a whole number
-G1 X1 F60|G93 X2 F2|G94 X3 => line 3 ... no feed rate
-G1 X1 F60|G92 => line 2: G92 needs
-G1 X1 F60|G50 X2 => line 2: G50 with coordinates
-F60|G91|G81 X1 Z-1 R1 L999999 => line 3 ... holes and pecks in total
-F60|G91|G83 X1 Z-1 R1 Q.00001 L9 => line 3 ... holes and pecks in total
 G1 X1 F60|G1 Y1 Y2 => line 2 ... Y occurs twice
-G1 X1 F60|G1.23 => line 2 ... G1.23
 G1 X1 F60|G53 G1 X2 => line 2 ... only a rapid move
-F60|G92 X1|G1 X2|G92.1|G1 X3 => line 5 ... G92.1
-G1 X1 F60|G123 => line 2 ... --skip G123
-G1 X1 F60|G55 X2 => line 2
+G1 X1 F60|G55 X2 => line 2 ... one system
 %|% => part.ngc has no contour
 ; nothing => part.ngc has no contour
 G0 X1|G0 X2 => part.ngc has no contour
-G4 G64 P1 => line 1 ... G4 or G64
+G4 G64 P1 => line 1 ... word P
 F1|G2 I1 P999999999 => line 2 ... segments
 F1|G2 I1 Z1 P9999999 => line 2 ... segments
 F1|{"X1 " * 30_000} => line 2 ... characters
@@ -365,33 +308,12 @@ F1|G1 X1|{"(" * 60_000} => line 3 ... does not end
 F1|G1 X1|({")(" * 30_000} => line 3 ... does not end
 F1|G1 X{"1" * 60_000} => line 2 ... but has 60000
 """
-SECOND = ["SET_GCODE_OFFSET Z=0.2 MOVE=1", "RESTORE_GCODE_STATE NAME=a", "TRANS X=10", "IF[#1]"]
-SECOND += ["G28 T", "G4 P1 T-.5", "M1.5", "M72"]
-# The place of the tool is not known.
-AWAY = ["G92 Z0", "G1 X2", "G81 X1 Y1 Z0 R1"]
-# These change the moves after them.
-NEVER_SKIPPED = [
-    "G5.2 X1 Y1 P0 L3",
-    "G33 Z1 K1",
-    "G38.2 Z-1",
-    "M98 P1",
-    "G17.1",
-    "G41 D1",
-    "G95",
-    "M72",
-]
-NEVER_SKIPPED += ["G68 X0 R9", "G16", "G123 X2"]
 
 
 def test_what_cannot_be_followed_is_refused_with_its_line():
     refusals(read, WRONG, "part.ngc")
-    refusals(read, [(f"G1 X1 F60|{x}|X2", "line 2") for x in SECOND])
-    refusals(read, [(f"F60|G0 Z1|G1 X1|G28 Z5|{x}", "line 5: ", "G0") for x in AWAY])
-    table = [(f"F60|G1 X1|{x}", "line 3") for x in NEVER_SKIPPED]
-    refusals(lambda text: read(text, unknown="skip"), table, "part.ngc")
+    refusals(read, [("F60|G0 Z1|G1 X1|G28 Z5|G1 X2", "line 5: ", "G0")])
     refusals(read, [(x, "part.ngc has no contour") for x in ("", "||")])
-    # G83 with a peck of zero drills at once.
-    assert len(read("F60|G81 X1 Y1 Z-1 R1 Q0").contours) == 1
 
 
 def test_the_example_of_the_guide_has_the_output_in_the_guide():
@@ -457,10 +379,9 @@ def broken(data, rng):
 def test_any_bytes_make_a_program_or_a_refusal_with_its_line():
     rng, made = random.Random(20), 0
     bodies = [x.read_bytes() for x in FILES]
-    for i in range(400):
-        data = broken(rng.choice(bodies), rng)
+    for _ in range(400):
         try:
-            program = read(data, unknown=("refuse", "skip")[i % 2])
+            program = read(broken(rng.choice(bodies), rng))
         except InvalidInput as error:
             assert re.match(r"part\.ngc(, line \d+: | has no contour).*[^.]\.$", str(error))
         else:

@@ -67,10 +67,6 @@ def test_a_drawing_is_scaled_and_then_placed(read):
     flat = read("part.ngc", ignore_z=True)
     assert flat.dimension == 2
     assert flat.length == pytest.approx(0.04)
-    # Tools keep their diameters.
-    text = "F600\nG41 D1 G1 X10\nX20\nM2\n"
-    path = read("part.ngc", text, tools={1: 4e-3}, scale=3.0).path
-    np.testing.assert_allclose(path.vertices, [[0, 0], [0.03, 2e-3], [0.06, 2e-3]], atol=1e-12)
 
 
 def test_layers_and_names_choose_contours(read):

@@ -30,10 +30,6 @@ FORMAT_OPTIONS = {
         "columns (--waypoint-columns) is supported for waypoints in CSV only",
     ),
     "colors": (("dxf", "svg"), "colors is supported for DXF and SVG drawings only"),
-    "words": (
-        ("gcode",),
-        'unknown: {skip: [...]} is supported for G-code only (use "skip" for other files)',
-    ),
 }
 # Largest coordinate for which a specified unit is plausible [m]; surveys have large coordinates.
 LARGEST_PART = 1000.0

@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated
 
 from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME
@@ -21,7 +21,6 @@ from armcontour.core.quantities import (
     Choice,
     Distance,
     Factor,
-    Length,
     Tolerance,
 )
 from armcontour.core.text import digits, make_printable, show
@@ -141,14 +140,10 @@ def hex_of(red: int, green: int, blue: int) -> str:
 # Largest coordinate [m]. Above this value, doubles do not resolve the smallest distance between
 # two points; a drawing with such coordinates has a wrong unit.
 MAX_COORDINATE = 1e6
-# Largest number of a tool, which has at most eight digits in G-code.
-MAX_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
 TEXTS = ("leave_out", "contours")
 # Share of the chord tolerance for fitted arcs; curvature transitions have the rest.
 FIT_SHARE = 0.5
-# Matches the codes and letters of G-code that options can skip.
-WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 
 
 @checks.explain_calls
@@ -164,7 +159,7 @@ class ReadOptions(Checked):
         units: Unit of the lengths in the file, such as "mm", or the length of the unit in metres.
             It replaces the unit that a drawing specifies, but not the unit of a table column. None
             uses the unit of the file.
-        scale: Factor for all lengths in the file. Diameters of tools are not scaled.
+        scale: Factor for all lengths in the file.
         layers: Layers to read, or a mapping from layers to the speed and tolerance of their
             contours, for segments that have none. Layers of a mapping that do not exist are
             ignored.
@@ -181,12 +176,10 @@ class ReadOptions(Checked):
             changes no vertex.
         columns: For waypoints in CSV, names of the columns, such as "x [mm],y [mm],-". They replace
             the first line of the file or a missing heading; "-" skips a column.
-        unknown: Whether to "refuse" unknown elements or "skip" them with a note. For G-code,
-            `{skip: [T, M6]}` skips these words.
+        unknown: Whether to "refuse" unknown elements of drawings and unknown columns of tables, or
+            "skip" them with a note.
         texts: For DXF, "contours" draws the letters of TEXT with a font of this machine, with a
             note. "leave_out" skips texts with a note.
-        tools: For G41 and G42 of G-code, diameters of tools [m] by tool number, such as
-            `{1: 0.003}`. A negative diameter offsets the tool to the other side.
         continuity: "tangent" does not change lines and arcs. "curvature" inserts transitions where
             the curvature jumps without a corner, for motions with a jerk limit
             (`smooth_curvature`). Fitted arcs then use half of the chord tolerance, and transitions
@@ -207,25 +200,16 @@ class ReadOptions(Checked):
     mend_vertices: Distance = 2e-6
     columns: Annotated[str | None, About("--waypoint-columns")] = None
     unknown: Annotated[
-        Annotated[str, Choice(UNKNOWN)] | Mapping[Literal["skip"], Sequence[str]],
+        str,
+        Choice(UNKNOWN),
         About("--skip-unknown", help="Skip unknown elements.", read="to_skip"),
-        About("--skip", "G-code", "Words of G-code to skip: 'T,M6'.", "to_words"),
     ] = "refuse"
     texts: Annotated[str, Choice(TEXTS), About("--texts")] = "leave_out"
-    tools: Annotated[
-        Mapping[int, Length] | None,
-        About(
-            "--tool-diameter",
-            "G-code",
-            "Number and diameter of a tool, for G41: '1: 3 mm'.",
-            "to_tools",
-        ),
-    ] = None
     continuity: Continuity = "tangent"
 
     def _check_together(self) -> None:
         # The properties raise errors for invalid options before a file is read.
-        _ = self.unit, self.layer_set, self.color_set, self.words, self.unscaled_tools
+        _ = self.unit, self.layer_set, self.color_set
 
     @property
     def unit(self) -> float | None:
@@ -254,26 +238,6 @@ class ReadOptions(Checked):
         return self.unknown == "skip"
 
     @property
-    def words(self) -> frozenset[str]:
-        """Words and codes of G-code to skip, without leading zeros, such as G43 or T."""
-        if isinstance(self.unknown, str):
-            return frozenset()
-        if list(self.unknown) != ["skip"]:
-            raise InvalidInput(
-                'unknown must be "refuse", "skip", or {"skip": [...]} with the words of G-code to '
-                f"skip, such as M6 or T, but is {show(self.unknown)}."
-            )
-        words = checks.check_sequence("unknown: skip", self.unknown["skip"], str, "words of G-code")
-        plain = {x.strip().upper() for x in words}
-        wrong = next((x for x in sorted(plain) if WORD.fullmatch(x) is None), None)
-        if wrong is not None:
-            raise InvalidInput(
-                f"unknown: {{skip: [...]}} must list codes such as G43 or M6, or letters other "
-                f"than X, Y, Z, I, J, K, R, F, N and O, but has {wrong!r}."
-            )
-        return frozenset(re.sub(r"(?<=[GM])0+(?=\d)", "", x) for x in plain)
-
-    @property
     def layer_set(self) -> frozenset[str] | None:
         """Names of the selected layers; None if all layers are selected."""
         if self.layers is None:
@@ -298,14 +262,6 @@ class ReadOptions(Checked):
                 'colors must have at least one colour, such as ["red", "#00ff00"], but is empty.'
             )
         return frozenset(color_of(str(x)) for x in self.colors)
-
-    @property
-    def unscaled_tools(self) -> dict[int, float]:
-        """Diameters of tools by tool number, divided by the scale that is applied later [m]."""
-        return {
-            checks.check_int("number of a tool", number, 0, MAX_TOOLS): diameter / self.scale
-            for number, diameter in (self.tools or {}).items()
-        }
 
 
 def repair_vertices(program: Program, options: ReadOptions) -> Program:

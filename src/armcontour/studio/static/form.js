@@ -29,8 +29,6 @@ const FROM = {
 };
 /** Keys of which a layer that is omitted is not run, and of layers. */
 const [READ, BY_LAYER] = ["path.layers", "process.by_layer"];
-/** Keys of mappings by numbers, of tools. */
-const NUMBERED = ["path.tools"];
 
 const head = signal(/** @type {any} */ (null));
 const everything = signal(false);
@@ -323,7 +321,7 @@ function Named({ f, at }) {
   const names = [...new Set([...layers, ...given, ...added.value])].map(String);
   const each = f.each ?? f;
   const entry = (/** @type {string} */ name) => {
-    if (!each.fields) return html`<${Leaf} key=${name} f=${{ ...each, unit: f.unit, text: f.text }} at=${[...at, NUMBERED.includes(key) ? Number(name) : name]} label=${name} />`;
+    if (!each.fields) return html`<${Leaf} key=${name} f=${{ ...each, unit: f.unit, text: f.text }} at=${[...at, name]} label=${name} />`;
     const isRun = written === undefined || given.includes(name);
     const tick = html`<label class="field"><input type="checkbox" checked=${isRun} onChange=${() => (isRun ? unset([...at, name]) : set([...at, name], {}))} /> run this layer</label>`;
     return html`<${Part} key=${name} f=${{ ...each, needed: key === READ, text: f.text }} at=${[...at, name]} label=${name} more=${key === READ && tick} />`;

@@ -205,12 +205,6 @@ def _check_end(start: Point, piece: ArcPart) -> None:
         )
 
 
-def helix_length(arc: ProgrammedArc, turns: int, rise: float) -> float:
-    """Length of a helix [m], computed with its mean radius."""
-    total = arc.sweep + 2 * math.pi * (turns - 1)
-    return math.hypot((arc.radius + arc.end_radius) / 2 * total, rise)
-
-
 def helix_points(
     arc: ProgrammedArc, turns: int, tolerance: float, count_segments: Callable[[int], None]
 ) -> list[Point]:

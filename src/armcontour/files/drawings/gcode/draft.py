@@ -37,7 +37,6 @@ class FeedChain:
 
     points: array[float]  # x, y and z of the start and of the end of each move [m], flattened
     line: int  # Line number of the first move
-    layer: str
     # Speed [m/s], maximum permitted corner error [m] and line number of each move.
     speeds: array[float] = field(default_factory=lambda: array("d"))
     tolerances: array[float] = field(default_factory=lambda: array("d"))
@@ -59,22 +58,6 @@ class ProgramDraft:
         self.begun = False
         self.has_vertical_arc = False
         self.segments = 0
-        self.layer, self.layers, self.has_types = "", 0, False
-
-    def set_layer(self, number: str | None, kind: str | None) -> None:
-        """Start a new contour at a slicer's comment: a layer (number) or a type of moves (kind)."""
-        # The layer of a contour is the type of its moves; in a file without types, the layer of
-        # the slicer.
-        name = self.layer
-        if kind is not None:
-            name, self.has_types = "".join(filter(str.isprintable, kind)).strip(), True
-        else:
-            self.layers += 1
-            if not self.has_types:
-                name = f"layer {self.layers if number is None else number}"
-        if kind is None or name != self.layer:
-            self.add_stop()
-        self.layer = name
 
     def add_line(self, x: float, y: float, z: float, feed: Feed) -> None:
         """Add a straight feed move; a move without length is ignored."""
@@ -169,9 +152,7 @@ class ProgramDraft:
         if chain is None:
             self._flush()
             self.begun = True
-            chain = self.chain = FeedChain(
-                points=array("d", self.last), line=line, layer=self.layer
-            )
+            chain = self.chain = FeedChain(points=array("d", self.last), line=line)
         chain.points.extend(end)
         chain.speeds.append(speed)
         chain.tolerances.append(tolerance)
@@ -213,7 +194,7 @@ def _contour(chain: FeedChain, dimension: int, count: int, source: str) -> Conto
         Event(name=name, value=value, s=float(path.breaks[i])) for i, name, value in chain.events
     )
     name = f"line {chain.line}" if count == 1 else f"line {chain.line} ({count})"
-    return Contour(path=path, name=name, layer=chain.layer, events=events, keep_start=True)
+    return Contour(path=path, name=name, events=events, keep_start=True)
 
 
 def _path(points: array[float], dimension: int, chain: FeedChain | None = None) -> Path:

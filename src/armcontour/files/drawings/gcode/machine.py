@@ -1,299 +1,209 @@
-"""The machine that executes the lines of a G-code program, and rejects or skips unknown words."""
+"""The machine that executes the lines of a G-code program: modal state, moves and outputs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 
-from armcontour.files.drawings.gcode import codes
-from armcontour.files.drawings.gcode.codes import AXES, PLANES
-from armcontour.files.drawings.gcode.cutter_compensation import Compensation
-from armcontour.files.drawings.gcode.draft import ProgramDraft
-from armcontour.files.drawings.gcode.modes import Extruder, Modes, Offsets, Switches, unit_of
-from armcontour.files.drawings.gcode.motions import Cycles, ProgrammedTool
+from armcontour.files.drawings.gcode import words as codes
+from armcontour.files.drawings.gcode.arcs import Point as InPlane
+from armcontour.files.drawings.gcode.arcs import (
+    ProgrammedArc,
+    arc_around,
+    arc_parts,
+    arc_with_radius,
+    helix_points,
+)
+from armcontour.files.drawings.gcode.draft import Feed, ProgramDraft
 from armcontour.files.drawings.gcode.words import (
-    LASER_CODES,
+    INCH,
     MILLIMETRE,
+    WHOLE_TOLERANCE,
     Block,
-    Dialect,
     Fault,
     Notes,
+    g_name,
+    unsupported,
     whole_number,
 )
 from armcontour.files.drawings.read_options import ReadOptions
+from armcontour.program.moves import SPINDLE_SPEED, Value
 
-# Rotary axes, and linear axes other than X, Y and Z.
-OTHER_AXES = "ABCUVW"
-# Letters of words that cause no motion: tool offsets, pockets, values of skipped codes.
-IDLE_LETTERS = "DEHLOT"
+# Letters of coordinates, of the offsets from the start of an arc to its centre, and of other axes.
+AXES, OFFSETS, OTHER_AXES = "XYZ", "IJK", "ABCUVW"
+ARCS = (codes.CLOCKWISE, codes.COUNTER_CLOCKWISE)
+# Indices of the first and second axis of each plane, and of the axis normal to the plane. Seen from
+# the positive end of the normal, the second axis is 90° counter-clockwise from the first.
+PLANES = {codes.XY: (0, 1, 2), codes.ZX: (2, 0, 1), codes.YZ: (1, 2, 0)}
+# Codes whose line has no motion, so that I, J, K and R without an end do not draw an arc.
+OWN_THE_LINE = (codes.REFERENCE, codes.MACHINE, codes.SHIFT)
+SPINDLE: dict[int, Value] = {3: True, 4: "reverse", 5: False}
+COOLANT: dict[int, Value] = {7: "mist", 8: "flood", 9: False}
+BOTH = "mist and flood"
+DIGITAL = {62: True, 63: False, 64: True, 65: False}
+ANALOG = (67, 68)
+TOOL_CHANGE = 6
+# Largest coordinate [m]. Above this value a double does not resolve a nanometre.
+FARTHEST = 1e6
+# Largest feed rate [m/s].
+FASTEST = 1e6
+# Two heights are equal if their difference is at most this [m].
+SAME_HEIGHT = 1e-9
 # Largest position of another axis that counts as zero [degrees or units].
 ZERO_POSITION = 1e-9
-# Letters of words that belong to an unknown M code on a line with a motion.
-M_PARAMETERS = "DEHLOPQST"
-
-
-class UnknownWords:
-    """Removes from lines the codes and words that are not executed, with notes, or refuses them."""
-
-    def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
-        self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
-
-    def remove_unknown(self, block: Block) -> None:
-        """Remove from a line the codes and words that are not executed."""
-        words = block.words.keys()
-        if "I" in words and math.isnan(block.words["I"]) and not LASER_CODES.isdisjoint(block.m):
-            block.drop("I")
-            self.notes.count("I of M3, M4 or M5 (inline laser power)")
-        if (
-            codes.SHIFT in block.g
-            and words.isdisjoint("XYZES")
-            and not words.isdisjoint(OTHER_AXES)
-        ):
-            block.g.remove(codes.SHIFT)
-            block.drop(OTHER_AXES)
-            self.notes.count("G92 of other axes")
-        if self.skipped:
-            self._skip_words(block)
-        strange_m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
-        if strange_m:
-            self._skip_m(block, strange_m)
-        if codes.SHIFT in block.g and "S" in words and words.isdisjoint("XYZE"):
-            # On lathes, G92 S is the maximum spindle speed.
-            block.g.remove(codes.SHIFT)
-            block.drop("S")
-            self.notes.count("G92 S")
-        for code in [x for x in block.g if x not in codes.UNDERSTOOD_G]:
-            self._skip_g(block, code)
-        if not block.words.keys().isdisjoint(OTHER_AXES):
-            self._check_axes(block)
-
-    def _skip_m(self, block: Block, strange: list[float]) -> None:
-        """Skip unknown M codes and their parameters, which can be X, Y and Z (RepRap's M201)."""
-        for code in strange:
-            if code in codes.CALLS:
-                raise Fault(f"M{code:g} (subprograms) is not supported: {codes.PLAIN_MOVES}")
-            if code == codes.RESTORE and block.words.keys().isdisjoint("PRS"):
-                raise Fault(f"M72 (restore saved modes) is not supported: {codes.PLAIN_MOVES}")
-            block.m.remove(code)
-            self.notes.count(f"M{code:g}")
-        alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
-        parameters = list(block.words)[block.before_m :]
-        block.drop(x for x in parameters if alone or x in M_PARAMETERS)
-
-    def _skip_g(self, block: Block, code: int) -> None:
-        """Skip an unknown G code and its words, or refuse it."""
-        name, moves = codes.g_name(code), not block.words.keys().isdisjoint("XYZ")
-        if code in codes.REFUSED_G:
-            meaning, advice = codes.REFUSED_G[code]
-            raise Fault(f"{name} is not supported ({meaning}): {advice}")
-        if code in codes.NEVER_SKIPPED_G:
-            raise Fault(
-                f"{name} is not supported, and cannot be skipped because it may displace the "
-                "following moves: write G0, G1, G2 and G3 instead"
-            )
-        if moves:
-            raise Fault(
-                f"{name} with coordinates is not supported: write G0, G1, G2 and G3 instead, or "
-                f"skip the code with its words (unknown: {{skip: [{name}]}}, or --skip {name})"
-            )
-        if code not in codes.HARMLESS_G and not self.lenient:
-            raise Fault(
-                f"the code {name} is unknown: remove it, or skip it (unknown: {{skip: [{name}]}}, "
-                f"or --skip {name})"
-            )
-        block.g.remove(code)
-        if block.motion == code:
-            block.motion = None
-        self.notes.count(name)
-        block.drop(
-            [x for x, y in block.words.items() if x in "IJKR" + M_PARAMETERS or math.isnan(y)]
-        )
-
-    def _skip_words(self, block: Block) -> None:
-        """Skip the codes and words that the options list, with their parameters."""
-        for code in [x for x in block.g if codes.g_name(x) in self.skipped]:
-            name = codes.g_name(code)
-            if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
-                raise Fault(
-                    f"{name} cannot be skipped, because it is a motion or displaces the following "
-                    "moves: write G0, G1, G2 and G3 instead"
-                )
-            block.g.remove(code)
-            self.notes.count(name)
-            strange = code not in codes.UNDERSTOOD_G and block.motion is None
-            owns_line = strange or code in codes.OWN_THE_LINE
-            block.drop(OTHER_AXES + "XYZIJKR" + M_PARAMETERS if owns_line else "DHL")
-        for number in [x for x in block.m if f"M{x:g}" in self.skipped]:
-            self._skip_m(block, [number])
-        for letter in [x for x in block.words if x in self.skipped]:
-            del block.words[letter]
-            self.notes.count(f"the word {letter}")
-
-    def _check_axes(self, block: Block) -> None:
-        """Skip positions of zero on axes other than X, Y and Z; refuse other positions."""
-        for letter in [x for x in OTHER_AXES if x in block.words]:
-            value = block.words.pop(letter)
-            if abs(value) > ZERO_POSITION:
-                raise Fault(
-                    f"{letter}{value:g} is a move of the axis {letter}, but only X, Y and Z are "
-                    f"supported: remove the word {letter}, or skip it (unknown: {{skip: "
-                    f"[{letter}]}}, or --skip {letter})"
-                )
-            if not math.isnan(value):
-                self.notes.count(f"the word {letter} with the value 0")
-
-    def drop_idle(self, block: Block) -> None:
-        """Remove the remaining words of a line if they cause no motion; refuse other words."""
-        for letter in list(block.words):
-            if letter in "PQ" and not self._may_use_p_or_q(block):
-                users = {"P": "G4, G64, G2 and G3", "Q": "G64"}[letter]
-                raise Fault(
-                    f"no code on this line uses the word {letter}, which belongs to {users}: "
-                    "remove the word, or add the code"
-                )
-            if letter in "IJKR":
-                raise Fault(
-                    f"no code on this line uses the word {letter}, which belongs to G2 and G3: "
-                    "remove the word, or add the code"
-                )
-            if letter not in IDLE_LETTERS + "PQ":
-                raise Fault(f"no code on this line uses the word {letter}: remove the word")
-            del block.words[letter]
-            self.notes.count(f"the word {letter}")
-
-    @staticmethod
-    def _may_use_p_or_q(block: Block) -> bool:
-        """True if the line has an M code or G8, to which P and Q can belong (G8 P1, M0 P500)."""
-        return bool(block.m) or 80 in block.g
-
-
-# G codes and letters of lines that have only a motion.
-SIMPLE_CODES = (codes.RAPID, codes.LINE, *codes.ARCS)
-SIMPLE_WORDS = frozenset("XYZIJKFE")
 # Dwells of at least this time [s] get a note, because the program may be in milliseconds.
 LONG_DWELL = 60.0
+REFERENCE_NOTE = (
+    "Moves to a reference position are replaced by a stop, because the file does not define the "
+    "position: {}. From the stop the tool moves straight to the next point that the file defines. "
+    "Make sure that there is no obstacle between these points."
+)
 
 
 class Machine:
     """Executes lines: changes the modal state, and drafts the moves and events."""
 
-    def __init__(self, options: ReadOptions, dialect: Dialect) -> None:
-        unit_specified = options.unit is not None
-        self.modes = Modes(unit=options.unit or MILLIMETRE, unit_specified=unit_specified)
-        self.draft = ProgramDraft()
-        self.offsets = Offsets()
-        self.compensation = Compensation(self.draft, options.fit_tolerance)
-        self.tools = options.unscaled_tools
-        self.notes = Notes()
-        self.tool = ProgrammedTool(
-            self.compensation, self.notes, self.modes, self.offsets, options.fit_tolerance
-        )
-        self.unknown = UnknownWords(self.notes, options.words, options.skips)
-        self.switches = Switches(self.compensation, dialect)
-        self.extruder = Extruder(self.switches)
-        self.cycles = Cycles(self.tool, self.modes)
-        self.shift = [0.0] * 3
-        self.dialect = dialect
+    def __init__(self, options: ReadOptions, *, changes_tools: bool) -> None:
+        self.draft, self.notes = ProgramDraft(), Notes()
+        self.outputs = Outputs(self.draft, t_changes_tool=not changes_tools)
+        self.chord_tolerance = options.fit_tolerance
+        self.unit = options.unit or MILLIMETRE  # Length of the program's unit [m]
+        self.unit_specified = options.unit is not None
+        self.plane = codes.XY
+        self.motion: int | None = None  # Code of the active motion, None after G80
+        self.absolute, self.arc_absolute = True, False
+        # Maximum permitted corner error [m] and F [m/s]; NaN if not specified.
+        self.tolerance, self.feed = math.nan, math.nan
+        self.position = [0.0, 0.0, 0.0]  # Programmed point [m]
+        # The active coordinate system, and the system of the first coordinates (None before).
+        self.system = codes.SYSTEMS[0]
+        self.drawing_system: int | None = None
+        # Axes on which the tool moved to a position that the file does not define, and whether the
+        # tool is away from the end of the last drafted move.
+        self.undefined_axes: set[int] = set()
+        self.away = False
+
+    @property
+    def inch(self) -> bool:
+        """True if the unit is the inch, so that tolerances for programs in inches apply."""
+        return self.unit == INCH
 
     def accepts_plain_line(self) -> bool:
-        """True if `execute_plain_line` can execute the next line; prepares the execution."""
-        modes = self.modes
-        plain = (
-            modes.motion == codes.LINE
-            and modes.absolute
-            and not modes.inverse_time
-            and modes.unit <= 0.1
+        """True if `execute_plain_line` can execute the next line."""
+        return (
+            self.motion == codes.LINE
+            and self.absolute
+            and self.unit <= 0.1
             and self.draft.begun
-            and self.compensation.inactive
-            and not self.tool.away
-            and not self.extruder.active
-            and self.offsets.is_shift_known
+            and not self.away
+            and self.system == self.drawing_system
         )
-        if plain:
-            self.shift = [x or 0.0 for x in self.offsets.shift]
-        return plain
 
     def execute_plain_line(
         self, x: str | None, y: str | None, z: str | None, f: str | None
     ) -> None:
         """Execute a line with only X, Y, Z and F, after `accepts_plain_line` returned true."""
-        modes, tool = self.modes, self.tool
+        position, unit = self.position, self.unit
         if f is not None:
-            modes.set_feed_per_minute(float(f))
+            self._set_feed(float(f), unit)
         if x is None and y is None and z is None:
             return
-        position, unit, shift = tool.position, modes.unit, self.shift
         if x is not None:
-            position[0] = float(x) * unit + shift[0]
+            position[0] = float(x) * unit
         if y is not None:
-            position[1] = float(y) * unit + shift[1]
+            position[1] = float(y) * unit
         if z is not None:
-            position[2] = float(z) * unit + shift[2]
-        feed = (modes.feed, modes.tolerance, self.notes.line) if modes.feed else tool.feed_of(0.0)
-        self.draft.add_line(position[0], position[1], position[2], feed)
+            position[2] = float(z) * unit
+        self.draft.add_line(position[0], position[1], position[2], self._feed())
 
     def execute(self, block: Block) -> bool:
         """Execute a line; True if it ends the program."""
-        if not block.m and self._is_simple(block):
-            if "F" in block.words:
-                self.modes.set_feed(block)
-            elif self.modes.inverse_time:
-                self.modes.feed = None
-            self._move(block)
-            if block.words:
-                self.unknown.drop_idle(block)
-            return False
-        self.unknown.remove_unknown(block)
-        self._check_single_p(block)
-        self.modes.set_feed(block)
-        dwell = self._dwell(block) if codes.DWELL in block.g else None
-        self.switches.apply(block)
-        self.extruder.set_mode(block)
+        g, words = block.g, block.words
+        self._drop_words_without_motion(block)
+        users = (codes.DWELL in g) + (codes.BLEND in g) + self._draws_arc(block)
+        if "P" in words and users > 1:
+            raise Fault("the word P can belong to several codes of the line: write separate lines")
+        if "F" in words:
+            self._set_feed(words.pop("F"), self._unit_of_feed(block))
+        dwell = self._dwell(block) if codes.DWELL in g else None
+        self.outputs.apply(block)
         if dwell is not None:
-            self.compensation.add_dwell(dwell)
-        if codes.NO_COMPENSATION in block.g:
-            self.compensation.stop()
+            self.draft.add_dwell(dwell)
         self._set_modes(block)
-        self._compensate_radius(block)
-        if self._execute_non_modal(block):
-            self._set_motion(block)
+        if codes.REFERENCE in g:
+            self._move_to_reference(block)
+        elif codes.MACHINE in g:
+            self._move_in_machine(block)
         else:
             self._move(block)
-        self.unknown.drop_idle(block)
+        for letter in words:
+            raise Fault(f"no code on this line uses the word {letter}: remove the word")
         return self._stop(block)
 
-    def _is_simple(self, block: Block) -> bool:
-        """True if a line has only a motion and its words, like nearly all lines of a program."""
-        g = block.g
-        return (
-            (not g or (len(g) == 1 and g[0] in SIMPLE_CODES))
-            and SIMPLE_WORDS.issuperset(block.words)
-            and not self.unknown.skipped
-        )
-
-    def _check_single_p(self, block: Block) -> None:
-        """Check that at most one code of the line uses the word P."""
-        users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
-        if self._draws_arc(block):
-            users.append("the arc")
-        if "P" in block.words and len(users) > 1:
-            raise Fault(
-                f"the word P can belong to {' or '.join(users)}: write these in separate lines"
+    def _drop_words_without_motion(self, block: Block) -> None:
+        """Leave out E and other axes at zero, with notes."""
+        words = block.words
+        if "E" in words and not any(x in ANALOG for x in block.m):
+            del words["E"]
+            self.notes.add_once(
+                "The word E, first in line {}, is left out: the program has no output for the "
+                "extruder, and feed moves without E are also part of the contours."
             )
+        elif codes.SHIFT in block.g:
+            raise unsupported("G92 without E")
+        for letter in OTHER_AXES:
+            if letter in words:
+                value = words.pop(letter)
+                if abs(value) > ZERO_POSITION:
+                    raise unsupported(f"{letter}{value:g}, a move of the axis {letter},")
+                self.notes.count(f"the word {letter} with the value 0")
 
     def _draws_arc(self, block: Block) -> bool:
         """True if a line draws an arc."""
-        explicit = block.motion
-        if explicit is not None:
-            return explicit in codes.ARCS
-        once = codes.DWELL in block.g or any(x in codes.OWN_THE_LINE for x in block.g)
+        if block.motion is not None:
+            return block.motion in ARCS
+        once = any(x in (codes.DWELL, *OWN_THE_LINE) for x in block.g)
         letters = "XYZ" if once else "XYZIJKR"
-        return self.modes.motion in codes.ARCS and not block.words.keys().isdisjoint(letters)
+        return self.motion in ARCS and not block.words.keys().isdisjoint(letters)
+
+    def _unit_of_feed(self, block: Block) -> float:
+        """The unit of length of F on a line [m]; a line that changes the unit can be refused."""
+        # On a line that changes the unit, controllers differ: they interpret F in the old or in the
+        # new unit. If no unit was specified before, only the new unit is possible.
+        unit = _selected_unit(block)
+        if unit is None or math.isclose(unit, self.unit) or not self.unit_specified:
+            return unit or self.unit
+        raise Fault(
+            "the line changes the unit of length and has an F, which some controllers interpret "
+            "in the old unit and some in the new unit: write F on a separate line"
+        )
+
+    def _set_feed(self, value: float, unit: float) -> None:
+        self.feed = value * unit / 60
+        if not 0 <= self.feed <= FASTEST:
+            maximum, name = FASTEST * 60 / unit, "inch" if unit == INCH else "mm"
+            raise Fault(
+                f"the feed rate F must be from 0 to {maximum:.3g} {name} per minute, but is "
+                f"{value:g}"
+            )
+
+    def _feed(self) -> Feed:
+        """Speed, tolerance and line of a feed move; notes a missing feed rate."""
+        if self.feed == 0:
+            raise Fault(
+                "there is no feed rate for G1, G2 or G3: write F above zero, in units per minute, "
+                "on this line or before it"
+            )
+        if self.feed != self.feed:
+            self.notes.add_once(
+                "Feed moves without a feed rate, first in line {}, have no programmed speed; only "
+                "the limits of the job apply."
+            )
+        return self.feed, self.tolerance, self.notes.line
 
     def _dwell(self, block: Block) -> float:
-        """Time of G4 [s], from the word P, or from S, X or U (other controllers)."""
+        """Time of G4 [s], from the word P, or from S or X (other controllers)."""
         words = block.words
-        letter = next((x for x in "PSXU" if x in words), None)
+        letter = next((x for x in "PSX" if x in words), None)
         if letter is None:
             # In Marlin, G4 without a time waits until all moves are done.
             self.notes.count("G4 without a time (a stop of 0 s)")
@@ -301,12 +211,6 @@ class Machine:
         duration = words.pop(letter)
         if duration < 0:
             raise Fault(f"the time of G4 must not be negative, but is {letter}{duration:g}")
-        if letter == "P" and duration and self.dialect.printer:
-            self.notes.add_once(
-                "G4 P, first in line {}, is interpreted in milliseconds, because the program is "
-                "for a 3D printer (extrusion, temperatures)."
-            )
-            return duration * 1e-3
         if duration >= LONG_DWELL:
             self.notes.add_once(
                 f"Dwells of {LONG_DWELL:g} s and above, first in line {{}}, are interpreted in "
@@ -316,217 +220,302 @@ class Machine:
 
     def _set_modes(self, block: Block) -> None:
         """Set units, plane, distance modes, path control and offsets that a line selects."""
-        modes = self.modes
-        unit = unit_of(block)
+        unit = _selected_unit(block)
         if unit is not None:
-            modes.unit, modes.unit_specified = unit, True
+            self.unit, self.unit_specified = unit, True
         for code in block.g:
             if code in PLANES:
-                if code != modes.plane:
-                    self.compensation.refuse(f"a change of the plane to {codes.g_name(code)}")
-                modes.plane = code
+                self.plane = code
             elif code in (codes.ABSOLUTE, codes.RELATIVE):
-                modes.absolute = code == codes.ABSOLUTE
+                self.absolute = code == codes.ABSOLUTE
             elif code in (codes.ARC_ABSOLUTE, codes.ARC_RELATIVE):
-                modes.arc_absolute = code == codes.ARC_ABSOLUTE
-            elif code in (codes.EXACT_PATH, codes.EXACT_STOP):
-                modes.tolerance = 0.0
+                self.arc_absolute = code == codes.ARC_ABSOLUTE
+            elif code == codes.EXACT_PATH:
+                self.tolerance = 0.0
             elif code == codes.BLEND:
-                block.words.pop("Q", None)
-                modes.tolerance = self._blend_tolerance(block.words.pop("P", None))
-            elif code in (codes.RETURN_TO_START, codes.RETURN_TO_R):
-                modes.return_to_r = code == codes.RETURN_TO_R
+                block.drop("Q")
+                tolerance = block.words.pop("P", math.nan)
+                if tolerance < 0:
+                    raise Fault(f"P of G64 must not be negative, but is {tolerance:g}")
+                if tolerance == 0:
+                    self.notes.add_once(
+                        "G64 P0 in line {} sets no tolerance, as in LinuxCNC. G61 allows no corner "
+                        "error."
+                    )
+                self.tolerance = tolerance * self.unit or math.nan
             elif code in codes.SYSTEMS:
-                self.offsets.active_system = code
-            elif code in codes.TOOL_LENGTH:
-                self._compensate_length(block, code)
-
-    def _compensate_radius(self, block: Block) -> None:
-        """G41, G42: start the offset of the tool from the contour with the next move."""
-        code = next((x for x in block.g if x in codes.COMPENSATION), None)
-        if code is None:
-            return
-        name = codes.g_name(code)
-        if self.modes.plane != codes.XY:
-            raise Fault(
-                f"{name} needs the plane G17, but the plane is {codes.g_name(self.modes.plane)}"
-            )
-        if self.tool.away:
-            raise Fault(
-                f"{name} is not possible here, because the file does not define the position of "
-                "the tool: write a G0 with absolute coordinates before"
-            )
-        diameter = self._diameter(block, code)
-        offset = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
-        self.compensation.start(code, offset)
-
-    def _diameter(self, block: Block, code: int) -> float:
-        """The tool's diameter for G41 or G42 [m], negative for the other side; removes D and L."""
-        in_spindle = self.switches.tool
-        name, word = codes.g_name(code), block.words.pop("D", None)
-        if code in codes.BY_DIAMETER:
-            if block.words.pop("L", 0.0) != 0.0:
-                raise Fault(
-                    f"{name} with L (orientation of a lathe tool) is not supported: remove L"
+                self.system = code
+            elif code == codes.TOOL_LENGTH:
+                block.drop("H")
+                self.notes.add_once(
+                    "With tool length compensation, first in line {}, the programmed point is the "
+                    "tip of the tool: calibrate the tool of the robot to its tip."
                 )
-            if word is None:
-                raise Fault(f"{name} needs D, the diameter of the tool")
-            return word * self.modes.unit
-        if not word and not in_spindle and 0 not in self.tools:
+
+    def _length(self, letter: str, value: float) -> float:
+        """The length [m] of a word."""
+        length = value * self.unit
+        if not abs(length) <= FARTHEST:
             raise Fault(
-                f"{name} needs the number of a tool, D, because no tool is in the spindle (T, M6): "
-                f"write D, and specify {_explain_tool(1)}"
+                f"lengths must be within {FARTHEST:g} m, but {letter}{value:g} is {length:g} m"
             )
-        # D0 means the tool in the spindle, as in LinuxCNC.
-        number = whole_number(word or 0.0, f"the tool number D of {name}") or in_spindle
-        if number not in self.tools:
-            raise Fault(
-                f"{name} (cutter radius compensation) needs the diameter of tool {number}, which "
-                f"is not in the file: specify {_explain_tool(number)}, or post-process the "
-                "program to the path of the tool's centre"
-            )
-        return self.tools[number]
+        return length
 
-    def _compensate_length(self, block: Block, code: int) -> None:
-        """G43: note that the programmed point is the tip of the tool; removes H from the line."""
-        block.words.pop("H", None)
-        if code != codes.TOOL_LENGTH[-1]:
-            self.notes.add_once(
-                "With tool length compensation, first in line {}, the programmed point is the tip "
-                "of the tool: calibrate the tool of the robot to its tip."
-            )
-
-    def _blend_tolerance(self, tolerance: float | None) -> float:
-        """Permitted corner error [m] of G64 for its word P; NaN without P or with P0."""
-        if tolerance == 0:
-            self.notes.add_once(
-                "G64 P0 in line {} sets no tolerance, as in LinuxCNC. G61 allows no corner error."
-            )
-        if not tolerance:
-            return math.nan
-        if tolerance < 0:
-            raise Fault(
-                f"the tolerance P of G64 must not be negative, but is {tolerance:g}: write G61 to "
-                "allow no corner error"
-            )
-        return tolerance * self.modes.unit
-
-    def _execute_non_modal(self, block: Block) -> bool:
-        """Execute a non-modal code that uses the words of its line; False if there is none."""
-        g = block.g
-        for code in codes.OWN_THE_LINE.intersection(g):
-            self.compensation.refuse(codes.g_name(code))
-        reference = next(iter(codes.REFERENCE_MOVES.intersection(g)), None)
-        if reference is not None:
-            self.tool.move_to_reference(block, reference)
-        elif codes.MACHINE in g:
-            motion = self.modes.motion if block.motion is None else block.motion
-            self.tool.move_in_machine(block, motion)
-        elif 431 in g or 432 in g:
-            # G43.1 and G43.2: the coordinates are tool lengths, which cause no motion.
-            block.drop(AXES)
-        elif codes.SET_DATA in g:
-            self._skip_g10(block)
-        elif codes.SHIFT in g:
-            self._set_position(block)
-        else:
-            if not codes.NO_SHIFT.isdisjoint(g):
-                self.offsets.clear()
-            return False
-        return True
-
-    def _skip_g10(self, block: Block) -> None:
-        """G10 of printers, which retracts filament or sets temperatures; it is skipped."""
+    def _coordinates(self, block: Block) -> dict[int, float]:
+        """Coordinates of a line [m] by axis index; removes them from the line."""
         words = block.words
-        if not words.keys().isdisjoint("LXYZ"):
-            raise Fault(
-                "G10 that sets offsets or tools of the controller is not supported: post-process "
-                "the program in the CAM system without G10. If G10 has no effect on this program, "
-                "skip it (unknown: {skip: [G10]}, or --skip G10)"
-            )
-        block.drop("PRS")
-        self.notes.count("G10")
-
-    def _set_position(self, block: Block) -> None:
-        """G92: assign the coordinates of the line to the current position, E to the extruder."""
-        words, unit = block.words, self.modes.unit
-        fed = words.pop("E", None)
-        if fed is not None:
-            self.extruder.position = fed
-        values = {i: words.pop(x) * unit for i, x in enumerate(AXES) if x in words}
-        if not values and fed is None:
-            raise Fault("G92 needs at least one coordinate, such as G92 X0 Y0 Z0")
-        self.tool.set_position(values)
-
-    def _set_motion(self, block: Block) -> None:
-        """Set the modal motion; a motion other than a cycle ends the series of cycles."""
-        explicit = block.motion
-        if explicit is not None:
-            self.modes.motion = None if explicit == codes.CANCEL_MOTION else explicit
-            if explicit not in codes.CYCLES:
-                self.cycles.end()
+        return {i: self._length(x, words.pop(x)) for i, x in enumerate(AXES) if x in words}
 
     def _move(self, block: Block) -> None:
-        """Execute the motion of a line, and the extrusion along it."""
+        """Execute the motion of a line."""
         arc = self._draws_arc(block)
-        self._set_motion(block)
-        modes = self.modes
-        fed = self.extruder.advance(block, self.notes) if modes.motion is not None else 0.0
-        feeds = fed > 0
-        if not arc and block.words.keys().isdisjoint(AXES):
-            if fed:
-                speed = modes.feed if modes.feed and not modes.inverse_time else 0.0
-                self.extruder.feed_at_rest(fed * modes.unit, speed)
+        if block.motion is not None:
+            self.motion = None if block.motion == codes.CANCEL_MOTION else block.motion
+        coordinates = self._coordinates(block)
+        if not arc and not coordinates:
             return
-        if modes.motion is None:
+        if self.motion is None:
             raise Fault(
                 "the line has coordinates, but no motion is active: write G0, G1, G2 or G3 before"
             )
-        if modes.motion in codes.CYCLES:
-            self.compensation.refuse(f"the cycle {codes.g_name(modes.motion)}")
-            self.cycles.run(block)
+        target = self._target(coordinates)
+        if self.motion == codes.RAPID:
+            self._move_rapid(target)
             return
-        self.extruder.switch(feeds)
-        self._move_tool(block, feeds)
-        block.drop(AXES)
-
-    def _move_tool(self, block: Block, feeds: bool) -> None:
-        """Move the tool to the point of a line; `feeds` is true if the move feeds material."""
-        motion, target = self.modes.motion, self.tool.target(block)
-        if motion == codes.RAPID:
-            self.tool.move_rapid(target)
-        elif motion != codes.LINE:
-            self.tool.move_arc(block, target)
-        elif not feeds and self.tool.undefined_axes and self.dialect.printer:
-            self.tool.skip_move(target)
-        elif not feeds and not self.draft.begun and self.dialect.extrudes:
-            self.notes.add_once(
-                "Feed moves before the first extrusion, first in line {}, are interpreted as "
-                "rapids, so that the program begins with the first extrusion."
+        if self.away:
+            names = ", ".join(AXES[i] for i in sorted(self.undefined_axes)) or "X, Y and Z"
+            raise Fault(
+                "a feed move cannot start at a reference position (G28, G53), because the file "
+                f"does not define the position: write a G0 with absolute {names} before"
             )
-            self.tool.move_rapid(target)
+        self.drawing_system = self.drawing_system or self.system
+        if self.motion == codes.LINE:
+            self.draft.add_line(target[0], target[1], target[2], self._feed())
         else:
-            self.tool.move_line(target)
+            self._draw_arc(block, target, coordinates)
+        self.position = target
+
+    def _target(self, coordinates: dict[int, float]) -> list[float]:
+        """The point of the drawing [m] that the coordinates of a line define."""
+        if self.absolute and coordinates:
+            self.drawing_system = self.drawing_system or self.system
+            if self.drawing_system != self.system:
+                second, first = g_name(self.system), g_name(self.drawing_system)
+                raise Fault(
+                    f"the program has a coordinate {AXES[min(coordinates)]} in {second} after "
+                    f"coordinates in {first}, but must have one coordinate system only, because "
+                    "the offsets between systems are in the controller: post-process the program "
+                    "with one system"
+                )
+            self.undefined_axes -= coordinates.keys()
+        point = [
+            coordinates.get(i, x) if self.absolute else x + coordinates.get(i, 0.0)
+            for i, x in enumerate(self.position)
+        ]
+        if max(map(abs, point)) > FARTHEST:
+            raise Fault(f"coordinates must be within {FARTHEST:g} m, but the move ends beyond")
+        return point
+
+    def _move_rapid(self, target: list[float]) -> None:
+        """Make a rapid move to a point [m]."""
+        if not self.away:
+            self.draft.add_rapid(target[0], target[1], target[2])
+        elif not self.undefined_axes:
+            self.draft.resume_at(target)
+            self.away = False
+        self.position = target
+
+    def _move_to_reference(self, block: Block) -> None:
+        """G28: move through the point of the line to the reference position."""
+        # The axes of the line move to the reference position; without coordinates, all axes move.
+        coordinates = self._coordinates(block)
+        if coordinates:
+            self._move_rapid(self._target(coordinates))
+        self._lose_position("G28", set(coordinates) or {0, 1, 2})
+
+    def _move_in_machine(self, block: Block) -> None:
+        """G53: make a rapid move to machine coordinates; the position is undefined afterwards."""
+        self.motion = self.motion if block.motion is None else block.motion
+        if self.motion != codes.RAPID:
+            raise Fault(
+                "only a rapid move can have machine coordinates (G53), because their offset is in "
+                "the controller and not in the file: write the move in coordinates of the program"
+            )
+        self._lose_position("G53", set(self._coordinates(block)))
+
+    def _lose_position(self, name: str, axes: set[int]) -> None:
+        """Stop, and mark the position of some axes as undefined; `name` is the code for the note.
+
+        The draft continues at the next defined point. Before the first contour, the axes are set
+        to zero of the program instead.
+        """
+        self.notes.count(name, REFERENCE_NOTE)
+        self.draft.add_stop()
+        if self.draft.begun:
+            self.undefined_axes |= axes
+            self.away = True
+            return
+        self.position = [0.0 if i in axes else x for i, x in enumerate(self.position)]
+        self.draft.resume_at(self.position)
+
+    def _draw_arc(self, block: Block, target: list[float], coordinates: dict[int, float]) -> None:
+        """Make an arc or helix in the active plane; remove its words from the line."""
+        a, b, c = axes = PLANES[self.plane]
+        turns = _pop_turns(block)
+        last, feed = self.draft.last, self._feed()
+        arc = self._programmed_arc(
+            block, (last[a], last[b]), (target[a], target[b]), bool({a, b} & coordinates.keys())
+        )
+        rise = target[c] - last[c]
+        if abs(rise) <= SAME_HEIGHT:
+            self.draft.count_segments(turns - 1)
+            for piece in arc_parts(arc, turns):
+                self.draft.add_arc(piece, axes, feed)
+            return
+        points = helix_points(arc, turns, self.chord_tolerance, self.draft.count_segments)
+        point = list(last)
+        for i, (u, v) in enumerate(points, 1):
+            point[a], point[b], point[c] = u, v, last[c] + i / len(points) * rise
+            self.draft.add_line(point[0], point[1], point[2], feed)
+
+    def _programmed_arc(
+        self, block: Block, start: InPlane, end: InPlane, has_end: bool
+    ) -> ProgrammedArc:
+        """The arc of a line; `has_end`: whether the line has a coordinate in the plane."""
+        words, turn = block.words, 1 if self.motion == codes.COUNTER_CLOCKWISE else -1
+        a, b, c = PLANES[self.plane]
+        both = f"{OFFSETS[min(a, b)]} and {OFFSETS[max(a, b)]}"
+        # Some post-processors write all three offsets; a zero offset normal to the plane is valid.
+        if words.get(OFFSETS[c], 0.0) != 0:
+            raise Fault(
+                f"the word {OFFSETS[c]} is not valid for an arc in the plane "
+                f"{g_name(self.plane)}: write the centre as {both}"
+            )
+        block.drop(OFFSETS[c])
+        letters = [x for x in OFFSETS if x in words]
+        if "R" in words:
+            if letters or not has_end:
+                raise Fault(
+                    "an arc with the radius R needs an end point and no centre: write "
+                    f"{AXES[min(a, b)]} and {AXES[max(a, b)]}, and remove {both}"
+                )
+            return arc_with_radius(start, end, self._length("R", words.pop("R")), turn)
+        if not letters:
+            raise Fault(f"an arc needs its centre ({both}) or its radius (R)")
+        if self.arc_absolute and len(letters) < 2:
+            raise Fault(
+                f"an absolute centre of an arc (G90.1) needs {both}, but the line has only "
+                f"{letters[0]}"
+            )
+        u, v = (self._length(x, words.pop(x, 0.0)) for x in (OFFSETS[a], OFFSETS[b]))
+        center = (u, v) if self.arc_absolute else (start[0] + u, start[1] + v)
+        return arc_around(start, end, center, turn, "inch" if self.inch else "mm")
 
     def _stop(self, block: Block) -> bool:
-        """Record the pauses M0, M1 and M60; True if M2 or M30 ends the program."""
-        for code, value in ((0, True), (60, True), (1, "optional")):
+        """Record the pauses M0 and M1; True if M2 or M30 ends the program."""
+        for code, value in ((0, True), (1, "optional")):
             if code in block.m:
-                self.compensation.add_stop()
-                self.compensation.add_event("pause", value)
+                self.draft.add_stop()
+                self.draft.add_event("pause", value)
         if 2 not in block.m and 30 not in block.m:
             return False
-        self.switches.switch_off()
+        self.outputs.switch_off()
         return True
 
-    def finish(self) -> None:
-        """End the program, including an active compensation."""
-        self.compensation.stop()
+
+class Outputs:
+    """States of spindles, coolant, tool and outputs; each change becomes an event."""
+
+    def __init__(self, draft: ProgramDraft, *, t_changes_tool: bool) -> None:
+        self.draft, self.t_changes_tool = draft, t_changes_tool
+        self.states: dict[str, Value] = {}
+        self.spindles = {0: "spindle"}
+        self.selected: int | None = None
+
+    def apply(self, block: Block) -> None:
+        """Switch outputs as a line commands, in the order of the manual; removes the words used."""
+        m, words = block.m, block.words
+        spindles = self._spindles(block)
+        if "S" in words:
+            speed = words.pop("S")
+            if speed < 0:
+                raise Fault(f"the spindle speed S must not be negative, but is {speed:g}")
+            for name in spindles:
+                self.set(SPINDLE_SPEED.replace("spindle", name), speed)
+        if "T" in words:
+            self.selected = whole_number(words.pop("T"), "the number of a tool T")
+            if self.t_changes_tool:
+                self._change_tool()
+        for code in m:
+            if code in DIGITAL:
+                self.set(f"output {_number(block, 'P', code)}", DIGITAL[code])
+            elif code in ANALOG:
+                self.set(f"analog output {_number(block, 'E', code)}", words.pop("Q", 0.0))
+        if TOOL_CHANGE in m:
+            self._change_tool()
+        for code in m:
+            for name in spindles if code in SPINDLE else ():
+                self.set(name, SPINDLE[code])
+        for code in m:
+            if code in COOLANT:
+                value, current = COOLANT[code], self.states.get("coolant")
+                self.set("coolant", BOTH if value and current and current != value else value)
+
+    def _spindles(self, block: Block) -> list[str]:
+        """Names of the spindles that M3, M4, M5 and S address with $; $-1 addresses all."""
+        if "S" not in block.words and SPINDLE.keys().isdisjoint(block.m):
+            return []
+        number = whole_number(block.words.pop("$", 0.0), "the number of a spindle $")
+        if number < -1:
+            raise Fault(f"the number of a spindle $ must not be below -1, but is {number}")
+        if number == -1:
+            return list(self.spindles.values())
+        return [self.spindles.setdefault(number, f"spindle {number}")]
+
+    def _change_tool(self) -> None:
+        """Stop, and record an event for the selected tool."""
+        self.draft.add_stop()
+        value: Value = True if self.selected is None else float(self.selected)
+        if self.states.get("tool") != value or value is True:
+            self.draft.add_event("tool", value)
+            self.states["tool"] = value
+
+    def switch_off(self) -> None:
+        """End of the program: switch off spindles and coolant.
+
+        Source: LinuxCNC manual, M Codes, "M2, M30".
+        """
+        for name in (*self.spindles.values(), "coolant"):
+            if self.states.get(name):
+                self.set(name, False)
+
+    def set(self, name: str, value: Value) -> None:
+        """Set a state; records an event if it changes."""
+        if name not in self.states or self.states[name] != value:
+            self.draft.add_event(name, value)
+            self.states[name] = value
 
 
-def _explain_tool(number: int) -> str:
-    """Text for messages on how to specify the diameter of a tool."""
-    return (
-        f"its diameter, for example 3 mm (tools: {{{number}: 3 mm}} under path, or "
-        f"--tool-diameter '{number}: 3 mm')"
-    )
+def _selected_unit(block: Block) -> float | None:
+    """The unit of length that a line selects [m]; None if it selects no unit."""
+    if codes.INCHES in block.g:
+        return INCH
+    return MILLIMETRE if codes.MILLIMETRES in block.g else None
+
+
+def _pop_turns(block: Block) -> int:
+    """Number of turns P of an arc, counting a partial turn as 1; removes P from the line."""
+    word = block.words.pop("P", 1.0)
+    turns = round(word)
+    if abs(word - turns) > WHOLE_TOLERANCE or turns < 1:
+        raise Fault(
+            f"the number of turns P of an arc must be a whole number above zero, but is {word:g}"
+        )
+    return turns
+
+
+def _number(block: Block, letter: str, code: int) -> int:
+    """The number of the output of an M code; removes it from the line."""
+    if letter not in block.words:
+        raise Fault(f"M{code} needs the number of its output, {letter}")
+    return whole_number(block.words.pop(letter), f"the number of an output {letter}")

@@ -8,7 +8,7 @@ import re
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.gcode.machine import Machine
-from armcontour.files.drawings.gcode.words import MAX_LINE_LENGTH, Fault, detect_dialect, parse
+from armcontour.files.drawings.gcode.words import MAX_LINE_LENGTH, Fault, changes_tools, parse
 from armcontour.files.drawings.read_options import (
     ReadOptions,
     Tell,
@@ -27,34 +27,19 @@ PLAIN = re.compile(
 LINES_BETWEEN_REPORTS = 4096
 LINE_END = re.compile(rb"\r\n|\r|\n")
 WHITE = " \t\r\n"
-# Matches a colon and a number, which is a program number on some controllers.
-PROGRAM_NUMBER = re.compile(r":[0-9]+ *(?:\([^()]*\))?")
-# Matches the printer codes for messages, versions and object labels, which are followed by text.
-MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM](11[578]|486)(?![0-9])")
-# Matches macros of Klipper and similar firmware: START_PRINT BED_TEMP=60.
-MACRO = re.compile(r"[ \t]*([A-Za-z]{2,}[0-9]*_\w+|[A-Za-z]{2,}(?=[ \t]+[A-Za-z]{2,}\w*=))")
-# Macros that shift the following moves, and are therefore refused.
-SHIFTING = ("SET_GCODE_OFFSET", "SET_KINEMATIC_POSITION", "RESTORE_GCODE_STATE")
-# Matches comments of slicers: the start of a layer, with or without its number, or the type of the
-# following moves.
-SLICER = re.compile(
-    r"[ \t]*;[ \t]*(?:(?:LAYER_CHANGE|CHANGE_LAYER|LAYER[: ][ \t]*(-?[0-9]{1,9}))(?![\w.])"
-    r"|(?:TYPE|FEATURE):[ \t]*(\S[^\r\n]*))",
-    re.IGNORECASE,
-)
 
 
 def read_gcode(
     data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
-    """Read a program in G-code: the subset of RS274/NGC that CAM posts and slicers write.
+    """Read a program in G-code: the subset of RS274/NGC that CAM posts write.
 
     Feed moves without a rapid or a dwell between them are one contour, named after its first
     line. Every segment has the speed F and the tolerance G64 P, or 0 under G61. Changes of
-    spindle, coolant, tool, outputs and extruder are events. docs/guides/gcode.md lists all words.
+    spindle, coolant, tool and outputs are events. docs/guides/gcode.md lists all words.
     """
     lines = _lines(data, source)
-    machine = Machine(options, detect_dialect(lines))
+    machine = Machine(options, changes_tools=changes_tools(lines))
     tell = fraction_reporter(progress, source)
     _Runner(lines, source, machine).run(tell)
     program = machine.draft.program(source, tuple(machine.notes.sentences()))
@@ -106,10 +91,8 @@ class _Runner:
                         notes.add_once("Lines after the end of the program, line {}, are ignored.")
                     break
                 plain = machine.accepts_plain_line()
-            machine.finish()
         except Fault as fault:
-            number = fault.line or max(notes.line, 1)
-            message = fault.message(inch=machine.modes.inch)
+            number, message = notes.line, fault.message(inch=machine.inch)
             raise InvalidInput(
                 f"{self.source}, line {number}: {message}.", index=number - 1
             ) from None
@@ -136,24 +119,7 @@ class _Runner:
             self.ended, self.framed = self.framed or self.has_words, True
         elif text.startswith("/"):
             machine.notes.count("lines with a slash (block delete)", "Skipped: {}.")
-        elif text and PROGRAM_NUMBER.fullmatch(text) is None and not self._is_text(line):
-            if ";" in line and (match := SLICER.match(line)) is not None:
-                machine.compensation.set_layer(match[1], match[2])
-            block = parse(line)
+        elif text:
+            block = parse(line, machine.notes)
             self.has_words |= bool(block.g or block.m or block.words)
             self.ended = machine.execute(block)
-
-    def _is_text(self, line: str) -> bool:
-        """True if a line is a message or macro of a printer, which is skipped with a note."""
-        match = MESSAGE.match(line)
-        name = match and f"M{match[1]}"
-        if match is None and (match := MACRO.match(line)) is not None:
-            name = match[1].upper()
-            if name in SHIFTING:
-                raise Fault(
-                    f"the macro {name} is not supported, because it shifts the following moves: "
-                    "write the moves without the macro"
-                )
-        if name is not None:
-            self.machine.notes.count(name)
-        return name is not None

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 
 from armcontour.core.text import count_noun, list_some
-from armcontour.files.drawings.gcode.codes import (
-    BARE_WORDS,
-    G_GROUP,
-    M_GROUP,
-    MOTION,
-    PLAIN_MOVES,
-    UNDERSTOOD_M,
-    g_name,
-)
 
 MILLIMETRE, INCH = 1e-3, 0.0254
-NO_MOTION_NOTE = "Skipped because it causes no motion: {}."
+LEFT_OUT_NOTE = "Left out because it causes no motion: {}."
 # Largest number of kinds that a note lists.
 MAX_KINDS = 12
+PLAIN_MOVES = "post-process the program in the CAM system to plain moves (G0 to G3)"
 
 
 class Fault(Exception):
@@ -30,9 +20,9 @@ class Fault(Exception):
     Each `{}` in the text is replaced by one of `lengths` [m] in the unit of the program.
     """
 
-    def __init__(self, text: str, *lengths: float, line: int = 0) -> None:
+    def __init__(self, text: str, *lengths: float) -> None:
         super().__init__(text)
-        self.lengths, self.line = lengths, line
+        self.lengths = lengths
 
     def message(self, *, inch: bool) -> str:
         """The text of the error, with lengths in inches or in millimetres."""
@@ -49,11 +39,11 @@ class Notes:
     def __init__(self) -> None:
         self.line = 0
         # Count and first line of each skipped kind, by note template and kind.
-        self.counts: dict[str, dict[str, list[int]]] = {NO_MOTION_NOTE: {}}
+        self.counts: dict[str, dict[str, list[int]]] = {LEFT_OUT_NOTE: {}}
         # First line that each note template of `add_once` applies to.
         self.firsts: dict[str, int] = {}
 
-    def count(self, kind: str, sentence: str = NO_MOTION_NOTE) -> None:
+    def count(self, kind: str, sentence: str = LEFT_OUT_NOTE) -> None:
         """Count a skipped item; `{}` in the sentence is replaced by the list of all kinds."""
         self.counts.setdefault(sentence, {}).setdefault(kind, [0, self.line])[0] += 1
 
@@ -85,88 +75,104 @@ MAX_VALUE = 1e9
 MAX_LINE_LENGTH = 65_536
 # Number of characters of rejected text that a message shows.
 SHOWN_CHARACTERS = 30
-# Smallest M code that may have decimals, such as M862.3 of 3D printers.
-FIRST_WITH_DECIMALS = 100
 # A value counts as a whole number if it differs from the nearest whole number by at most this
 # (LinuxCNC manual, "Numbers").
 WHOLE_TOLERANCE = 1e-4
 
-# $ selects a spindle (LinuxCNC), unless it sets a parameter of grbl, as in $10=1.
 TOKEN = re.compile(
-    r"([A-Z]|\$(?![0-9]+=))([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL
+    r"([A-Z$])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?![0-9.=])|\([^()]*\)|;.*", re.DOTALL
 )
 EXPONENT = re.compile(r"[0-9.][eE]")
 COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
-# Matches the start of an O word.
-O_WORD = re.compile(r"(?:N[0-9]+)?O")
-# Matches an O word that is a program number, not flow control.
-PROGRAM_NUMBER = re.compile(r"(?:N[0-9]+)?O[0-9]+(?:\.0*)?")
-# Matches the keywords of Fanuc's flow control.
-FANUC_FLOW = re.compile(r"IF|WHILE|GOTO|END|DO|ELSE|THEN")
-# Matches parameters, and words with parameters or expressions as values: #1=2, X#1, ZSIN[30].
-COMPUTED = re.compile(r"[A-Z]?[-+]*(?:#|[A-Z]*\[)")
-# Matches assignments and calls of other dialects, such as X=10, CR=5, MSG("end") and CYCLE800.
-FOREIGN = re.compile(r"=|[A-Z]+[0-9]*=|[A-Z]{2,}\(|[A-Z]{3,}")
-# Matches a letter without a value and quoted text, as in programs of 3D printers: G28 X Y,
-# M84 X Y E, M862.3 P "MK3S".
-BARE_LETTER = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
-QUOTED_TEXT = re.compile(r'"[^"]*"')
-# M codes that may have a letter I without a value (Marlin: inline laser power).
-LASER_CODES = frozenset({3, 4, 5})
-# Matches a numbered line with the checksum that senders of 3D printers append: "N3 T0*57".
-CHECKSUM = re.compile(r"^(N[0-9]+[^;(*]*)\*[0-9]+(?=;|$)")
+# Matches a line with an O word: a program number (group 2), or flow control.
+O_WORD = re.compile(r"(?:N[0-9]+)?(O[0-9]+(?:\.0*)?($)|O.*)", re.DOTALL)
 # Removes white space and converts to capitals, because white space and case are ignored (LinuxCNC
 # manual, "Format of a line").
 TO_COMPACT = str.maketrans(
     {c: None for c in " \t\r\n"} | {chr(i): chr(i - 32) for i in range(ord("a"), ord("z") + 1)}
 )
-TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
-# Matches a move with a word E, which feeds material.
-EXTRUSION = re.compile(r"[gG]0?[123](?![0-9.])[^mM;(]*(?<![a-zA-Z])[eE]-?[0-9.]")
-# Matches codes of 3D printers only: modes of E, and temperatures of nozzle and bed.
-PRINTER_CODE = re.compile(r"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])")
+TOOL_CHANGE = re.compile(r"M0*6(?![0-9.])")
+
+# G codes are integers in tenths: G61.1 is 611.
+RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL = 0, 10, 20, 30, 40
+CANCEL_MOTION = 800
+XY, ZX, YZ = 170, 180, 190
+INCHES, MILLIMETRES = 200, 210
+REFERENCE, MACHINE, SHIFT = 280, 530, 920
+TOOL_LENGTH = 430
+SYSTEMS = (540, 550, 560, 570, 580, 590)
+EXACT_PATH, BLEND = 610, 640
+ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE = 900, 910, 901, 911
+MOTION = "motion"
+# The supported G codes by modal group (LinuxCNC manual, "G-code Overview", "Modal Groups"). Codes
+# without an effect select the only supported mode: no compensation of the cutter radius (G40), feed
+# per minute (G94), the return level of drilling cycles (G98, G99).
+_MEMBERS: dict[str, tuple[int, ...]] = {
+    "non-modal codes": (DWELL, REFERENCE, MACHINE, SHIFT),
+    MOTION: (RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, CANCEL_MOTION),
+    "planes": (XY, ZX, YZ),
+    "distance mode": (ABSOLUTE, RELATIVE),
+    "distance mode of arcs": (ARC_ABSOLUTE, ARC_RELATIVE),
+    "feed mode": (940,),
+    "units": (INCHES, MILLIMETRES),
+    "cutter compensation": (400,),
+    "tool length": (TOOL_LENGTH, 490),
+    "return level": (980, 990),
+    "coordinate systems": SYSTEMS,
+    "path control": (EXACT_PATH, BLEND),
+}
+G_GROUP = {code: group for group, members in _MEMBERS.items() for code in members}
+M_GROUP: dict[int, str] = {
+    **dict.fromkeys((0, 1, 2, 30), "stopping"),
+    **dict.fromkeys((3, 4, 5), "spindle"),
+    **dict.fromkeys((7, 8, 9), "coolant"),
+}
+UNDERSTOOD_M = frozenset((*range(10), 30, 62, 63, 64, 65, 67, 68))
+# M codes that call subprograms or return from them.
+CALLS = frozenset((97, 98, 99))
+# Matches a line that begins with an M code. The text after an unknown M code belongs to this code,
+# as in M117 Hello, M862.3 P "MK3S" and M84 X Y.
+LEADING_M = re.compile(r"(?:N[0-9]+)?M([0-9]+(?:\.[0-9]*)?)")
 
 
 class Block:
     """The words of a line: G codes in tenths, M codes, and the other words by letter.
 
-    `motion` is the G code of the modal group for motion, or None. `before_m` is the number of
-    `words` before the first M code.
+    `motion` is the G code of the modal group for motion, or None.
     """
 
-    __slots__ = ("before_m", "g", "m", "motion", "words")
+    __slots__ = ("g", "m", "motion", "words")
 
     def __init__(self) -> None:
         self.g: list[int] = []
         self.motion: int | None = None
-        self.m: list[float] = []
+        self.m: list[int] = []
         self.words: dict[str, float] = {}
-        self.before_m = 0
 
-    def drop(self, letters: Iterable[str]) -> None:
+    def drop(self, letters: str) -> None:
         """Remove the words with these letters, if the line has them."""
         for letter in letters:
             self.words.pop(letter, None)
 
 
-def parse(line: str) -> Block:
+def parse(line: str, notes: Notes) -> Block:
     """Parse a line into its words. The block is empty for a comment or a program number."""
-    text = line.translate(TO_COMPACT)
-    block = Block()
-    if "O" in text and O_WORD.match(text) is not None:
-        _check_program_number(line)
+    text, block = line.translate(TO_COMPACT), Block()
+    if "O" in text and (match := O_WORD.match(COMMENTS.sub("", text))) is not None:
+        if match[2] is None:
+            raise unsupported(ascii(match[1][:SHOWN_CHARACTERS]))
+        return block
+    if (match := LEADING_M.match(text)) and _is_left_out(float(match[1])):
+        notes.count(f"M{float(match[1]):g}")
         return block
     position = 0
     while position < len(text):
         match = TOKEN.match(text, position)
         if match is None:
-            position = _read_bare_or_text(block, text, position)
-            continue
+            raise Fault(_explain_syntax_error(text, position))
         if match[1] is not None:
-            _add(block, match[1], match[2], position)
+            _add(block, match[1], match[2], position, notes)
         position = match.end()
-        if text[position : position + 1] == "*" and (summed := CHECKSUM.match(text)) is not None:
-            position = summed.end()
     if "E" in block.words and EXPONENT.search(COMMENTS.sub(" ", line)):
         raise Fault(
             "numbers with an exponent are not valid in G-code: write the number without an "
@@ -175,35 +181,7 @@ def parse(line: str) -> Block:
     return block
 
 
-def _check_program_number(line: str) -> None:
-    """Check that a line with an O word contains only the number of a program."""
-    text = COMMENTS.sub("", line)
-    if PROGRAM_NUMBER.fullmatch(text.translate(TO_COMPACT)) is None:
-        shown = " ".join(text.split())[:SHOWN_CHARACTERS]
-        raise Fault(f"flow control ({ascii(shown)[1:-1]}) is not supported: {PLAIN_MOVES}")
-
-
-def _read_bare_or_text(block: Block, text: str, position: int) -> int:
-    """Read a letter without a value, or quoted text; return the position after it."""
-    # Marlin: an I without a value after M3, M4 or M5 selects inline laser power, as in `M3 S20 I`.
-    if (
-        text[position] == "I"
-        and not LASER_CODES.isdisjoint(block.m)
-        and BARE_LETTER.match(text, position)
-    ):
-        _add_word(block, "I", math.nan)
-        return position + 1
-    strange = any(x not in UNDERSTOOD_M for x in block.m)
-    if strange and (match := QUOTED_TEXT.match(text, position)) is not None:
-        return match.end()
-    bare = strange or not BARE_WORDS.isdisjoint(block.g)
-    if bare and BARE_LETTER.match(text, position):
-        _add_word(block, text[position], math.nan)
-        return position + 1
-    raise Fault(_explain_syntax_error(text, position))
-
-
-def _add(block: Block, letter: str, number: str, position: int) -> None:
+def _add(block: Block, letter: str, number: str, position: int, notes: Notes) -> None:
     if len(number) > MAX_NUMBER_LENGTH:
         raise Fault(
             f"the number after {letter} must have at most {MAX_NUMBER_LENGTH} characters, but has "
@@ -219,125 +197,85 @@ def _add(block: Block, letter: str, number: str, position: int) -> None:
     if letter == "G":
         _add_g(block, value, text)
     elif letter == "M":
-        if not block.m:
-            block.before_m = len(block.words)
-        _add_m(block.m, value, text)
-    else:
-        _add_word(block, letter, value)
-
-
-def _add_word(block: Block, letter: str, value: float) -> None:
-    if letter in block.words:
+        if value < 0:
+            raise unsupported(text)
+        if _is_left_out(value):
+            notes.count(f"M{value:g}")
+            return
+        _add_code(block.m, round(value), M_GROUP, "M{:d}".format)
+    elif letter in block.words:
         raise Fault(f"the word {letter} occurs twice: remove one of the two words")
-    block.words[letter] = value
+    else:
+        block.words[letter] = value
+
+
+def _is_left_out(code: float) -> bool:
+    """True for unknown M codes; calls of subprograms raise an error."""
+    if code in CALLS:
+        raise unsupported(f"M{code:g}")
+    return code not in UNDERSTOOD_M
 
 
 def _add_g(block: Block, value: float, text: str) -> None:
-    codes, code = block.g, round(value * 10)
-    if code < 0 or abs(value * 10 - code) > WHOLE_TOLERANCE:
-        raise Fault(f"{text} is not a valid G code")
-    group = G_GROUP.get(code)
-    for other in codes:
-        if other == code or (group is not None and G_GROUP.get(other) == group):
-            # G80 together with G0 or G1 is valid: programs begin with lines such as
-            # G0 G17 G40 G49 G80 G90.
-            if group == MOTION and 800 in (other, code) and min(other, code) <= 10:
-                codes.remove(other)
-                code = min(other, code)
-                break
-            _raise_conflict(g_name(other), g_name(code), group)
-    codes.append(code)
-    if group == MOTION:
+    code = round(value * 10)
+    if abs(value * 10 - code) > WHOLE_TOLERANCE or code not in G_GROUP:
+        raise unsupported(text)
+    if G_GROUP[code] == MOTION:
+        # G80 together with G0 or G1 is valid: programs begin with lines such as
+        # G0 G17 G40 G49 G80 G90.
+        if block.motion is not None and {block.motion, code} in ({800, 0}, {800, 10}):
+            block.g.remove(block.motion)
+            code = min(block.motion, code)
         block.motion = code
+    _add_code(block.g, code, G_GROUP, g_name)
 
 
-def _add_m(codes: list[float], value: float, text: str) -> None:
-    code = round(value) if abs(value - round(value)) <= WHOLE_TOLERANCE else value
-    if code < 0 or (code != round(code) and code < FIRST_WITH_DECIMALS):
-        raise Fault(f"{text} is not a valid M code")
-    group = M_GROUP.get(code)
+def _add_code(
+    codes: list[int], code: int, groups: Mapping[int, str], name: Callable[[int], str]
+) -> None:
+    """Add a code to those of the line, which may have only one of each group."""
+    group = groups.get(code)
     for other in codes:
-        if other == code or (group is not None and M_GROUP.get(other) == group):
-            _raise_conflict(f"M{other:g}", f"M{code:g}", group)
+        if other == code or (group is not None and groups.get(other) == group):
+            group_name = f" from the group for {group}" if group else ""
+            raise Fault(
+                f"a line may have only one code{group_name}, but has {name(other)} and "
+                f"{name(code)}: write two lines"
+            )
     codes.append(code)
 
 
-def _raise_conflict(first: str, second: str, group: str | None) -> None:
-    group_name = f" from the group for {group}" if group else ""
-    raise Fault(
-        f"a line may have only one code{group_name}, but has {first} and {second}: write two lines"
-    )
+def g_name(code: int) -> str:
+    """Name of a G code that is given in tenths: 611 is G61.1."""
+    return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
+
+
+def unsupported(text: str) -> Fault:
+    """The error for a word or text that is not supported."""
+    return Fault(f"{text} is not supported: {PLAIN_MOVES}")
 
 
 def whole_number(value: float, word: str) -> int:
     """Convert the value of a word that must be a whole number; `word` is for the message."""
-    if not math.isfinite(value) or abs(value - round(value)) > WHOLE_TOLERANCE:
+    if abs(value - round(value)) > WHOLE_TOLERANCE:
         raise Fault(f"{word} must be a whole number, but is {value:g}")
     return round(value)
 
 
 def _explain_syntax_error(text: str, position: int) -> str:
     """Explain why no word or comment can be read at a position."""
-    character = text[position]
-    shown = ascii(text[position : position + SHOWN_CHARACTERS])
-    if FANUC_FLOW.match(text, position) is not None:
-        return f"flow control ({shown}) is not supported: {PLAIN_MOVES}"
-    if (match := COMPUTED.match(text, position)) is not None:
-        kind = "a parameter #" if match[0].endswith("#") else "an expression [ ]"
-        return f"{kind} ({shown}) is not supported: {PLAIN_MOVES}"
-    if character == "(":
-        inner = text.find("(", position + 1)
-        close = text.find(")", position + 1)
+    if text[position] == "(":
+        close, inner = text.find(")", position), text.find("(", position + 1)
         if close < 0 or inner < 0:
             return "a comment begins with ( but does not end: close it with )"
         return "parentheses are not allowed within a comment ( ): remove the inner parentheses"
-    if text.startswith(("//", "/*"), position):
-        return (
-            f"{text[position : position + 2]} does not start a comment in G-code: write comments "
-            "in ( ) or after ;"
-        )
-    if FOREIGN.match(text, position) is not None:
-        return (
-            f"{shown} is a word of another dialect, such as Sinumerik: post-process the program "
-            "in the CAM system for LinuxCNC or Fanuc"
-        )
-    if character.isascii() and character.isalpha():
-        return f"the letter {character} is not followed by a number"
-    if character in "@^":
-        return "polar coordinates (@ or ^) are not supported: write X and Y"
-    if character == "$":
-        return (
-            "$ is a command of a sender or controller, and is not valid in G-code: remove the line"
-        )
-    if text.startswith(("->", "<-", "<~")):
-        return (
-            "the file is the log of a sender (->, <-), not a program: specify the file of the "
-            "program"
-        )
-    return f"{ascii(character)} does not start a word or a comment"
+    return str(unsupported(ascii(text[position : position + SHOWN_CHARACTERS])))
 
 
-@dataclass(frozen=True, slots=True)
-class Dialect:
-    """Properties of a whole program that change the meaning of its words."""
-
-    changes_tools: bool  # Whether the program has M6; otherwise T alone changes the tool
-    extrudes: bool  # Whether a move of the program feeds material
-    printer: bool  # Whether the program is for a 3D printer: G4 P is in milliseconds
-
-
-def detect_dialect(lines: list[str]) -> Dialect:
-    """Determine the dialect of a program from its lines."""
-    extrudes = _any_matches(EXTRUSION, (x for x in lines if "E" in x or "e" in x))
-    return Dialect(
-        changes_tools=_any_matches(TOOL_CHANGE, (x for x in lines if "6" in x)),
-        extrudes=extrudes,
-        printer=extrudes or _any_matches(PRINTER_CODE, (x for x in lines if "M" in x or "m" in x)),
-    )
-
-
-def _any_matches(pattern: re.Pattern[str], lines: Iterable[str]) -> bool:
-    """True if a pattern occurs in one of the lines outside of comments."""
+def changes_tools(lines: list[str]) -> bool:
+    """True if a program changes tools with M6; otherwise T alone changes the tool."""
     return any(
-        pattern.search(COMMENTS.sub("", x)) is not None for x in lines if len(x) <= MAX_LINE_LENGTH
+        TOOL_CHANGE.search(COMMENTS.sub("", x.translate(TO_COMPACT)))
+        for x in lines
+        if "6" in x and len(x) <= MAX_LINE_LENGTH
     )
