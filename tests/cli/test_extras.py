@@ -41,7 +41,6 @@ NEEDS = {
         ["run bodies.yaml --out out", "certify job.yaml --servo-error 1mm --plant rigid_body"],
     ),
     "drawings": ("ezdxf", ["show a.dxf", "run a.dxf --cell ur5e --out out"]),
-    "ros": ("rosbags.typesys", ["check a.mcap --arm pmk3s"]),
     "cluster": (
         "distributed",
         [
@@ -63,8 +62,7 @@ def folder(tmp_path):
     rows = (f"{t},0.1,-1.5,1.2,-1,-1.5,0\n" for t in (0.0, 0.1, 0.2))
     (tmp_path / "a.csv").write_text(f"t,q1,q2,q3,q4,q5,q6\n{''.join(rows)}")
     (tmp_path / "plan.yaml").write_text("job: job.yaml\nover: {servo.kp: [20 1/s, 25 1/s]}\n")
-    for name in ("a.dxf", "a.mcap"):
-        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "a.dxf").write_bytes(b"")
     return tmp_path
 
 
@@ -73,7 +71,7 @@ def test_every_extra_of_users_is_tested():
     # Without the tables of pyarrow a batch writes lines of JSON. No command needs plotly, and
     # tests of franka's adapter are in tests/controllers.
     users = set(project["optional-dependencies"]) - FOR_DEVELOPERS
-    users -= {"tables", "figures", "franka"}
+    users -= {"tables", "figures", "franka", "ros"}
     assert users == set(NEEDS)
 
 

@@ -513,7 +513,7 @@ TEXTS = {
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--only-tool", "--out", "--package", "--path",
     "--plant", "--validate", "--run", "--scene", "--skip", "--set-points", "--texts",
-    "--tip", "--tool-positions", "--topic", "--units",
+    "--tip", "--tool-positions", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip
 

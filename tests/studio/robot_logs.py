@@ -13,9 +13,6 @@ HEAD = "t [s],command 1 [rad],command 2 [rad],measured 1 [rad],measured 2 [rad]"
 RESERVE = [("timing: {method: optimal}", "timing: {method: optimal, reserve: 10 %}")]
 # Clock of the log at the start of the plan [s].
 BEGIN = 100.0033
-POINT = "trajectory_msgs/JointTrajectoryPoint"
-STATE = "control_msgs/msg/JointTrajectoryControllerState"
-FIELDS = f"std_msgs/Header header\nstring[] joint_names\n{POINT} reference\n{POINT} feedback\n"
 
 
 class Robot:
@@ -66,30 +63,3 @@ def write_table(file, rows, head=HEAD):
     """Write a table with the titles of its columns."""
     np.savetxt(file, rows, "%.9f", ",", header=head, comments="")
     return file
-
-
-def write_bag(folder, rows, frame=""):
-    """Write the log as a compressed bag of ROS 2; the name of its frame may be long."""
-    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    store.register(get_types_from_msg(FIELDS, STATE))
-    make = {name.rpartition("/")[2]: x for name, x in store.types.items()}
-    none = dict.fromkeys(("velocities", "accelerations", "effort"), np.zeros(0))
-    none["time_from_start"] = make["Duration"](sec=0, nanosec=0)
-    writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
-    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-    with writer:
-        connection = writer.add_connection("/state", STATE, typestore=store)
-        for t, *q in rows:
-            ns = round(t * 1e9)
-            stamp = make["Time"](sec=ns // 10**9, nanosec=ns % 10**9)
-            both = (
-                make["JointTrajectoryPoint"](positions=np.array(x), **none) for x in (q[:2], q[2:])
-            )
-            message = make[STATE.rpartition("/")[2]](
-                make["Header"](stamp=stamp, frame_id=frame), ["joint 1", "joint 2"], *both
-            )
-            writer.write(connection, ns, store.serialize_cdr(message, STATE))
-    return next(folder.glob("*.mcap"))

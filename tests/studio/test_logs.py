@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.studio.robot_logs import BEGIN, HEAD, TRUE, write_bag, write_table
+from tests.studio.robot_logs import BEGIN, HEAD, TRUE, write_table
 from tests.studio.session_pages import RecordingTaskWorker, SessionPage, figure, session_of
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.core.render import cells
-from armcontour.files import parse_job, ros_files
+from armcontour.files import parse_job
 from armcontour.files.log_file import read_log, read_run_log
 from armcontour.jobs.run_learning import judge_log
 from armcontour.studio.drafts import state_folder
@@ -175,21 +175,6 @@ def test_logs_that_do_not_fit_the_job_are_refused(ask, robot, done, tmp_path):
             with pytest.raises(InvalidInput, match=r"bad\.csv") as refused:
                 ask(task, log)
             assert str(tmp_path) not in str(refused.value)
-
-
-def test_bags_are_logs_and_do_not_unpack_to_too_much(ask, robot, done, tmp_path, monkeypatch):
-    rows = robot.table(done)
-    bag = write_bag(tmp_path / "bag", rows)
-    same = write_table(tmp_path / "run.csv", rows)
-    errors = [figure(ask("measured", x).header, "contour_rms") for x in (bag, same)]
-    assert errors[0] == pytest.approx(errors[1], rel=1e-3)
-    monkeypatch.setattr(ros_files, "SMALL", 4_000_000)
-    bomb = write_bag(tmp_path / "bomb", rows[:100], "a" * 5_000_000)
-    assert bomb.stat().st_size < 100_000
-    for task in ("measured", "identify", "learn"):
-        with pytest.raises(InvalidInput, match="unpacked size") as refused:
-            ask(task, bomb)
-        assert str(tmp_path) not in str(refused.value)
 
 
 def test_columns_have_the_names_that_the_page_gives(ask, robot, done, tmp_path):

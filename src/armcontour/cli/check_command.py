@@ -218,9 +218,7 @@ def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> Trajector
     from armcontour.files import read_trajectory
     from armcontour.motion.log_checks import check_range_of_log, raise_other_joints
 
-    samples = read_trajectory(
-        trajectory, arm.joint_names, columns=options.columns, topic=options.topic
-    )
+    samples = read_trajectory(trajectory, arm.joint_names, columns=options.columns)
     if samples.q.shape[1] != arm.dof:
         raise_other_joints(samples.source, samples.joints, arm.joint_names)
     check_range_of_log(

@@ -206,7 +206,7 @@ def show(
 @grouped
 def check(
     trajectory: Annotated[
-        FilePath, typer.Argument(help="Time-stamped joint trajectory: CSV, YAML of ROS, or a bag.")
+        FilePath, typer.Argument(help="Time-stamped joint trajectory: CSV, or YAML of ROS.")
     ],
     options: CheckOptions,
 ) -> None:
@@ -291,8 +291,7 @@ def identify(
         list[FilePath],
         typer.Argument(
             metavar="LOG...",
-            help="Log of time, command and measured: CSV, or a bag; several are joined. With "
-            "--on, a job.",
+            help="Log of time, command and measured: CSV; several are joined. With --on, a job.",
         ),
     ],
     options: IdentifyOptions,

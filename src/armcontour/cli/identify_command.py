@@ -100,7 +100,7 @@ def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
     from armcontour.files.robot_file import servo_yaml
 
     raise_if(len(jobs) != 1, f"--on requires exactly one job, but {len(jobs)} files are given.")
-    for name in ("arm", "servo", "gravity", "validate", "columns", "topic", "start", "end"):
+    for name in ("arm", "servo", "gravity", "validate", "columns", "start", "end"):
         option = {"start": "from", "end": "to"}.get(name, name)
         raise_if(
             getattr(command, name) is not None,
@@ -184,7 +184,6 @@ def _read(log: FilePath, command: IdentifyOptions) -> Log:
         end=end,
         unwrap=command.unwrap,
         columns=command.columns,
-        topic=command.topic,
     )
     show_notes(content.notes)
     return content

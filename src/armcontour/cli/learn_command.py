@@ -98,7 +98,6 @@ def _learn_or_judge(
         window=window,
         unwrap=options.unwrap,
         columns=options.columns,
-        topic=options.topic,
     )
     show_notes(log.notes)
     tool = None

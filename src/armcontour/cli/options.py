@@ -35,7 +35,7 @@ TOPICS: dict[str, tuple[str, ...]] = {
     "Certificate": (),
     "Places": (),
     "Log and files of numbers": ("log", "set_points", "tool_positions", "start", "end", "columns",
-                                 "topic", "unwrap", "interpolation"),
+                                 "unwrap", "interpolation"),
     "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
                          "reserve", "excitation", "band"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
@@ -289,11 +289,9 @@ class LogOptions:
     Args:
         columns: Names of the columns of a CSV file without a header: 't [ms],q1 [deg],-,q2'; or new
             names of columns or joints: 'q# [deg]=axis_#'.
-        topic: Topic of a bag of ROS, if several are suitable.
     """
 
     columns: Text = None
-    topic: Text = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -503,7 +501,7 @@ class LearnOptions(ControllerOptions, WindowOptions):
             for play.
         set_points: Executed set-points: set_points.csv of run or of the previous learn, or the
             folder of that result.
-        log: Log of that run: CSV of positions over time, or a bag.
+        log: Log of that run: CSV of positions over time.
         tool_positions: CSV of measured positions of the tool over the same time: t, x, y,
             z.
         judge_only: Report the contour error according to the log, without learning. Without

@@ -22,8 +22,10 @@ LARGE = 1000 * MEGABYTE
 FOREIGN = {
     b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself: fetch "
     "it with `git lfs pull`",
-    b"#ROSBAG V": "a bag of ROS 1: convert it with `rosbags-convert --src FILE.bag --dst FOLDER`, "
-    "and give the folder",
+    **dict.fromkeys(
+        (b"#ROSBAG V", b"\x89MCAP", b"SQLite format 3"),
+        "a bag of ROS: write a CSV file with the script in docs/guides/controllers/ros2.md",
+    ),
 }
 
 

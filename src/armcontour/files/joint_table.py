@@ -173,11 +173,8 @@ class TableSamples:
     notes: tuple[str, ...]  # Notes on changed times and skipped rows
 
 
-def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> str:
-    """Read the text of a CSV file; `kind` is for messages, and `topic` must be None."""
-    if topic is not None:
-        name = FilePath(file).name
-        raise InvalidInput(f"{name} is a CSV file, which has no topics. Remove --topic.")
+def read_csv_text(file: str | FilePath, kind: str) -> str:
+    """Read the text of a CSV file; `kind` is for messages."""
     return read_text(file, kind, maximum=LARGE, latin=True)
 
 

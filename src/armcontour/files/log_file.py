@@ -29,7 +29,6 @@ from armcontour.files.joint_table import (
     read_samples,
     read_tool_title,
 )
-from armcontour.files.ros_files import is_ros_file, read_ros_log
 from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
 from armcontour.motion.log_checks import arrange_joints
 
@@ -49,9 +48,8 @@ def read_log(
     end: float = math.inf,
     unwrap: bool = False,
     columns: str | None = None,
-    topic: str | None = None,
 ) -> Log:
-    """Read a log from a CSV file, or from a bag of ROS 2.
+    """Read a log from a CSV file.
 
     The first line of CSV names the columns: `t`, and for each joint a command, `u1`, `command 1` or
     `command shoulder`, and a measured position, `q1`, `measured 1` or `measured shoulder`. The
@@ -61,29 +59,25 @@ def read_log(
     are ignored. Separators are commas, semicolons, tabs or blanks. Lines that start with # are
     comments; the comment `# interpolation: step` specifies the interpolation between set-points.
 
-    In a bag (storage mcap or sqlite3), the state of a joint trajectory controller is read: its
-    reference (or desired) and feedback (or actual) positions. Its times begin at zero.
-
     >>> log = ac.read_log("log.csv")
     >>> log.measured.shape == (len(log.t), 1)
     True
 
     Args:
-        file: The file: `.mcap`, `.db3` or a folder for ROS; any other file is read as CSV.
+        file: The file.
         start: First time to use [s].
         end: Last time to use [s].
         unwrap: Whether to remove jumps by whole turns.
         columns: Names of all columns of a CSV file, separated by commas, for a file without titles;
-            `-` ignores a column. Or new names of some columns (in a bag, of joints):
-            `q1 [deg]=axis_1`, `q# [deg]=axis_#` for every number, `-=tool_*` for any text.
-        topic: Topic of a bag; by default the only one of its type.
+            `-` ignores a column. Or new names of some columns: `q1 [deg]=axis_1`, `q# [deg]=axis_#`
+            for every number, `-=tool_*` for any text.
 
     Raises:
         InvalidInput: The file has another form, or `Log` rejects its samples; the message names
             file and line.
     """
     location = checks.read_file_path("read_log", file)
-    return _read_log(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
+    return _read_log(location, (), (start, end), unwrap, columns, commanded=True)[0]
 
 
 def log_text(log: Log) -> str:
@@ -110,7 +104,6 @@ def read_run_log(
     window: tuple[float, float] = (-math.inf, math.inf),
     unwrap: bool = False,
     columns: str | None = None,
-    topic: str | None = None,
     commanded: bool = False,
 ) -> Log | Recording:
     """Read the log of a robot run for learning; without commands, it is a `Recording`."""
@@ -120,7 +113,7 @@ def read_run_log(
     from armcontour.control.learning import Recording
 
     log, has_commands = _read_log(
-        FilePath(file), joint_names, window, unwrap, columns, topic, commanded=commanded
+        FilePath(file), joint_names, window, unwrap, columns, commanded=commanded
     )
     log = arrange_joints(log, joint_names)
     if has_commands:
@@ -134,7 +127,6 @@ def _read_log(
     window: tuple[float, float],
     unwrap: bool,
     columns: str | None,
-    topic: str | None,
     *,
     commanded: bool,
 ) -> tuple[Log, bool]:
@@ -142,26 +134,22 @@ def _read_log(
 
     A file without commands is rejected if `commanded`.
     """
-    if is_ros_file(file):
-        motion, interpolation = read_ros_log(file, topic, columns), None
-    else:
-        table = read_table(
-            read_csv_text(file, "log", topic),
-            file.name,
-            partial(read_joint_title, joint_names=joint_names),
-            example=EXAMPLE,
-            columns=columns,
-            option="--columns",
-        )
-        motion = _joint_motion(table, *window, positions=not commanded)
-        interpolation = _find_interpolation(table.comments)
+    table = read_table(
+        read_csv_text(file, "log"),
+        file.name,
+        partial(read_joint_title, joint_names=joint_names),
+        example=EXAMPLE,
+        columns=columns,
+        option="--columns",
+    )
+    motion = _joint_motion(table, *window, positions=not commanded)
     log = cut_log(
         motion.t,
         motion.q if motion.command is None else motion.command,
         motion.q,
         window,
         joint_names=tuple(f"joint {x}" if x.isdigit() else x for x in motion.joints),
-        interpolation=interpolation,
+        interpolation=_find_interpolation(table.comments),
         source=motion.source,
         unwrap=unwrap,
         notes=motion.notes,

@@ -52,9 +52,8 @@ def read_trajectory(
     joint_names: Sequence[str] = (),
     *,
     columns: str | None = None,
-    topic: str | None = None,
 ) -> TrajectoryFile:
-    """Read a trajectory from a CSV file, a JointTrajectory in YAML, or a bag of ROS 2.
+    """Read a trajectory from a CSV file, or a JointTrajectory in YAML.
 
     The first line of CSV names the columns: `t`, `q1` or `joint 1`, `dq1`, `ddq1`, ..., each with a
     unit in brackets (`t [ms]`, `joint 1 [deg]`) if the unit is not SI. The column names of logs are
@@ -62,27 +61,23 @@ def read_trajectory(
     measured positions, the measured positions are read. Other columns are ignored. Separators are
     commas, semicolons, tabs or blanks. Lines that start with # are comments.
 
-    A bag (storage mcap or sqlite3) is a folder or one file. A JointTrajectory in the bag is read;
-    otherwise the measured motion in controller states or in JointStates.
-
     >>> samples = ac.read_trajectory("motion.csv")
     >>> samples.q.shape == (len(samples.t), 2)
     True
 
     Args:
-        file: The file: `.yaml`, `.mcap`, `.db3` or a folder for ROS; any other file is read as CSV.
+        file: The file: `.yaml` for ROS; any other file is read as CSV.
         joint_names: Names of joint 1, 2, ... in titles: only the name for positions, or the name
             after `q`, `dq`, `ddq`. Names with an additional prefix are also recognized.
         columns: As in `read_log`.
-        topic: Topic of a bag; by default the only one of its type.
 
     Raises:
         InvalidInput: The file has another form; the message names file and line.
     """
     location = FilePath(file)
     if is_ros_file(location):
-        return read_ros_motion(location, joint_names, topic, columns)
-    text = read_csv_text(file, "trajectory file", topic)
+        return read_ros_motion(location, joint_names, columns)
+    text = read_csv_text(file, "trajectory file")
     return parse_trajectory(text, joint_names, source=location.name, columns=columns)
 
 

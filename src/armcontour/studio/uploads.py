@@ -22,7 +22,7 @@ ROBOTS = (".urdf",)
 # Maximum length of a file name [characters].
 MAX_NAME = 100
 # Extensions of logs of a robot, and maximum number of stored logs.
-LOGS, MAX_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
+LOGS, MAX_LOGS = (".csv", ".txt", ".log"), 8
 # Age above which folders of other sessions are deleted [s]. Servers of newer sessions may still
 # run.
 MAX_AGE = 30 * 86400.0

@@ -6,9 +6,9 @@ import { html, signal } from "./vendor/preact.js";
 /** @typedef {import("./state.js").Store} Store */
 
 /** All endings of logs, for pickers. */
-export const ENDINGS = ".csv,.txt,.log,.mcap,.db3";
+export const ENDINGS = ".csv,.txt,.log";
 /** Names of logs, and of tables, which may be drawings as well. */
-const [BAGS, TABLES] = [/\.(log|mcap|db3)$/i, /\.(csv|txt)$/i];
+const [LOGS, TABLES] = [/\.log$/i, /\.(csv|txt)$/i];
 /** A column of times, in the first line that is no comment; waypoints have none. */
 const TIMES = /(^|[^a-z])(t|time|timestamp|ipoc)([^a-z0-9]|$)/i;
 /** Logs that the server keeps, the oldest first, those that tasks take, and names of columns. */
@@ -20,7 +20,7 @@ export const logOptions = () => ({ logs: logs(), columns: columns.value });
 
 /** True if a file is a log of a robot. @param {File} file @returns {Promise<boolean>} */
 export async function isLog(file) {
-  if (!TABLES.test(file.name)) return BAGS.test(file.name);
+  if (!TABLES.test(file.name)) return LOGS.test(file.name);
   const first = (await file.slice(0, 4096).text()).split(/\r?\n/).find((line) => /^\s*[^#\s]/.test(line)) ?? "";
   return /[,;\t]/.test(first) && TIMES.test(first);
 }
@@ -54,7 +54,7 @@ export function Logs({ store }) {
   const tick = (/** @type {string} */ name, /** @type {boolean} */ on) => (ticked.value = [...ticked.value.filter((x) => x !== name), ...(on ? [name] : [])]);
   return html`<section class="task logs" aria-label="Logs of the robot">
     <div class="task-head"><button type="button" onClick=${add}>Add a log</button>
-      <p class="quiet">Or drop it: time and joint positions of a robot, as a table or a bag of ROS 2. Ticked logs are of successive runs.</p></div>
+      <p class="quiet">Or drop it: time and joint positions of a robot, as a table. Ticked logs are of successive runs.</p></div>
     ${all.value.length > 0 && html`<div class="task-fields" role="group" aria-label="Logs that are used">
       ${all.value.map((name) => html`<label class="field" key=${name}><input type="checkbox" checked=${ticked.value.includes(name)} onChange=${(/** @type {any} */ e) => tick(name, e.target.checked)} /> ${name}</label>`)}
       <label class="field">columns <input type="text" size="16" placeholder="u#=command_#,q#=actual_#" onChange=${(/** @type {any} */ e) => (columns.value = e.target.value.trim())} /></label></div>`}
