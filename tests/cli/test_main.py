@@ -141,7 +141,7 @@ def test_an_error_has_its_exit_code_and_leaves_nothing(tmp_path, refused):
 
 def test_an_experiment_has_its_columns_and_files(tmp_path, run):
     runs = {"one": {}, "two": {"compensation": {"method": "none"}}}
-    shown, result = run({**JOB, "runs": runs, "experiment": {"runs": ["one"]}})
+    shown, result = run({**JOB, "runs": runs, "experiment": {}})
     assert "experiment" in shown and "Masses: Both links are assumed" in shown
     assert {"one/set_points.csv", "one/planned.csv", "one/torque.csv"} <= set(result["files"])
     header = (tmp_path / "out" / "one" / "torque.csv").read_text().splitlines()[0]

@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 import jsonschema
 import numpy as np
 import yaml
-from tests.files.tables import refusals, rows, values
+from tests.files.tables import refusals, values
 
 import armcontour as ac
 from armcontour.cli.run_command import built_in_job
@@ -64,20 +64,11 @@ plant: {dead_time: 44 ms} => {plant_servo.dead_time: [0.044, 0.044], servo.dead_
 plant: {order: first} => {plant_servo.order: first, plant_servo.kv: null}
 plant: {} => {plant_servo.order: second}
 experiment: {} => {runs.one.compensation.method: inverse_dynamics}
-experiment: {runs: []} => {runs.one.compensation.method: inverse}
 experiment: {} | runs.one.compensation: {} => {runs.one.compensation.method: inverse_dynamics}
 experiment: {} | runs.one.compensation: {method: none} => {runs.one.compensation.method: none}
 experiment: {} | servo: {kp: 25 1/s, order: first} => {runs.one.compensation.method: inverse}
 corners: {speed: 0.03 m/s, acceleration: 0.05} => {runs.one.limits.centripetal_acceleration: 0.09}
 limits: {} | corners: {speed: 1, acceleration: 1} => {runs.0.limits.centripetal_acceleration: 1}
-"""
-# Gravity is fed forward as in the experiment: what the run says, what the experiment is, and so.
-GRAVITY = """
-{} => null => true
-{} => {} => true
-{} => {gravity_feedforward: false} => false
-{} => {gravity_feedforward: false, runs: []} => true
-{gravity_feedforward: false} => {} => false
 """
 
 
@@ -93,10 +84,6 @@ def test_a_good_job_is_read_in_si_units():
     # PyYAML would read a text.
     text = with_change("corners: {tolerance: X}").replace("X", "2e-3")
     assert parse_job(text).runs[0].rounding == Rounding(tolerance=2e-3)
-    for gravity, experiment, expected in rows(GRAVITY):
-        method = f"runs.one.compensation: {{method: inverse_dynamics, {gravity[1:]}"
-        options = parse(f"{method} | experiment: {experiment}").runs[0].compensation
-        assert options.gravity_feedforward is (expected == "true"), (gravity, experiment)
 
 
 BAD = r"""

@@ -204,8 +204,7 @@ path:
 limits: {speed: 0.25, centripetal_acceleration: 1}
 corners: {tolerance: 1 mm, angular_tolerance: 0.05 deg}
 servo: {kp: 25, kv: 150}
-experiment:
-  {runs: [tried], noise: 1.0e-6, seed: 5, payload: {mass: 1.2 kg}, viscous: 0.1 N m s/rad}
+experiment: {payload: {mass: 1.2 kg}}
 runs: {plain: {compensation: {method: none}}, tried: {}}
 """)
 

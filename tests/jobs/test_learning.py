@@ -11,7 +11,6 @@ import armcontour as ac
 from armcontour.files import parse_job
 from armcontour.jobs.run_learning import (
     LearningStudy,
-    feeds_gravity_forward,
     learn_run,
     plan_run,
 )
@@ -68,5 +67,5 @@ def test_gravity_is_fed_forward_as_the_compensation_specifies(plan):
     for feeds in (True, False):
         options = ac.InverseDynamics(gravity_feedforward=feeds)
         run = dataclasses.replace(plan.run, compensation=options, experiment=None)
-        assert feeds_gravity_forward(run) is feeds
-        assert feeds_gravity_forward(dataclasses.replace(run, compensation=ac.InverseDynamics()))
+        assert run.feeds_gravity_forward is feeds
+        assert dataclasses.replace(run, compensation=ac.InverseDynamics()).feeds_gravity_forward

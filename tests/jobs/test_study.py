@@ -88,10 +88,10 @@ def test_the_branch_reaches_the_tracer(job):
 
 
 def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
-    experiment_run = changed(job.runs[0], experiment=Experiment(noise=1e-6, seed=3))
+    experiment_run = changed(job.runs[0], experiment=Experiment(step=5e-4))
     study = ac.run(with_runs(job, experiment_run, job.runs[1]))
     result = study.runs["proposed"]
-    plant = ac.RigidBodyPlant(job.arm, job.plant_servo, experiment_run.limits, noise=1e-6, seed=3)
+    plant = ac.RigidBodyPlant(job.arm, job.plant_servo, experiment_run.limits, step=5e-4)
     execution = ac.simulate(result.set_points, plant)
     evaluation_options = {
         "objective": job.path,
@@ -102,34 +102,25 @@ def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
     np.testing.assert_array_equal(result.experiment.execution.q, execution.q)
     assert result.experiment.evaluation.contour_error.rms == evaluation.contour_error.rms
     assert result.evaluation.contour_error.rms != evaluation.contour_error.rms
-    assert (result.experiment.plant.noise, result.experiment.plant.seed) == (1e-6, 3)
     assert study.runs["conventional"].experiment is None
 
 
 def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
     arm, servo = ac.load_arm("ur5e"), ac.ServoModel(kp=25.0, kv=150.0)
-    load, coulomb = ac.Payload(mass=2.0), [6, 6, 4, 1.5, 1.5, 1.5]
-    unknown = Experiment(payload=load, armature=0.1, viscous=8.0, coulomb=coulomb)
-    plant = build_plant(unknown, arm, servo)
+    load = ac.Payload(mass=2.0)
+    plant = build_plant(Experiment(payload=load), arm, servo, arm.limits, True)
     assert plant.chain.payload is load and plant.controller_chain is arm.chain
-    assert (plant.chain.armature == 0.1).all() and (plant.chain.viscous == 8.0).all()
-    np.testing.assert_array_equal(plant.chain.coulomb, coulomb)
     np.testing.assert_array_equal(plant.chain.masses, arm.chain.masses)
     bare = ac.RigidBodyPlant(arm, servo)
     np.testing.assert_array_equal(plant.nominal_inertia, bare.nominal_inertia)
     # It replaces the payload that the controller knows, and leaves out what is not given.
     nominal = arm.with_tool(arm.chain.tool, ac.Payload(mass=3.0))
-    empty = build_plant(Experiment(payload=ac.Payload(mass=0.0)), nominal, servo)
+    none = Experiment(payload=ac.Payload(mass=0.0))
+    empty = build_plant(none, nominal, servo, arm.limits, True)
     assert empty.chain.payload.mass == 0.0 and empty.controller_chain.payload.mass == 3.0
-    rigid = build_plant(Experiment(), arm, servo)
+    rigid = build_plant(Experiment(), arm, servo, arm.limits, False)
     assert rigid.chain is arm.chain and Experiment().unknown == ""
-    assert rigid.joint_stiffness is None and rigid.joint_damping is None
-    springs = Experiment(armature=0.1, joint_stiffness=[2e4] * 3 + [1e4] * 3)
-    plant = build_plant(springs, arm, servo)
-    np.testing.assert_array_equal(plant.joint_stiffness, springs.joint_stiffness)
-    np.testing.assert_allclose(plant.joint_damping, 1e-4 * plant.joint_stiffness)
-    damped = build_plant(dataclasses.replace(springs, joint_damping=3.0), arm, servo)
-    assert (damped.joint_damping == 3.0).all()
+    assert rigid.joint_stiffness is None and not rigid.gravity_feedforward
 
 
 def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
@@ -140,13 +131,6 @@ def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
         (lambda: Rounding(tolerance=5e-3, acceleration=0.0), "acceleration of a rounding", "zero"),
         (lambda: with_runs(job, first, first), "runs must differ in name"),
         (lambda: dataclasses.replace(in_space, seed=np.zeros(2)), "seed has 2 values"),
-        (lambda: Experiment(viscous=[1.0, 2.0]).for_joints(6), "viscous has 2 values"),
-        (
-            lambda: Experiment(joint_stiffness=[1e4, 0.0]),
-            "joint_stiffness of an experiment must be above zero",
-        ),
-        (lambda: Experiment(joint_damping=1.0), "requires joint_stiffness"),
-        (lambda: Experiment(friction=False, coulomb=1.0), "friction"),
     )
 
 

@@ -132,7 +132,7 @@ def test_the_worse_execution_of_a_job_with_an_experiment_is_the_verdict(seed):
         path={"points": points.tolist()},
         servo={"kp": random.uniform(15, 40), "kv": random.uniform(100, 250)},
         corners={"tolerance": random.uniform(3e-4, 3e-3)},
-        experiment={"viscous": random.uniform(0, 0.05)} if random.random() < 0.5 else {},
+        experiment={"payload": {"mass": random.uniform(0, 0.05)}} if random.random() < 0.5 else {},
         runs={"one": {"timing": {"reserve": 0.05}, **options}},
     )
     run = runs["one"]

@@ -114,7 +114,7 @@ def test_who_judges_set_points_that_are_for_the_bodies():
 
 
 def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
-    experiment = Experiment(coulomb=[0.02, 0.0])
+    experiment = Experiment(payload=ac.Payload(mass=0.1))
     result = only(job(ac.Path.polyline(LINES), compensation=ac.Inverse(), experiment=experiment))
     judged, plain = result.experiment.evaluation, result.experiment.uncompensated
     assert plain.contour_error.rms > judged.contour_error.rms > 0
@@ -127,7 +127,7 @@ def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
         assert len(warnings) == (evaluation is plain)
     for value in (plain.contour_error.rms, judged.contour_error.rms):
         assert f"{value * 1e3:.4g} " in warnings[0]
-    assert "method: inverse_dynamics" in warnings[0] and "0.02, 0 N m" in warnings[0]
+    assert "method: inverse_dynamics" in warnings[0] and "a payload of 0.1 kg" in warnings[0]
     assert (
         only(
             job(ac.Path.polyline(LINES), compensation=ac.NoCompensation(), experiment=experiment)

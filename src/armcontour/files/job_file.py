@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from armcontour.control.compensation import InverseDynamics
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
@@ -21,12 +20,12 @@ from armcontour.core.text import show
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
 from armcontour.files.job_arm import arm_of
-from armcontour.files.job_model import ExperimentModel, JobModel, PathModel, RunModel
+from armcontour.files.job_model import JobModel, PathModel, RunModel
 from armcontour.files.job_path import part_of, path_of
 from armcontour.files.key_errors import Patch
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
-from armcontour.jobs import Experiment, Exports, Job, Rounding, Run
+from armcontour.jobs import Exports, Job, Rounding, Run
 from armcontour.jobs.experiment import default_compensation
 from armcontour.motion import DEFAULT_CYCLE
 from armcontour.planning import Optimal, Paper, PlanOptions
@@ -184,8 +183,6 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
     """Make a job from its model and its arm, path and scene."""
     path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
-    if model.experiment is not None:
-        _check_run_names("experiment.runs", model.experiment.runs or [], model)
     if model.certificate is not None and model.certificate.run is not None:
         _check_run_names("certificate.run", [model.certificate.run], model)
     if model.placement is not None and model.placement.run is not None:
@@ -244,7 +241,6 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             from armcontour.motion.nearest_commands import check_command_limits
 
             command_limits = check_command_limits(Limits(**commands), arm.dof)
-    experiment = _experiment(name, job.experiment, arm)
     if corners is not None:
         key = "corners" if model.corners is None else f"runs.{name}.corners"
         with error_context(f"Run {name}") if model.corners is None else nullcontext():
@@ -252,12 +248,8 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         if corners.tolerance is None:
             _check_corner_speed(key, corners, limits)
     cycle = model.cycle or job.cycle or DEFAULT_CYCLE
-    compensation = model.compensation or default_compensation(job.servo, arm, experiment)
+    compensation = model.compensation or default_compensation(job.servo, arm, job.experiment)
     compensation = dataclasses.replace(compensation, command_limits=command_limits)
-    if isinstance(compensation, InverseDynamics) and compensation.gravity_feedforward is None:
-        # By default, gravity feedforward is the same as in the simulation of rigid bodies.
-        fed = experiment is None or experiment.gravity_feedforward
-        compensation = dataclasses.replace(compensation, gravity_feedforward=fed)
     with error_context(f"runs.{name}"):
         return Run(
             name=name,
@@ -267,7 +259,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             rounding=corners,
             cycle=cycle,
             end_time=model.end_time,
-            experiment=experiment,
+            experiment=job.experiment,
             accuracy=job.accuracy,
             default_compensation=model.compensation is None,
         )
@@ -294,15 +286,6 @@ def _check_corner_speed(key: str, corners: Rounding, limits: Limits) -> None:
             f"{key} requires either tolerance, the largest corner error, or both speed and "
             "acceleration."
         )
-
-
-def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment | None:
-    """Options of the experiment (rigid-body simulation) of a run; None if the run has none."""
-    if model is None or (model.runs is not None and run not in model.runs):
-        return None
-    options = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
-    with error_context("experiment"):
-        return Experiment(**options).for_joints(arm.dof)
 
 
 def _check_run_names(key: str, names: Sequence[str], job: JobModel) -> None:

@@ -299,17 +299,6 @@ KEY_OVERRIDES[ArmModel] = KeyOverrides(
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ExperimentModel(Experiment):
-    """A simulation of runs on the arm's rigid bodies, with default drive gains.
-
-    Args:
-        runs: Names of runs; all by default.
-    """
-
-    runs: list[str] | None = None
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandLimitsModel:
     """Limits of the set-points; compensation moves set-points to the nearest ones within them.
@@ -407,7 +396,7 @@ class JobModel(SharedModel):
     accuracy: Distance | None = None
     servo: ServoModel
     plant: Annotated[dict[str, Any], SpecifiedKeys(ServoModel, null=True)] | None = None
-    experiment: ExperimentModel | None = None
+    experiment: Experiment | None = None
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: CertificateGoal | None = None
     placement: PlaceSearch | None = None

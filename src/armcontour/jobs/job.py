@@ -223,6 +223,12 @@ class Run(Checked):
         return isinstance(self.compensation, InverseDynamics)
 
     @property
+    def feeds_gravity_forward(self) -> bool:
+        """True if the controller adds the gravity torque."""
+        options = self.compensation
+        return not isinstance(options, InverseDynamics) or options.gravity_feedforward
+
+    @property
     def is_shaped(self) -> bool:
         """True if corners have shape free, which is optimized together with the timing."""
         return self.rounding is not None and self.rounding.free

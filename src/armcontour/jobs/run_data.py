@@ -71,13 +71,8 @@ def plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
     yield Row("plant", type(plant).__name__)
     yield Row("step", plant.step, "s")
     yield Row("gravity_feedforward", plant.gravity_feedforward)
-    yield Row("friction", plant.friction)
-    yield Row("noise", plant.noise, "rad")
-    yield Row("seed", plant.seed)
     yield Row("nominal_inertia", plant.nominal_inertia, "kg m^2")
     yield from _robot("robot", plant.chain)
-    yield Row("robot.joint_stiffness", plant.joint_stiffness, "N m/rad")
-    yield Row("robot.joint_damping", plant.joint_damping, "N m s/rad")
     yield from _robot("controller", plant.controller_chain)
 
 

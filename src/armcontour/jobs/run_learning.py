@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour.control.compensation import InverseDynamics
 from armcontour.control.learning import LearningResult, LearningRun, Recording, judge_run, learn
 from armcontour.control.learning.alignment import fit_clock
 from armcontour.control.learning.error_estimate import smooth_error
@@ -19,7 +18,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import number
 from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
 from armcontour.core.sampling import interpolate
-from armcontour.jobs.job import Job, Run, choose_run
+from armcontour.jobs.job import Job, choose_run
 from armcontour.jobs.job_result import JobResult, RunResult
 from armcontour.jobs.study import run
 from armcontour.motion import Execution, Log, SetPoints
@@ -291,7 +290,7 @@ def learn_run(
             executed,
             arm=job.arm,
             servo=job.servo,
-            gravity_feedforward=feeds_gravity_forward(plan.run),
+            gravity_feedforward=plan.run.feeds_gravity_forward,
             tool=tool,
         )
     except InvalidInput as error:
@@ -349,20 +348,12 @@ def judge_log(
         log,
         arm=job.arm,
         servo=job.servo,
-        gravity_feedforward=feeds_gravity_forward(plan.run),
+        gravity_feedforward=plan.run.feeds_gravity_forward,
         tool=tool,
     )
     if isinstance(log, Log):
         check_run(set_points, log)
     return JudgedStudy(job=job, plan=plan, judged=judged)
-
-
-def feeds_gravity_forward(run: Run) -> bool:
-    """True if the controller adds the gravity torque (compensation or experiment; default True)."""
-    options = run.compensation
-    if isinstance(options, InverseDynamics) and options.gravity_feedforward is not None:
-        return options.gravity_feedforward
-    return run.experiment is None or run.experiment.gravity_feedforward
 
 
 def check_run(set_points: SetPoints, log: Log) -> None:

@@ -84,8 +84,9 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
             if simulate and run.experiment is not None:
                 with error_context(EXPERIMENT):
                     require_mujoco()
+                    fed = run.feeds_gravity_forward
                     plants[run.name] = build_plant(
-                        run.experiment, job.arm, job.plant_servo, run.limits
+                        run.experiment, job.arm, job.plant_servo, run.limits, fed
                     )
     return plants
 
@@ -141,7 +142,7 @@ def simulate_experiment(
     """Simulate set-points on the rigid bodies of an experiment, or with the servo model if None."""
     if experiment is None:
         return simulate_run(job, set_points)
-    plant = build_plant(experiment, job.arm, job.plant_servo, run.limits)
+    plant = build_plant(experiment, job.arm, job.plant_servo, run.limits, run.feeds_gravity_forward)
     return simulate_run(job, set_points, plant)
 
 

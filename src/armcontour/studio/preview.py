@@ -340,17 +340,12 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
         raise InvalidInput(f"The job has no run {name}. Its runs are {', '.join(model.runs)}.")
-    placement, experiment = model.placement, model.experiment
-    # The experiment stays if it applies to this run, because the set-points depend on it.
-    if experiment is not None:
-        judged = name in (experiment.runs or [name])
-        experiment = dataclasses.replace(experiment, runs=None) if judged else None
+    placement = model.placement
     return dataclasses.replace(
         model,
         runs={name: model.runs[name]},
         certificate=None,
         placement=None if placement is None else dataclasses.replace(placement, run=None),
-        experiment=experiment,
     )
 
 

@@ -96,14 +96,13 @@ class InverseDynamics(CompensationOptions):
     'inverse_dynamics'
 
     Args:
-        gravity_feedforward: True if the controller adds the gravity torque; by default True, or in
-            a job the value of its experiment.
+        gravity_feedforward: Whether the controller adds the gravity torque.
         controller: The arm model of the controller, for example without a payload that was
             identified later; by default the nominal arm.
     """
 
     method = "inverse_dynamics"
-    gravity_feedforward: Annotated[bool | None, About()] = None
+    gravity_feedforward: Annotated[bool, About()] = True
     controller: Arm | None = None
 
 
@@ -247,7 +246,7 @@ def _set_points(
     elif isinstance(options, InverseDynamics):
         from armcontour.control.compensation.inverse_dynamics import inverse_dynamics
 
-        fed = options.gravity_feedforward is not False
+        fed = options.gravity_feedforward
         start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.controller)
     else:
         from armcontour.control.compensation.inverse_servo import invert_servo

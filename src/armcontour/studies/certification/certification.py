@@ -121,7 +121,9 @@ def certify(
     plant = None
     if chosen.experiment is not None:
         # The plant is built before the search, so that invalid options are reported early.
-        plant = build_plant(chosen.experiment, job.arm, job.plant_servo, chosen.limits)
+        plant = build_plant(
+            chosen.experiment, job.arm, job.plant_servo, chosen.limits, chosen.feeds_gravity_forward
+        )
     if goal.box is not None and goal.plant == "servo":
         half_widths(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
     if goal.plant == "servo" and chosen.default_compensation:

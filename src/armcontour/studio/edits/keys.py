@@ -186,9 +186,7 @@ def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
         raise InvalidInput(f"The job has no run {name}.")
     if len(runs) == 1:
         raise InvalidInput(f"The run {name} cannot be removed, because it is the only run.")
-    changes, experiment = [Change(("runs", name))], data.get("experiment") or {}
-    if name in (experiment.get("runs") or []):
-        changes.append(Change(("experiment", "runs", experiment["runs"].index(name))))
+    changes = [Change(("runs", name))]
     for key in ("certificate", "placement"):
         if (data.get(key) or {}).get("run") == name:
             changes.append(Change((key, "run")))
