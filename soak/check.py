@@ -82,9 +82,7 @@ def proven_velocity(log):
     best = np.zeros(log.q.low.shape[1])
     if log.dq is not None:
         best = log.dq.least.max(axis=0)
-    for k in range(1, len(log)):
-        best = np.maximum(best, _chords(log, log.q, k).least.max(axis=0))
-    return best
+    return np.maximum(best, _chords(log, log.q).least.max(axis=0))
 
 
 def proven_acceleration(log):
@@ -92,23 +90,22 @@ def proven_acceleration(log):
     best = np.zeros(log.q.low.shape[1])
     if log.ddq is not None:
         best = log.ddq.least.max(axis=0)
-    for k in range(1, len(log)):
-        span = log.t[slice(k, None)] - log.t[slice(None, -k)]
-        bounds = []
-        if log.dq is not None:
-            bounds.append(_chords(log, log.dq, k))
-            step = log.q[slice(k, None)] - log.q[slice(None, -k)]
-            half = Interval(span.low**2 / 2, span.high**2 / 2)
-            half = Interval(np.where(span.low > 0, half.low, 0.0), half.high)
-            for v in (log.dq[slice(None, -k)], log.dq[slice(k, None)]):
-                bounds.append((step - v * span) / half)
-        if 2 * k < len(log):
-            chords = _chords(log, log.q, k)
-            span = log.t[slice(2 * k, None)] - log.t[slice(None, -2 * k)]
-            change = chords[slice(k, None)] - chords[slice(None, -k)]
-            bounds.append(change / Interval(span.low / 2, span.high / 2))
-        for x in bounds:
-            best = np.maximum(best, np.nan_to_num(x.least, nan=0.0).max(axis=0))
+    span = log.t[slice(1, None)] - log.t[slice(None, -1)]
+    bounds = []
+    if log.dq is not None:
+        bounds.append(_chords(log, log.dq))
+        step = log.q[slice(1, None)] - log.q[slice(None, -1)]
+        half = Interval(span.low**2 / 2, span.high**2 / 2)
+        half = Interval(np.where(span.low > 0, half.low, 0.0), half.high)
+        for v in (log.dq[slice(None, -1)], log.dq[slice(1, None)]):
+            bounds.append((step - v * span) / half)
+    else:
+        chords = _chords(log, log.q)
+        span = log.t[slice(2, None)] - log.t[slice(None, -2)]
+        change = chords[slice(1, None)] - chords[slice(None, -1)]
+        bounds.append(change / Interval(span.low / 2, span.high / 2))
+    for x in bounds:
+        best = np.maximum(best, np.nan_to_num(x.least, nan=0.0).max(axis=0))
     return best
 
 
@@ -127,13 +124,11 @@ def proven_speed(log, forward, reach):
     middle = (log.q.low + log.q.high) / 2
     errors = ((log.q.high - log.q.low) / 2 * reach).sum(axis=1)
     points = forward(middle)
-    low = high = 0.0
-    for k in range(1, len(log)):
-        span = log.t[slice(k, None)] - log.t[slice(None, -k)]
-        length = np.linalg.norm(points[k:] - points[:-k], axis=1)
-        lower_bounds = np.maximum(length - errors[k:] - errors[:-k], 0.0)
-        low = max(low, float((lower_bounds / span.high[:, 0]).max()))
-        high = max(high, float((length / np.maximum(span.low[:, 0], 1e-300)).max()))
+    span = log.t[slice(1, None)] - log.t[slice(None, -1)]
+    length = np.linalg.norm(points[1:] - points[:-1], axis=1)
+    lower_bounds = np.maximum(length - errors[1:] - errors[:-1], 0.0)
+    low = float((lower_bounds / span.high[:, 0]).max())
+    high = float((length / np.maximum(span.low[:, 0], 1e-300)).max())
     if log.dq is not None:
         speed, errors = _sample_speeds(log, middle, forward, reach)
         low, high = max(low, float((speed - errors).max())), max(high, float(speed.max()))
@@ -155,9 +150,9 @@ def _sample_speeds(log, q, forward, reach):
     return speed / (2 * step[:, 0]), uncertainty
 
 
-def _chords(log, y, k):
-    step = y[slice(k, None)] - y[slice(None, -k)]
-    return step / (log.t[slice(k, None)] - log.t[slice(None, -k)])
+def _chords(log, y):
+    step = y[slice(1, None)] - y[slice(None, -1)]
+    return step / (log.t[slice(1, None)] - log.t[slice(None, -1)])
 
 
 def pmk3s(q):

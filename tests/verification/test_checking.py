@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
+from armcontour.files.exports import CsvFormat, RosYamlFormat
+from armcontour.jobs.exports import ENDINGS
 from armcontour.motion import LapLaw, Samples
 from armcontour.robot.limit_use import Use
 from armcontour.verification.limit_verdict import LimitUseAccumulator
@@ -104,20 +106,44 @@ def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(ar
 
 
 def test_printed_digits_are_forgiven_and_no_more(arm):
-    """Six decimals at 1 ms: second differences of q are off by up to 2 rad/s²."""
+    """Ten decimals at 1 ms: second differences of q are off by up to 0.0002 rad/s²."""
     tight = ac.Limits.only(**{name: np.array(values) / 1.02 for name, values in BOUNDS.items()})
     for names in ("q", "q dq", "q dq ddq"):
-        log, resolution = rounded_to(columns(JERKY.sample(1e-3), names), 6)
+        log, resolution = rounded_to(columns(JERKY.sample(1e-3), names), 10)
         check = ac.check(log, arm, ac.Limits.only(**BOUNDS), resolution=resolution)
-        assert not check.violated, (names, check.worst)
-        assert check.rounding["q"] == pytest.approx(5e-7)
+        assert check.verdict == "kept", (names, check.worst)
+        assert check.rounding["q"] == pytest.approx(5e-11)
         assert check["joint_acceleration"].certain > 0.99
         # Taken for exact, it is not forgiven.
         assert ac.check(log, arm, ac.Limits.only(**BOUNDS)).violated, names
         tight_check = ac.check(log, arm, tight, resolution=resolution)
         assert {x.name for x in tight_check.violations} == set(BOUNDS)
-        assert tight_check["joint_acceleration"].ratio == pytest.approx(1.02, abs=2e-3)
+        assert tight_check["joint_acceleration"].ratio == pytest.approx(1.02, abs=5e-3)
         assert 0 < tight_check["joint_acceleration"].slack < 1e-2
+    # Six decimals, 2 rad/s², decide nothing.
+    log, resolution = rounded_to(columns(JERKY.sample(1e-3), "q"), 6)
+    for limits in (ac.Limits.only(**BOUNDS), tight):
+        assert ac.check(log, arm, limits, resolution=resolution)["joint_acceleration"].verdict == (
+            "cannot tell"
+        )
+
+
+@pytest.mark.parametrize("cycle", [1e-3, 4e-3, 8e-3])
+@pytest.mark.parametrize("derivatives", [0, 1, 2])
+@pytest.mark.parametrize("jerk", [np.inf, 7.2])
+def test_exported_plans_at_their_limits_are_kept(arm, tmp_path, cycle, derivatives, jerk):
+    limits = ac.Limits.only(joint_acceleration=0.72, joint_jerk=jerk, speed=0.15)
+    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=1.0)])
+    planned = ac.plan(path, arm, limits)
+    for form in (CsvFormat(derivatives=derivatives), RosYamlFormat(derivatives=derivatives)):
+        file = tmp_path / f"plan{ENDINGS[form.kind]}"
+        ac.export(planned, file, form, arm=arm, cycle=cycle)
+        samples = ac.read_trajectory(file, arm.joint_names)
+        check = ac.check(samples, arm, limits.replace(joint_jerk=None))
+        assert check.verdict == "kept", check
+        assert check["joint_acceleration"].highest.ratio > 0.99
+        reduced = limits.replace(joint_jerk=None, joint_acceleration=0.72 / 1.02)
+        assert ac.check(samples, arm, reduced).violated
 
 
 def test_digits_of_time_count_unless_the_samples_are_regular(arm):
@@ -259,13 +285,13 @@ def test_verdicts_by_digits_and_the_worst_of_all_limits(arm):
     for limit, digit, verdict in (
         (0.10, 0.0, "kept"),
         (0.09, 0.0, "violated"),
-        (0.09, 0.01, "violated"),
-        # The digit of 0.05 rad leaves 0.083 rad/s over three seconds.
+        (0.09, 0.009, "violated"),
         (0.09, 0.05, "cannot tell"),
         (0.11, 0.05, "kept"),
-        # In full use, printed: more than 0.1 % above it is not let pass.
-        (0.1 / 1.0009, 1e-2, "kept"),
-        (0.1 / 1.0011, 1e-2, "cannot tell"),
+        # In full use, printed: up to 1 % above it is let pass if the digits explain it.
+        (0.1 / 1.0099, 1e-2, "kept"),
+        (0.1 / 1.0101, 1e-2, "cannot tell"),
+        (0.1 / 1.0019, 2e-4, "kept"),
         (0.1 / 1.0009, 0.0, "violated"),
     ):
         check = ac.check(log, arm, ac.Limits.only(joint_velocity=limit), resolution={"q": digit})
@@ -291,18 +317,6 @@ def test_verdicts_by_digits_and_the_worst_of_all_limits(arm):
         limits = ac.Limits.only(joint_velocity=limit, joint_lower=-1e12, joint_upper=1e12)
         assert ac.check(log, arm, limits)["joint_velocity"].verdict == verdict
         assert ac.check(log, arm, limits)["joint_upper"].verdict == "kept"
-
-
-def test_the_place_of_the_highest_ratio_is_another_than_that_of_the_certain_one(arm):
-    """Joint 1 jumps by a last digit; joint 2 slowly goes far, which is certain."""
-    t = np.arange(11) * 0.1
-    log = SimpleNamespace(t=t, q=np.column_stack([0.01 * (np.arange(11) % 2), 0.9 + 0.05 * t]))
-    check = ac.check(log, arm, ac.Limits.only(joint_velocity=0.08), resolution={"q": 0.01})
-    use = check["joint_velocity"]
-    assert (use.joint, use.highest.joint) == (1, 0)
-    assert use.certain == pytest.approx((0.05 - 0.01 / 0.8) / 0.08, rel=1e-3)
-    assert (use.highest.ratio, use.highest.value) == pytest.approx((0.1 / 0.08, 0.1))
-    assert use.verdict == "cannot tell"
 
 
 def test_what_is_no_number_decides_nothing_and_is_never_kept(arm):

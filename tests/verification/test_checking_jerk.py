@@ -220,10 +220,7 @@ def test_rounding_is_tolerated_and_few_samples_prove_little():
     check = ac.check(log, ARM, LIMITS)
     # Six decimals at 1 ms are 4000 rad/s³: what the numbers say is far above the limit.
     assert check.verdict == "cannot tell" and check["joint_jerk"].highest.ratio > 10
-    assert 0.9 < check["joint_jerk"].certain < 1
     assert ac.check(log, ARM, LIMITS, resolution={"q": 0.0}).violated
-    tight = ac.Limits.only(joint_jerk=np.array([JERK, 2.0]) / 1.2)
-    assert ac.check(log, ARM, tight)["joint_jerk"].verdict == "violated"
     log = SimpleNamespace(t=[0.0, 1.0], q=[[0.3, 0.9], [0.4, 0.9]], dq=np.zeros((2, 2)))
     check = ac.check(log, ARM, ac.Limits.only(joint_jerk=1.0))["joint_jerk"]
     assert (check.value, check.joint, check.t) == pytest.approx((1.2, 0, 0.5))

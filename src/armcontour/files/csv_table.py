@@ -78,7 +78,10 @@ class Digits:
         """Update the statistics with the texts of numbers."""
         # Numbers with the same pattern of zero and nonzero digits have the same statistics, so each
         # pattern is evaluated once. Numbers with exponents are not translated.
-        alike = {x if "e" in x or "E" in x else x.translate(_DIGIT_PATTERN) for x in texts}
+        joined = "\n".join(texts)
+        alike = set(texts)
+        if "e" not in joined and "E" not in joined:
+            alike = set(joined.translate(_DIGIT_PATTERN).split("\n"))
         for match in filter(None, map(NUMBER.fullmatch, alike)):
             whole, part, power = match.group("whole", "part", "power")
             part, exponent = part or "", int(power or 0)

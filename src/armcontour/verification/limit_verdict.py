@@ -33,6 +33,9 @@ VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
 # An excess below this fraction of a limit is attributed to rounding, because the printed digits of
 # a plan that uses a limit fully may exceed the limit.
 UNSEEN = 1e-3
+# The rounding of printed digits may explain an excess up to this fraction of a limit. Coarser
+# digits leave the verdict open.
+COARSE = 1e-2
 
 # Units of the limits by their names.
 UNITS = LIMIT_UNITS | {
@@ -111,11 +114,11 @@ class LimitUse(Result, Occurrence):
         name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation", or a jump
             at a break of a law: "position_step", "velocity_step", "acceleration_step",
             "tool_acceleration_step" or "path_acceleration_step".
-        highest: Use with the largest ratio of the printed numbers, in the narrowest windows;
-            rounding may have caused it.
+        highest: Use with the largest ratio of the printed numbers; rounding may have caused it.
         verdict: "violated": every motion through the samples, within their digits, exceeds the
-            limit. "kept": the motion satisfies the limit everywhere. "cannot tell": neither, or
-            the violated limit is only assumed for the arm.
+            limit. "kept": the motion satisfies the limit, but for an excess up to 0.1 %, or up to
+            1 % that the digits explain. "cannot tell": neither, or the violated limit is only
+            assumed for the arm.
     """
 
     name: str
@@ -145,11 +148,12 @@ class LimitUse(Result, Occurrence):
         )
 
 
-def decide_verdict(certain: float, highest: float, tolerance: float) -> str:
-    """Verdict on a limit, from the largest certain ratio and the largest ratio of its use."""
+def decide_verdict(certain: float, highest: Occurrence, tolerance: float) -> str:
+    """Verdict on a limit, from the largest certain ratio and the use with the largest ratio."""
     if certain > 1 + tolerance:
         return VIOLATED
-    return KEPT if highest <= 1 + tolerance + UNSEEN else CANNOT_TELL
+    rounding = max(UNSEEN, min(highest.slack, COARSE))
+    return KEPT if highest.ratio <= 1 + tolerance + rounding else CANNOT_TELL
 
 
 def shift_use(use: LimitUse, t: float, s: float) -> LimitUse:
@@ -189,17 +193,16 @@ class LimitUseAccumulator:
         self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
         self.orientation_deviation = orientation_deviation
         self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
-        # True if recorded values count for the highest ratio. Means over wider windows are more
-        # certain, but never exceed the largest mean over the narrower windows inside.
+        # True if recorded values count for the highest ratio.
         self.narrow = True
         self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
 
-    def record(self, use: Use, t: FloatArray, q: FloatArray) -> float:
-        """Record a use at times and joint positions; return the largest error of its ratio."""
+    def record(self, use: Use, t: FloatArray, q: FloatArray) -> None:
+        """Record a use at times and joint positions."""
         name, value = use.name, use.value
         if not value.size:
-            return 0.0
+            return
         ratio, certain, slack = use.ratios()
         allowed, slack = (np.broadcast_to(x, value.shape) for x in (use.limit, slack))
 
@@ -224,15 +227,13 @@ class LimitUseAccumulator:
         current = self._highest.get(name)
         if current is None or (self.narrow and ratio.flat[i] > current[0].ratio):
             self._highest[name] = occurrence(i)
-        return float(slack.max())
 
     def record_rates(
         self, name: str, t: FloatArray, rates: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
-    ) -> float:
-        """Record rates as a use of their limit, if there is one; return the largest ratio error."""
-        if getattr(self.limits, name) is None:
-            return 0.0
-        return self.record(use_of(name, self.limits, rates, error), t, q)
+    ) -> None:
+        """Record rates as a use of their limit, if there is one."""
+        if getattr(self.limits, name) is not None:
+            self.record(use_of(name, self.limits, rates, error), t, q)
 
     def record_states(self, t: FloatArray, states: States) -> None:
         """Record all quantities of joints and tool for some states."""
@@ -281,7 +282,7 @@ class LimitUseAccumulator:
             LimitUse(
                 name=name,
                 highest=most,
-                verdict=decide_verdict(x.certain, most.ratio, tolerance),
+                verdict=decide_verdict(x.certain, most, tolerance),
                 **{y.name: getattr(x, y.name) for y in fields(x)},
             )
             for name, x, most in zip(self._certain, certain, highest, strict=True)

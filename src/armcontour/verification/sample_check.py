@@ -1,11 +1,9 @@
 """Check of samples by lower bounds of the peaks that every motion through them must reach."""
 
-# Over a window between samples, the mean of a derivative is known exactly, whatever the motion does
-# between the samples, and its peak is at least the mean. Divided differences are such means. If the
-# derivatives at both ends of a window are known, the smallest peak follows exactly, see
-# `_smallest_factor` for accelerations and `_smallest_jerk`. The resolution of a column bounds the
-# errors of its numbers. Errors have less effect in wider windows, so windows of 1, 2, 4, ...
-# samples are checked until the effect is negligible.
+# Between samples, the mean of a derivative is known exactly, whatever the motion does there, and
+# its peak is at least the mean. Divided differences are such means. If the derivatives at both
+# samples are known, the smallest peak follows exactly, see `_smallest_factor` for accelerations
+# and `_smallest_jerk`. The resolution of a column bounds the errors of its numbers.
 
 from __future__ import annotations
 
@@ -21,12 +19,10 @@ from armcontour.robot.limit_use import SLOWEST, States, across, angular, length
 from armcontour.robot.limits import DIRECTED, JOINT_LIMITS
 from armcontour.verification.limit_verdict import LimitUseAccumulator
 
-# Windows are widened until rounding is at most this fraction of every limit.
-NEGLIGIBLE = 1e-7
 # Fractions of a sample interval at which the distance of the cubic from the path is computed.
 BETWEEN = np.arange(1, 8) / 8
-# In windows in which the direction of motion turns by more than this sine, the whole acceleration
-# of the tool may be centripetal.
+# Between samples at which the direction of motion turns by more than this sine, the whole
+# acceleration of the tool may be centripetal.
 WIDEST_TURN = 0.2
 
 # Number of steps of Newton's method for the smallest jerk. The first step determines the sign. The
@@ -52,27 +48,27 @@ class SampledMotion:
     t_error: FloatArray  # Bound on the error of every time [s], (n,)
     clock: float  # Bound on the common relative error of all times
 
-    def spans(self, k: int) -> Column:
-        """Length [s] of each window of `k` samples, and a bound on its error, (windows, 1) each."""
+    def spans(self, k: int = 1) -> Column:
+        """Time [s] over every `k` intervals, and a bound on its error, (n - k, 1) each."""
         span = (self.t[k:] - self.t[:-k])[:, None]
         return span, (self.t_error[k:] + self.t_error[:-k])[:, None] + self.clock * span
 
-    def middles(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Middle times of windows of `k` samples [s], and joint positions near them [rad]."""
+    def middles(self, k: int = 1) -> tuple[FloatArray, FloatArray]:
+        """Middle times of every `k` intervals [s], and joint positions near them [rad]."""
         return (self.t[k:] + self.t[:-k]) / 2, self.q[k // 2 : len(self.q) - k + k // 2]
 
-    def mean(self, column: Column, order: int, k: int, *, both_ways: bool = False) -> Column:
-        """Mean derivative of an order over windows of `order * k` samples, and its error bound."""
+    def mean(self, column: Column, order: int, *, both_ways: bool = False) -> Column:
+        """Mean derivative of an order over every `order` intervals, and its error bound."""
         # Unless `both_ways`, the error bounds only how much smaller the true mean can be.
         y, error = column
         for j in range(1, order + 1):
-            span, time_error = self.spans(j * k)
-            y = j * (y[k:] - y[:-k]) / span
+            span, time_error = self.spans(j)
+            y = j * (y[1:] - y[:-1]) / span
             size = np.abs(y) if error.shape[1] > 1 else np.linalg.norm(y, axis=1)[:, None]
-            # The true length of a window is positive, so its lower bound is positive too.
+            # The true time is positive, so its lower bound is positive too.
             shortest = np.maximum(span - time_error, 1e-6 * span)
             true = shortest if both_ways or j < order else span + time_error
-            error = (j * (error[k:] + error[:-k]) + size * time_error) / true
+            error = (j * (error[1:] + error[:-1]) + size * time_error) / true
         return y, error
 
 
@@ -84,31 +80,18 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
     if log.dq is None and log.ddq is not None:
         tally.record_rates("joint_acceleration", log.t, log.ddq, log.q, log.errors[2])
     rows, joints, tool = _mean_rows(log, states, tally.limits)
-    frames = None
+    for name, column, order in rows:
+        if len(log.t) > order:
+            mean, error = log.mean(column, order)
+            t, q = log.middles(order)
+            tally.record_rates(name, t, mean, q, error)
     if tally.limits.angular_speed is not None and isinstance(tally.arm, SerialArm):
-        frames = tally.arm.pose(log.q)[1]
-    k = 1
-    while k < len(log.t):
-        tally.narrow = k == 1
-        slack = 0.0
-        for name, column, order in rows:
-            if len(log.t) > order * k:
-                t, q = log.middles(order * k)
-                mean, error = log.mean(column, order, k)
-                slack = max(slack, tally.record_rates(name, t, mean, q, error))
-        if frames is not None:
-            slack = max(slack, _record_angular_speed(log, tally, frames, k))
-        if log.dq is not None:
-            _record_windows(log, tally, joints, ["joint_acceleration", "joint_jerk"], k)
-            _record_windows(log, tally, tool, ["tool_acceleration", "tool_jerk"], k)
-        if tally.limits.centripetal_acceleration is not None and (
-            log.dq is None or log.ddq is None
-        ):
-            slack = max(slack, _record_centripetal(log, tally, tool, k))
-        if slack <= NEGLIGIBLE:
-            break
-        k *= 2
-    tally.narrow = True
+        _record_angular_speed(log, tally, tally.arm.pose(log.q)[1])
+    if log.dq is not None:
+        _record_peaks(log, tally, joints, ["joint_acceleration", "joint_jerk"])
+        _record_peaks(log, tally, tool, ["tool_acceleration", "tool_jerk"])
+    if log.dq is None or log.ddq is None:
+        _record_centripetal(log, tally, tool)
     if tally.path is not None:
         from scipy.interpolate import CubicHermiteSpline
 
@@ -157,45 +140,43 @@ def _mean_rows(
 
 
 def _record_angular_speed(
-    log: SampledMotion, tally: LimitUseAccumulator, frames: FloatArray, k: int
-) -> float:
-    """Record mean angular speeds over windows of `k` samples; return the largest ratio error."""
-    span, time_error = (x[:, 0] for x in log.spans(k))
-    step = np.linalg.norm(frames[k:] - frames[:-k], axis=(1, 2))
+    log: SampledMotion, tally: LimitUseAccumulator, frames: FloatArray
+) -> None:
+    """Record mean angular speeds between samples."""
+    span, time_error = (x[:, 0] for x in log.spans())
+    step = np.linalg.norm(frames[1:] - frames[:-1], axis=(1, 2))
     # The shortest rotation between two orientations is a lower bound of the angle.
     angle = 2 * np.arcsin(np.minimum(step / np.sqrt(8), 1.0))
     # An error of a joint position turns the tool by at most the same angle.
     error = (2 * log.errors[0].sum() + angle / span * time_error) / (span + time_error)
-    t, q = log.middles(k)
-    return tally.record_rates("angular_speed", t, (angle / span)[:, None], q, error)
+    t, q = log.middles()
+    tally.record_rates("angular_speed", t, (angle / span)[:, None], q, error)
 
 
-def _record_centripetal(
-    log: SampledMotion, tally: LimitUseAccumulator, tool: list[Column], k: int
-) -> float:
-    """Record mean tool accelerations normal to the motion; return the largest ratio error."""
+def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: list[Column]) -> None:
+    """Record mean tool accelerations normal to the motion."""
     from scipy.ndimage import maximum_filter1d
 
-    order, limit = 3 - min(len(tool), 2), tally.limits.centripetal_acceleration
-    if limit is None or len(log.t) <= order * k:
-        return 0.0
-    t, q = log.middles(order * k)
-    mean, error = log.mean(tool[2 - order], order, k)
-    velocity, velocity_error = tool[1] if order == 1 else log.mean(tool[0], 1, k, both_ways=True)
-    before, after = velocity[:-k], velocity[k:]
-    error, velocity_error = error[:, 0], np.maximum(velocity_error[:-k], velocity_error[k:])[:, 0]
+    order = 3 - min(len(tool), 2)
+    if tally.limits.centripetal_acceleration is None or len(log.t) <= order:
+        return
+    t, q = log.middles(order)
+    mean, error = log.mean(tool[2 - order], order)
+    velocity, velocity_error = tool[1] if order == 1 else log.mean(tool[0], 1, both_ways=True)
+    before, after = velocity[:-1], velocity[1:]
+    error, velocity_error = error[:, 0], np.maximum(velocity_error[:-1], velocity_error[1:])[:, 0]
     first, last = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
     slowest, size = np.minimum(first, last), np.linalg.norm(mean, axis=1)
-    # If the direction turns within the window, tangential acceleration has a component normal to
+    # If the direction turns between the samples, tangential acceleration has a component normal to
     # the middle direction. The component is at most the sine of the angle times the largest
-    # tangential acceleration in this window and its neighbours.
+    # tangential acceleration here and in the neighbouring intervals.
     cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, SLOWEST**2)
     sine = np.sqrt(np.maximum(0.0, 1 - np.minimum(cosine, 1.0) ** 2))
     moving = (slowest > SLOWEST) & (cosine > 0) & (sine < WIDEST_TURN)
     turned = np.minimum(1.0, sine + velocity_error / np.maximum(slowest, SLOWEST))
     middle = np.maximum(np.linalg.norm(before + after, axis=1), SLOWEST)
     along = np.abs(np.einsum("ij,ij->i", mean, before + after)) / middle
-    along = maximum_filter1d(along + error, 2 * k + 1, mode="nearest")
+    along = maximum_filter1d(along + error, 3, mode="nearest")
     value, bound = across(before + after, mean), error + turned * along
     # Where the direction turns further, the whole acceleration may be normal to the motion.
     sharp = ~moving & (slowest > SLOWEST + velocity_error)
@@ -203,25 +184,24 @@ def _record_centripetal(
     counts = moving | sharp
     name = "centripetal_acceleration"
     tally.record_rates(name, t[counts], value[counts], q[counts], bound[counts])
-    return float(error.max()) / limit
 
 
-def _record_windows(
-    log: SampledMotion, tally: LimitUseAccumulator, columns: list[Column], names: list[str], k: int
+def _record_peaks(
+    log: SampledMotion, tally: LimitUseAccumulator, columns: list[Column], names: list[str]
 ) -> None:
-    """Record the peaks of acceleration and jerk that the ends of windows of `k` samples require."""
+    """Record the peaks of acceleration and jerk that two neighbouring samples require."""
     limits, of_joints = tally.limits, names[0] in JOINT_LIMITS
     if all(getattr(limits, x) is None for x in names):
         return
-    (span, time_error), (t, q) = log.spans(k), log.middles(k)
+    (span, time_error), (t, q) = log.spans(), log.middles()
     # Of two neighbouring columns, the differences from the trapezoid rule and the changes.
     ends = []
     for (y, y_error), (rate, rate_error) in pairwise(columns):
-        total, changed = rate[k:] + rate[:-k], rate_error[k:] + rate_error[:-k]
+        total, changed = rate[1:] + rate[:-1], rate_error[1:] + rate_error[:-1]
         size = np.abs(total) if of_joints else length(total)[:, None]
-        error = y_error[k:] + y_error[:-k] + (changed * (span + time_error) + size * time_error) / 2
-        shift = y[k:] - y[:-k] - span * total / 2
-        ends.append([(shift, error), (rate[k:] - rate[:-k], changed)])
+        error = y_error[1:] + y_error[:-1] + (changed * (span + time_error) + size * time_error) / 2
+        shift = y[1:] - y[:-1] - span * total / 2
+        ends.append([(shift, error), (rate[1:] - rate[:-1], changed)])
     if not of_joints:
         # The components of tool vectors in one direction bound their length.
         first = ends[0][0][0]
@@ -248,7 +228,7 @@ def _record_windows(
         tally.narrow = False
         jerk, error = _smallest_jerk(moments)
         tally.record_rates(names[1], t, np.maximum(jerk, 0.0), q, error)
-        tally.narrow = k == 1
+        tally.narrow = True
 
 
 def _smallest_factor(

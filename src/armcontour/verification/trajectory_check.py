@@ -247,7 +247,8 @@ def check(
 
     "violated" means that every motion through the samples exceeds the limit, for all true numbers
     within their printed digits. "kept" means that the samples, and the smallest peaks between
-    neighbours, satisfy the limit; an excess by rounding below 0.1 % is ignored. Otherwise the
+    neighbours, satisfy the limit; an excess up to 0.1 % is ignored, and up to 1 % if the printed
+    digits explain it. Otherwise the
     verdict is "cannot tell", also for a specified limit that these samples do not show, and for a
     violated limit that is only assumed for the arm.
 
