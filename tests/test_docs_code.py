@@ -68,10 +68,9 @@ def folder(tmp_path, monkeypatch):
         shutil.copy(data / "joint_limits.yaml", folder_of_page)
         robot = (data / "robot.urdf").read_text(encoding="utf-8").replace('"tcp"', '"tool0"')
         robot = robot.replace('name="lift" type="prismatic"', 'name="lift" type="fixed"')
-        for name in ("robot.urdf", "robot.urdf.xacro"):
-            (folder_of_page / name).write_text(robot, encoding="utf-8")
+        (folder_of_page / "robot.urdf").write_text(robot, encoding="utf-8")
         job = yaml.safe_load(next(x for x in BLOCKS if x.marks.get("file") == "square.yaml").text)
-        job |= {"arm": {"file": "robot.urdf.xacro", "tip": "tool0"}}
+        job |= {"arm": {"file": "robot.urdf"}}
         (folder_of_page / "job.yaml").write_text(yaml.safe_dump(job), encoding="utf-8")
         for block in blocks(PAGES[page]):
             if "file" in block.marks:

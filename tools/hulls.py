@@ -1,17 +1,15 @@
 r"""Compute the hulls of a built-in arm from the meshes of its manufacturer.
 
-    python -m tools.hulls NAME DESCRIPTION [--package NAME=FOLDER] [--argument NAME=VALUE] ...
+    python -m tools.hulls NAME DESCRIPTION [--package NAME=FOLDER] ...
 
-For the built-in arms (with the manufacturers' repositories next to this one):
+For the built-in arms, with URDF files that xacrodoc made from the manufacturers' repositories:
 
-    python -m tools.hulls ur5e Universal_Robots_ROS2_Description/urdf/ur.urdf.xacro \
-        --package ur_description=Universal_Robots_ROS2_Description \
-        --argument name=ur --argument ur_type=ur5e --base base_link_inertia --tip tool0
-    python -m tools.hulls panda franka_description/robots/fer/fer.urdf.xacro \
-        --package franka_description=franka_description --argument hand=false \
-        --rename fer_=panda_
-    python -m tools.hulls fr3 franka_description/robots/fr3/fr3.urdf.xacro \
-        --package franka_description=franka_description --argument hand=false
+    python -m tools.hulls ur5e ur5e.urdf --base base_link_inertia --tip tool0 \
+        --package ur_description=Universal_Robots_ROS2_Description
+    python -m tools.hulls panda fer.urdf --tip fer_link8 \
+        --package franka_description=franka_description --rename fer_=panda_
+    python -m tools.hulls fr3 fr3.urdf --tip fr3_link8 \
+        --package franka_description=franka_description
 
 A hull is the intersection of half-spaces that contain every corner of the mesh. Half-spaces are
 added where the hull is farthest from the convex hull of the mesh (sandwich algorithm), until the
@@ -140,7 +138,6 @@ def main(words: list[str]) -> int:
     parser.add_argument("name")
     parser.add_argument("description")
     parser.add_argument("--package", action="append", default=[])
-    parser.add_argument("--argument", action="append", default=[])
     parser.add_argument("--base")
     parser.add_argument("--tip")
     parser.add_argument("--rename", default="=")
@@ -150,9 +147,8 @@ def main(words: list[str]) -> int:
         base=options_given.base,
         tip=options_given.tip,
         packages=dict(x.split("=") for x in options_given.package),
-        arguments=dict(x.split("=") for x in options_given.argument),
     )
-    arm = ac.load_arm(options_given.description, options, trust_xacro=True)
+    arm = ac.load_arm(options_given.description, options)
     _compare(ac.load_arm(options_given.name), arm)
     assert isinstance(arm.shapes, ArmShapes)
     old, new = options_given.rename.split("=")

@@ -61,8 +61,12 @@ def arm_text(*, ends="", include="", more=""):
         '<limit lower="-3" upper="3" velocity="2" effort="0"/></joint>'
         for k, axis in enumerate(["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"])
     )
-    links = "".join(f'<link name="l{k}"/>' for k in range(1, 6)) + f'<link name="l6">{ends}</link>'
-    return ARM.format(more=more, include=include, links=links, joints=joints)
+    links = (
+        "".join(f'<link name="l{k}"/>' for k in range(1, 6)) + f'<link name="tool0">{ends}</link>'
+    )
+    return ARM.format(more=more, include=include, links=links, joints=joints).replace(
+        '"l6"', '"tool0"'
+    )
 
 
 def plan_on(folder, arm):
@@ -83,21 +87,6 @@ def test_meshes_of_the_arm_matter(tmp_path):
     assert digests(plan) == before
     (tmp_path / "end.obj").write_text(CORNERS.format(height=0.2))
     assert digests(plan) != before
-
-
-def test_what_a_xacro_file_includes_matters(tmp_path):
-    pytest.importorskip("xacro")
-    xacro = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
-    include = '<xacro:include filename="size.xacro"/>'
-    ends = '<collision><geometry><sphere radius="${size}"/></geometry></collision>'
-    (tmp_path / "arm.xacro").write_text(arm_text(ends=ends, include=include, more=xacro))
-    size = f'<robot {xacro}><xacro:property name="size" value="{{}}"/></robot>'
-    keys = []
-    for radius in ("0.05", "0.06", "0.05"):
-        (tmp_path / "size.xacro").write_text(size.format(radius))
-        plan = read_plan(plan_on(tmp_path, "arm.xacro"), trust_xacro=True)
-        keys.append(plan.job_keys())
-    assert keys[0] == keys[2] != keys[1]
 
 
 def test_runs_that_are_left_out_do_not_matter(planned, jobs):

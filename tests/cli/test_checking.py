@@ -155,7 +155,7 @@ def test_wrong_files_and_options_are_refused(folder, refused):
             ("planned.csv", *arm.split(), "--noise", "1 mrad, 1 rad/s"),
             ["--noise has 2 values", "no velocities"],
         ),
-        ("planned.csv --path job.yaml --tip tcp", ["--xacro-arg require --arm"]),
+        ("planned.csv --path job.yaml --tip tcp", ["--package require --arm"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
 

@@ -71,7 +71,7 @@ def test_every_extra_of_users_is_tested():
     # Without the tables of pyarrow a batch writes lines of JSON. No command needs plotly, and
     # tests of franka's adapter are in tests/controllers.
     users = set(project["optional-dependencies"]) - FOR_DEVELOPERS
-    users -= {"tables", "figures", "franka", "ros"}
+    users -= {"tables", "figures", "franka"}
     assert users == set(NEEDS)
 
 

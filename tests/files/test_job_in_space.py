@@ -29,10 +29,10 @@ runs: {one: {}, two: {}}
 """)
 
 
-def job(text="{}", folder=None, *, trust_xacro=False, **changes):
+def job(text="{}", folder=None, **changes):
     """The good job with some of its keys changed, by text or by values."""
     changed = yaml.safe_dump({**GOOD, **yaml.safe_load(text), **changes})
-    return parse_job(changed, source="job.yaml", folder=folder, trust_xacro=trust_xacro)
+    return parse_job(changed, source="job.yaml", folder=folder)
 
 
 def path(**keys):
@@ -47,7 +47,6 @@ def oriented(way):
 def folder(tmp_path):
     for name in ("robot.urdf", "joint_limits.yaml"):
         shutil.copy(DATA / name, tmp_path)
-    shutil.copy(DATA / "robot.urdf", tmp_path / "robot.xacro")
     return tmp_path
 
 
@@ -85,41 +84,11 @@ arm:
     assert arm.links(np.zeros(4))[1][2] == pytest.approx(0.4 + 0.1 + 0.3 + 0.2)
 
 
-def test_packages_and_arguments_of_a_xacro_file(folder):
-    pytest.importorskip("xacro")
-    (folder / "parts").mkdir()
-    (folder / "robot.urdf").rename(folder / "parts" / "robot.urdf")
-    (folder / "jobs").mkdir()
-    (folder / "jobs" / "robot.xacro").write_text(
-        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-        '<xacro:include filename="$(find column)/$(arg kind).urdf"/></robot>'
-    )
-    text = "arm: {file: robot.xacro, tip: tcp, base: base_link, %s}"
-    keys = {"packages": "packages: {column: ../parts}", "arguments": "arguments: {kind: robot}"}
-    arm = job(text % ", ".join(keys.values()), folder / "jobs", trust_xacro=True).arm
-    assert arm.joint_names == ("pan", "tilt", "elbow", "roll")
-    alone = [(text % keys["arguments"], "arm.packages"), (text % keys["packages"], "arm.arguments")]
-    refusals(lambda x: job(x, folder / "jobs", trust_xacro=True), alone)
-    refusals(job, [(f"arm: {{name: ur5e, {x}}}", f"no option {key}") for key, x in keys.items()])
-
-
-XACRO = """
-arm: robot.xacro => --trust-xacro
-arm: robot.XACRO => --trust-xacro
-arm: {file: robot.xacro, tip: tcp, locked: {lift: 0}} => --trust-xacro
-trust_xacro: true => unknown key trust_xacro
-"""
-
-
-def test_a_job_cannot_trust_a_xacro_file(folder):
-    shutil.copy(folder / "robot.urdf", folder / "robot.XACRO")
-    text = yaml.safe_dump(GOOD)
-    refusals(lambda x: parse_job(text.replace("arm: ur5e", x), folder=folder), XACRO)
-
-
 BAD = """
 arm: {name: ur5e, file: x.urdf} => arm requires either name
-arm: {file: robot.txt} => arm.file must have one of the extensions .yaml
+arm: {file: robot.txt} => arm.file must have the extension .urdf or .yaml
+arm: robot.xacro => xacrodoc
+arm: {file: robot.MCAP} => write a CSV file
 arm: {name: ur5e, tool: {position: [0, 0, 1 deg]}} => arm.tool.position (item 3): ... quantity in m
 arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => must have either rpy or
 arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... length 1

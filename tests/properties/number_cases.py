@@ -264,8 +264,6 @@ def _bodies(*kinds: str, **more: Any) -> dict[str, Any]:
 _MOVING = tuple(x for x in _SIZES if x != "halfspaces")
 # The schema allows them, but what they stand in is refused whatever the number is.
 NEVER: set[Place] = {
-    # Only a .xacro has arguments, and no job can trust one.
-    ("arm", "arguments", ANY),
     # The drawing has no colour.
     ("path", "colors", 0),
     ("path", "orientation", 0, "follow_tangent", "rpy", 0),
@@ -507,7 +505,7 @@ TEXTS = {
     "--model", "--move", "--objective", "--only-tool", "--out", "--package", "--path",
     "--plant", "--validate", "--run", "--scene", "--skip", "--set-points", "--texts",
     "--tip", "--tool-positions", "--units",
-    "--waypoint-columns", "--xacro-arg",
+    "--waypoint-columns",
 }  # fmt: skip
 
 

@@ -20,7 +20,9 @@ def urdf(offset):
         '<limit lower="-6" upper="6" velocity="2" effort="50"/></joint>'
         for k, (xyz, axis) in enumerate(zip(frames, axes, strict=True))
     )
-    return WRIST.format(links="".join(f'<link name="l{k}"/>' for k in range(1, 6)), joints=joints)
+    return WRIST.format(
+        links="".join(f'<link name="l{k}"/>' for k in range(1, 6)), joints=joints
+    ).replace('"l6"', '"tool0"')
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ import asyncio
 import numpy as np
 import pytest
 
-from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_job
 from armcontour.robot.scene import Box, Capsule, Cylinder, Mesh, Sphere
 from armcontour.studio.access_control import (
@@ -19,7 +18,6 @@ from armcontour.studio.access_control import (
     respond,
 )
 from armcontour.studio.arm_picture import arm_frame, triangles_of
-from armcontour.studio.editor import check_trusted_xacro
 
 DOOR = Endpoint(4711, "0123456789abcdef0123456789abcdef")
 HOST = (b"host", b"127.0.0.1:4711")
@@ -140,19 +138,6 @@ def test_messages_come_at_a_rate_with_some_at_once():
     allowance = RateLimit(lambda: now)
     for now, allowed in ((0.0, BURST), (1.0, RATE), (1e6, BURST)):  # noqa: B007 - read by the lambda
         assert sum(allowance.allow() for _ in range(10_000)) == allowed
-
-
-def test_programs_that_the_user_has_not_named_are_refused(tmp_path):
-    named = [tmp_path / "a.xacro"]
-    for arm in ("b.xacro", "b.yaml", "B.XACRO", {"file": "sub/a.xacro"}):
-        with pytest.raises(InvalidInput, match="--trust-xacro"):
-            check_trusted_xacro({"arm": arm}, tmp_path, named)
-    for arm in ("a.xacro", "./a.xacro", {"file": "a.xacro"}, "ur5e", "b.urdf"):
-        check_trusted_xacro({"arm": arm}, tmp_path, named)
-    # Without any trust an arm's file is read as elsewhere.
-    check_trusted_xacro({"arm": "b.yaml"}, tmp_path, [])
-    with pytest.raises(InvalidInput, match="can run code"):
-        check_trusted_xacro({"arm": "a.xacro"}, tmp_path, [])
 
 
 def volume(corners):

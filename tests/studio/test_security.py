@@ -54,9 +54,6 @@ def folder(tmp_path_factory):
     (outside / "secret.urdf").write_text(f"<robot name='{SECRET}'>")
     (inside / "link.csv").symlink_to(outside / "secret.csv")
     (inside / "out").symlink_to(outside)
-    (inside / "robot.xacro").write_text(
-        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="x"/>'
-    )
     return inside
 
 
@@ -291,13 +288,6 @@ def test_s11_this_machine_only(studio):
 
 
 def test_s12_no_programs(studio):
-    for arm in ("robot.xacro", "{file: robot.xacro}", "{file: ./ROBOT.XACRO}"):
-        message = refusal_of(studio, JOB.replace("arm: pmk3s", f"arm: {arm}"))
-        assert "can run code" in message, arm
-    with studio.page() as page:
-        edit = {"do": "set", "key": "arm", "value": {"file": "robot.xacro"}}
-        seq = page.say("edit", gesture=1, final=False, edits=[edit])
-        assert page.hear("refusal", seq=seq).header["sentence"]
     assert studio.upload("a.xacro", b"<robot/>")[0] == 422
     assert studio.upload("a.j2", b"{{ 1 }}")[0] == 422
 

@@ -67,14 +67,12 @@ class BaseJob:
         """Check the data of a job, and return its model."""
         return model_of(JobModel, data, self.source)
 
-    def job(self, data: Mapping[str, Any], *, trust_xacro: bool = False) -> Job:
+    def job(self, data: Mapping[str, Any]) -> Job:
         """Create the job of some data; equal data of arm, path and scene are read only once."""
         model = self.model(data)
         with error_context(self.source):
             text = _canonical_json([data.get(x) for x in FILE_SECTIONS])
-            return assemble_job(
-                model, *_cached_parts(text, _PartFactory(model, self.folder, trust_xacro))
-            )
+            return assemble_job(model, *_cached_parts(text, _PartFactory(model, self.folder)))
 
     def key(self, data: Mapping[str, Any], request: Sequence[str]) -> str:
         """Digest of everything that the results of a job depend on."""
@@ -83,7 +81,7 @@ class BaseJob:
         text = _canonical_json([__version__, request, data, named, self.files])
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def with_digests(self, data: Mapping[str, Any], *, trust_xacro: bool) -> BaseJob:
+    def with_digests(self, data: Mapping[str, Any]) -> BaseJob:
         """Copy with the arm's dimension and digests of files that no key names."""
         digests: dict[FilePath, str] = {}
 
@@ -91,7 +89,7 @@ class BaseJob:
             digests[file.resolve()] = hashlib.sha256(content).hexdigest()
 
         with file_access.listen_to_reading(add_digest), error_context(self.source):
-            arm, *_ = _PartFactory(self.model(data), self.folder, trust_xacro).make()
+            arm, *_ = _PartFactory(self.model(data), self.folder).make()
             # Meshes are read at the first access to the shapes.
             arm.knows_shapes  # noqa: B018
         for name in named_files(data):
@@ -105,11 +103,10 @@ class _PartFactory:
 
     model: JobModel = field(compare=False)
     folder: FilePath
-    trust_xacro: bool
 
     def make(self) -> tuple[Arm, Path | Program, Scene | None]:
         """Create the arm, the path and the scene."""
-        return parts_of(self.model, self.folder, trust_xacro=self.trust_xacro)
+        return parts_of(self.model, self.folder)
 
 
 @lru_cache(maxsize=4)

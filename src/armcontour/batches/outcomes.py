@@ -56,7 +56,7 @@ class Work:
         begin = time.perf_counter()
         try:
             base = self.plan.bases[self.plan.base(index)]
-            job = base.job(self.plan.data(index), trust_xacro=self.plan.trust_xacro)
+            job = base.job(self.plan.data(index))
             result = _execute_work(self.plan.work, job, base.run)
             outcome = Outcome(DONE, figures=figures_of(result, self.plan.columns, self.plan.work))
         except ArmContourError as error:

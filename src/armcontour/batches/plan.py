@@ -83,7 +83,6 @@ class Plan:
         columns: Names of the stored figures.
         combine: "product" or "zip"; not used with samples.
         samples: Values of the sampled parameters, (n, sampled); None without samples.
-        trust_xacro: Whether arms may be .xacro files.
     """
 
     name: str
@@ -93,7 +92,6 @@ class Plan:
     columns: tuple[str, ...]
     combine: str = PRODUCT
     samples: FloatArray | None = None
-    trust_xacro: bool = False
 
     @property
     def each(self) -> int:
@@ -171,12 +169,11 @@ class Plan:
         return list(indices)
 
 
-def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = False) -> Plan:
+def read_plan(plan: str | FilePath | Mapping[str, Any]) -> Plan:
     """Read a plan of many jobs.
 
     Args:
         plan: A plan file (YAML), or its data; then files are relative to the current folder.
-        trust_xacro: Whether arms may be .xacro files, as in `read_job`.
 
     Raises:
         InvalidInput: No such file, an unknown key, an empty range, or an invalid job.
@@ -193,10 +190,10 @@ def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = F
             )
     model: PlanModel = read_keys(MappingKeys(PlanModel), data, source)
     with error_context(source):
-        return _make_plan(model, folder, FilePath(source).stem, trust_xacro)
+        return _make_plan(model, folder, FilePath(source).stem)
 
 
-def _make_plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> Plan:
+def _make_plan(model: PlanModel, folder: FilePath, name: str) -> Plan:
     """Create a plan from its model, and check the jobs with their parameter values."""
     if (model.job is None) == (model.jobs is None):
         raise InvalidInput("a plan must have either the key job, or the key jobs with a list.")
@@ -219,15 +216,12 @@ def _make_plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool)
         _refuse_unreadable(base, parameters)
     plan = Plan(
         name=checks.check_name("name of the plan", model.name or name),
-        bases=tuple(
-            x.with_digests(_first_data(x, parameters), trust_xacro=trust_xacro) for x in bases
-        ),
+        bases=tuple(x.with_digests(_first_data(x, parameters)) for x in bases),
         parameters=parameters,
         work=model.do,
         columns=columns,
         combine=PRODUCT if isinstance(model.combine, SamplesModel) else model.combine,
         samples=_samples(model.combine, parameters),
-        trust_xacro=trust_xacro,
     )
     _refuse_uneven(plan)
     if len(plan) > MAX_JOBS:

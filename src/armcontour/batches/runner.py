@@ -116,7 +116,6 @@ def batch(
     cluster: str | None = None,
     executor: Executor | None = None,
     retry: bool = False,
-    trust_xacro: bool = False,
     progress: Callable[[BatchProgress], None] | None = None,
     compiling: Progress | None = None,
 ) -> Batch:
@@ -137,7 +136,6 @@ def batch(
         cluster: Address of a Dask scheduler whose workers run the jobs.
         executor: Your own executor.
         retry: Whether failed jobs are repeated.
-        trust_xacro: Whether arms may be .xacro files, which are programs.
         progress: Called after each job with the progress of the batch.
         compiling: Called while functions are compiled, before the work starts.
 
@@ -145,7 +143,7 @@ def batch(
         InvalidInput: A wrong plan, two equal jobs, or a folder with other files.
         ExecutionError: The executor accepts no work, or lost its workers; finished results remain.
     """
-    parsed = read_plan(plan, trust_xacro=trust_xacro)
+    parsed = read_plan(plan)
     with (
         open_executor(workers, cluster, executor) as opened,
         Results(FilePath(out), parsed) as results,

@@ -32,7 +32,6 @@ def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
             workers=options.workers,
             cluster=options.cluster,
             retry=options.retry,
-            trust_xacro=options.trust_xacro,
             progress=progress,
             compiling=compiling,
         )

@@ -32,7 +32,7 @@ MAX_TITLES = 8
 # Extensions of job files.
 JOB_FILES = (".yaml", ".yml")
 # Options for robot descriptions; these options require --arm.
-ARM_OPTIONS = ("tip", "base", "joint_limits", "package", "xacro_arg")
+ARM_OPTIONS = ("tip", "base", "joint_limits", "package")
 # Exit codes by verdict; no error has the exit code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
@@ -46,7 +46,7 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
     from armcontour.verification import check
     from armcontour.verification.limit_verdict import VERDICTS
 
-    job = None if options.path is None else read_job(options.path, trust_xacro=options.trust_xacro)
+    job = None if options.path is None else read_job(options.path)
     arm, scene = _arm_and_scene(options, None if job is None else job.arm)
     limits, path, deviation, angle = _limits_and_path(options, job, arm)
     samples = _samples(trajectory, arm, options)
@@ -160,7 +160,7 @@ def _arm_and_scene(options: CheckOptions, default: Arm | None) -> tuple[Arm, Sce
         and options.scene not in cell_names()
     ):
         return _arm(options, default), Scene(obstacles=read_scene_file(options.scene))
-    arm, scene = read_cell_scene(options.scene, trust_xacro=options.trust_xacro)
+    arm, scene = read_cell_scene(options.scene)
     return _arm(options, arm if default is None else default), scene
 
 
@@ -177,8 +177,8 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
         )
     if any(getattr(options, x) is not None for x in ARM_OPTIONS):
         raise InvalidInput(
-            "--tip, --base, --joint-limits, --package and --xacro-arg require --arm; they do not "
-            "apply to the arm of a job or cell."
+            "--tip, --base, --joint-limits and --package require --arm; they do not apply to the "
+            "arm of a job or cell."
         )
     return default
 
@@ -193,9 +193,8 @@ def named_arm(name: str, command: DescriptionOptions) -> Arm:
         base=command.base,
         joint_limits=command.joint_limits,
         packages=_pairs("--package", command.package),
-        arguments=_pairs("--xacro-arg", command.xacro_arg),
     )
-    return load_arm(name, arm_options, trust_xacro=command.trust_xacro)
+    return load_arm(name, arm_options)
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:

@@ -40,9 +40,8 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
             raise_if(getattr(options, name) is not None, message)
         return _identify_servos(logs, options, None)
     raise_if(
-        options.out is not None and bool(options.package or options.xacro_arg),
-        "robot.yaml cannot contain packages and arguments of a .xacro file. Expand the .xacro file "
-        "to a .urdf file and use it with --arm, or remove --out.",
+        options.out is not None and bool(options.package),
+        "robot.yaml cannot contain folders of packages. Remove --package or --out.",
     )
     arm = named_arm(options.arm, options)
     if not arm.has_bodies and options.servo is None and options.gravity is None:

@@ -107,9 +107,7 @@ def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *group
         if str(file) == PAPER and not file.exists():
             file = library_file("paper.yaml")
         with name_options(options):
-            return read_job(
-                file, patch=patch, reading=progress, trust_xacro=job_options.trust_xacro
-            )
+            return read_job(file, patch=patch, reading=progress)
     # `find_reader` raises an error for files that are not drawings, such as robot descriptions.
     # This error is more helpful than the error about a missing cell.
     find_reader(file)
@@ -124,7 +122,6 @@ def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *group
             file,
             patch=patch,
             reading=progress,
-            trust_xacro=job_options.trust_xacro,
         )
 
 

@@ -38,7 +38,7 @@ TOPICS: dict[str, tuple[str, ...]] = {
                                  "unwrap", "interpolation"),
     "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
                          "reserve", "excitation", "band"),
-    "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
+    "Arm": ("arm", "tip", "base", "joint_limits", "package"),
     **dict.fromkeys((FILES, POINTS), ()),
     "Processes": ("workers", "cluster"),
     "Results": ("out", "force", "open_report", "open_page", "as_json"),
@@ -200,13 +200,6 @@ CellOfDrawing = Annotated[
     ),
 ]
 Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
-TrustXacro = Annotated[
-    bool,
-    typer.Option(
-        "--trust-xacro",
-        help="Load an arm from a .xacro file, which is a program that can run any code.",
-    ),
-]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Workers = Annotated[
     int | None,
@@ -262,7 +255,6 @@ class JobOptions:
     keys: Annotated[Set, Keys(("Drawing", "G-code", POSITION, "Speed, corners and start"))]
     cell: CellOfDrawing = None
     sets: Annotated[Texts, typer.Option("--set")] = None
-    trust_xacro: TrustXacro = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -279,7 +271,6 @@ class StudioOptions:
     open_page: Annotated[bool, typer.Option("--open/--no-open")] = True
     port: Annotated[int, typer.Option("--port", min=0, max=65535)] = 0
     exit_when_closed: bool = False
-    trust_xacro: TrustXacro = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -339,19 +330,16 @@ class DescriptionOptions:
     """Options of an arm from a robot description.
 
     Args:
-        tip: Link at the end of an arm from .urdf or .xacro.
+        tip: Link at the end of an arm from .urdf; by default tool0 or flange.
         base: Fixed link at the base of such an arm.
         joint_limits: A joint_limits.yaml of MoveIt for that arm.
-        package: Folder of a ROS package of a .xacro: NAME=FOLDER; may be repeated.
-        xacro_arg: Argument of a .xacro: NAME=VALUE; may be repeated.
+        package: Folder of a ROS package with meshes of the arm: NAME=FOLDER; may be repeated.
     """
 
     tip: Text = None
     base: Text = None
     joint_limits: File = None
     package: Texts = None
-    xacro_arg: Texts = None
-    trust_xacro: TrustXacro = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -359,8 +347,7 @@ class CheckOptions(DescriptionOptions, LogOptions):
     """Options of the command `check`.
 
     Args:
-        arm: Built-in arm, or an arm file (.yaml, .urdf; .xacro with --trust-xacro); by
-            default the job's.
+        arm: Built-in arm, or an arm file (.yaml, .urdf); by default the job's.
         limits: Limits file (YAML); by default the limits of the job, or of the arm.
         path: Job file (YAML) with the required path of the tool.
         run_name: Run of that job, if its runs differ in corners.
@@ -418,7 +405,7 @@ class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
         sets: With --on, any key of the job with its value; may be repeated.
         arm: Nominal arm. If it has masses, payload, friction and drive inertias are identified too;
             otherwise errors at the tool are reported too. Built-in arm, or an arm file (.yaml,
-            .urdf; .xacro with --trust-xacro).
+            .urdf).
         servo: Nominal servo of that arm: a job file, or a servo.yaml.
         gravity: Gravity compensation of the controller of that arm: nominal, loaded or none; by
             default determined from the logs.
@@ -561,6 +548,5 @@ class BatchOptions:
     workers: Workers = None
     cluster: Cluster = None
     retry: bool = False
-    trust_xacro: TrustXacro = False
     open_report: Open = False
     as_json: Annotated[bool, typer.Option("--json")] = False

@@ -53,7 +53,7 @@ def identify_robot(
     assert options.on is not None
     reserve, stop = read_option("--reserve", options.reserve, Reserve), threading.Event()
     assert reserve is not None
-    job_options = JobOptions(keys={}, sets=options.sets, trust_xacro=options.trust_xacro)
+    job_options = JobOptions(keys={}, sets=options.sets)
     with search_progress("identifying") as progress:
         job = open_job(file, job_options, subprogress(progress, "reading"))
         controller = controller_of(job, options.on, options)

@@ -69,7 +69,7 @@ def _session(
     """Open the document in a session; this loads the numerical libraries."""
     from armcontour.studio.connection import open_session
 
-    return open_session(file, cell=options.cell, trust_xacro=options.trust_xacro, send=say)
+    return open_session(file, cell=options.cell, send=say)
 
 
 def _announce(address: str, open_page: bool) -> None:

@@ -17,6 +17,7 @@ MEGABYTE = 1_000_000
 SMALL = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
+_BAG = "write a CSV file with the script in docs/guides/controllers/ros2.md"
 # First bytes of unsupported files (placeholders, or formats to convert), each with the end of its
 # error message.
 FOREIGN = {
@@ -24,8 +25,19 @@ FOREIGN = {
     "it with `git lfs pull`",
     **dict.fromkeys(
         (b"#ROSBAG V", b"\x89MCAP", b"SQLite format 3"),
-        "a bag of ROS: write a CSV file with the script in docs/guides/controllers/ros2.md",
+        f"a bag of ROS: {_BAG}",
     ),
+}
+# Extensions of unsupported robots, logs and set-points, each with the remedy.
+ENDINGS = {
+    ".xacro": "expand it: `pip install xacrodoc`, then `xacrodoc robot.urdf.xacro NAME:=VALUE -d "
+    "FOLDER_OF_PACKAGES -o robot.urdf` with the file that calls the macro; with ROS, `xacro "
+    "robot.urdf.xacro > robot.urdf`",
+    ".xml": "use a URDF of the same robot (.urdf), or a CSV file of the log",
+    ".mcap": _BAG,
+    ".db3": _BAG,
+    ".npz": "write a CSV file with the columns t, q1, q2, ... in Python, for example with NumPy",
+    ".parquet": "write a CSV file in Python, with `pandas.read_parquet(FILE).to_csv(NEW_FILE)`",
 }
 
 
@@ -67,6 +79,16 @@ def reading_below(
     # Links that lead out of the folders are refused.
     allowed = _Allowed(tuple(x.resolve() for x in folders), frozenset(x.resolve() for x in files))
     return registered(_allowed, allowed)
+
+
+def refuse_ending(file: str | FilePath, noun: str) -> None:
+    """Raise an error for a robot, log or file of set-points with an unsupported extension."""
+    ending = FilePath(file).suffix.lower()
+    if ending in ENDINGS:
+        raise InvalidInput(
+            f"The {noun} {file} cannot be read, because {ending} files are not supported. To fix "
+            f"this, {ENDINGS[ending]}."
+        )
 
 
 def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> bytes:

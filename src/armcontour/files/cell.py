@@ -55,7 +55,6 @@ def read_cell(
     path: Mapping[str, Any] | None = None,
     patch: Patch | None = None,
     reading: Progress | None = None,
-    trust_xacro: bool = False,
 ) -> Job:
     """Make a job from a cell or job file and a drawing; `path` and `patch` override keys."""
     # The drawing replaces the geometry of a job file, but not its frame and its reader options.
@@ -65,18 +64,18 @@ def read_cell(
     # Messages of errors in the drawing name only the drawing, not the cell.
     program = read_drawing(model.path, str(model.path.file), folder, reading)
     with error_context(source):
-        return job_of(model, folder, reading, trust_xacro, program)
+        return job_of(model, folder, reading, program)
 
 
-def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
+def read_cell_arm(cell: str | FilePath) -> Arm:
     """Read the arm of a cell, or of a job file, with its tool, work frame and payload."""
     text, source, folder = _read_cell_text(str(cell))
     with error_context(source):
         model = model_of(CellModel, read_data(text, source), source)
-        return arm_of(model.arm, folder, trust_xacro=trust_xacro)
+        return arm_of(model.arm, folder)
 
 
-def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
+def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
     """Arm (None if not specified) and scene of a cell or job file; other keys may be missing."""
     text, source, folder = _read_cell_text(str(cell))
     specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
@@ -86,7 +85,7 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
         specified.get("scene"),
     )
     with error_context(source):
-        arm = None if model is None else arm_of(model, folder, trust_xacro=trust_xacro)
+        arm = None if model is None else arm_of(model, folder)
         return arm, Scene() if scene is None else scene_of(scene, folder, part_of(path))
 
 

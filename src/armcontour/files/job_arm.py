@@ -8,23 +8,25 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import ENDINGS
 from armcontour.core.frames import Frame
 from armcontour.files.job_model import ArmModel, FrameModel, ToolModel
-from armcontour.files.robots.arm_options import DESCRIPTIONS, MJCF
+from armcontour.files.robots.arm_options import DESCRIPTION
 from armcontour.files.robots.loading import load_arm, with_more_shapes
 from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.robot import Arm
 from armcontour.robot.scene import LinkShape
 
-ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS, *MJCF)
+# Extensions by which a value is a file. Files with unsupported extensions get their own message.
+ARM_FILES = (".yaml", ".yml", DESCRIPTION, *ENDINGS)
 
 
-def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:
+def arm_of(model: str | ArmModel, folder: FilePath) -> Arm:
     """Load the arm of a job, with its tool, work frame and payload."""
     if isinstance(model, str):
         location = folder / model if model.lower().endswith(ARM_FILES) else model
-        return load_arm(location, trust_xacro=trust_xacro)
-    arm = _bare_arm(model, folder, trust_xacro=trust_xacro)
+        return load_arm(location)
+    arm = _bare_arm(model, folder)
     # Files of shapes are read now; hulls are computed at the first use of the shapes.
     shapes: tuple[LinkShape, ...] = ()
     if model.shapes is not None:
@@ -37,14 +39,13 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
     return with_more_shapes(arm, shapes, None if model.srdf is None else folder / model.srdf)
 
 
-def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
+def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
     """Load the arm of a job without the shapes that the job adds."""
     if (model.name is None) == (model.file is None):
         raise InvalidInput("arm requires either name, the name of a built-in arm, or file.")
     if model.file is not None and not model.file.lower().endswith(ARM_FILES):
         raise InvalidInput(
-            f"arm.file must have one of the extensions {', '.join(ARM_FILES)}, but is "
-            f"{model.file!r}."
+            f"arm.file must have the extension .urdf or .yaml, but is {model.file!r}."
         )
     options = replace(
         model,
@@ -59,9 +60,7 @@ def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
         tool = frame_of("arm.tool", model.tool)
     work = None if model.work is None else frame_of("arm.work", model.work)
     name = str(model.name) if model.file is None else folder / model.file
-    return load_arm(
-        name, options, tool=tool, work=work, payload=model.payload, trust_xacro=trust_xacro
-    )
+    return load_arm(name, options, tool=tool, work=work, payload=model.payload)
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:

@@ -43,7 +43,6 @@ def read_job(
     *,
     patch: Patch | None = None,
     reading: Progress | None = None,
-    trust_xacro: bool = False,
 ) -> Job:
     """Read a job from a YAML file.
 
@@ -55,8 +54,6 @@ def read_job(
         file: The file.
         patch: Values by keys that replace the file's own, such as {("limits", "speed"): 0.2}.
         reading: Called with the progress of reading the job's drawing, as in `read_path`.
-        trust_xacro: Whether the arm may be a .xacro file. No key of a job can allow this, because
-            such a file is a program.
 
     Raises:
         InvalidInput: The file does not exist or is not YAML, a key is unknown, a value has no unit,
@@ -69,7 +66,6 @@ def read_job(
         folder=location.parent,
         patch=patch,
         reading=reading,
-        trust_xacro=trust_xacro,
     )
 
 
@@ -86,7 +82,6 @@ def parse_job(
     folder: FilePath | None = None,
     patch: Patch | None = None,
     reading: Progress | None = None,
-    trust_xacro: bool = False,
 ) -> Job:
     """Read a job from YAML text.
 
@@ -96,7 +91,6 @@ def parse_job(
         folder: Folder against which relative file names are resolved.
         patch: As in `read_job`.
         reading: As in `read_job`.
-        trust_xacro: As in `read_job`.
 
     Raises:
         InvalidInput: As in `read_job`.
@@ -109,7 +103,7 @@ def parse_job(
             data = apply_patch(data, patch)
     model = model_of(JobModel, data, source)
     with error_context(source):
-        return job_of(model, folder or FilePath(), reading, trust_xacro)
+        return job_of(model, folder or FilePath(), reading)
 
 
 def read_data(text: str, source: str) -> dict[str, Any]:
@@ -138,7 +132,6 @@ def job_of(
     model: JobModel,
     folder: FilePath,
     reading: Progress | None,
-    trust_xacro: bool,
     drawing: Program | None = None,
 ) -> Job:
     """Make a job from its model; reads the files of its arm, drawing and scene."""
@@ -148,7 +141,7 @@ def job_of(
         model = dataclasses.replace(
             model, export=dataclasses.replace(model.export, formats=formats)
         )
-    parts = parts_of(model, folder, reading, trust_xacro=trust_xacro, drawing=drawing)
+    parts = parts_of(model, folder, reading, drawing=drawing)
     return assemble_job(model, *parts)
 
 
@@ -157,11 +150,10 @@ def parts_of(
     folder: FilePath,
     reading: Progress | None = None,
     *,
-    trust_xacro: bool = False,
     drawing: Program | None = None,
 ) -> tuple[Arm, Path | Program, Scene | None]:
     """Make the parts of a job that can need other files: its arm, its path and its scene."""
-    arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
+    arm = arm_of(model.arm, folder)
     drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
     scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
     return arm, drawn, scene

@@ -150,7 +150,7 @@ class ArmModel(ArmOptions):
 
     Args:
         name: A built-in arm: `armcontour arms` lists them.
-        file: A .urdf, .xacro, .xml (MJCF) or .yaml file; .xacro only if `--trust-xacro` allows it.
+        file: A .urdf or .yaml file.
         tool: The tool: its frame relative to the tip, and its shapes.
         work: The frame of the path relative to the base.
         payload: Payload at the tip.
@@ -363,7 +363,7 @@ class JobModel(SharedModel):
     Args:
         name: Short name, printable, of at most 80 characters.
         title: Title for reports, of at most 200 characters; the name by default.
-        arm: A built-in arm (`armcontour arms` lists them), a .yaml, .urdf or .xacro file relative
+        arm: A built-in arm (`armcontour arms` lists them), a .yaml or .urdf file relative
             to the job file, or a mapping.
         configuration: Branch of the inverse kinematics of a planar arm: `positive` or `negative`,
             the sign of theta2; by default the branch with the fastest motion along the path.

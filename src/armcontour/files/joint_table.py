@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.core.file_access import LARGE, read_text
+from armcontour.core.file_access import LARGE, read_text, refuse_ending
 from armcontour.core.sampling import LARGEST, check_samples, check_time_range, describe_bursts
 from armcontour.core.text import count_noun, show
 from armcontour.files.csv_table import CsvTable, Digits, Title, last_digit, title_pattern
@@ -175,6 +175,7 @@ class TableSamples:
 
 def read_csv_text(file: str | FilePath, kind: str) -> str:
     """Read the text of a CSV file; `kind` is for messages."""
+    refuse_ending(file, kind)
     return read_text(file, kind, maximum=LARGE, latin=True)
 
 

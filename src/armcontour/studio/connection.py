@@ -140,7 +140,6 @@ def open_session(
     file: FilePath | None,
     *,
     cell: str | None = None,
-    trust_xacro: bool = False,
     send: Callable[[bytes], None] = lambda data: None,
     task_worker: TaskWorkerFactory | None = None,
 ) -> Session:
@@ -154,7 +153,6 @@ def open_session(
 
     report(Step(("loading armcontour",)))
     from armcontour.studio import drafts, start_page
-    from armcontour.studio.editor import arm_file_of
     from armcontour.studio.preview import CoarsePlanner
     from armcontour.studio.scheduler import SchedulerOptions
     from armcontour.studio.session import Session
@@ -169,14 +167,12 @@ def open_session(
         else:
             document = start_page.open_file(file, cell)
     folder = document.folder or FilePath.cwd()
-    previewer = CoarsePlanner(folder, trust_xacro=trust_xacro)
+    previewer = CoarsePlanner(folder)
     report(Step(("reading the job",)))
-    named_arm = arm_file_of(document.data)
     with listen_to_reading(lambda place, content: named.append(place)):
         session = Session(
             document,
             previewer,
-            trusted=[folder / named_arm] if trust_xacro and named_arm else (),
             progress=report,
             scheduling=SchedulerOptions(task_worker=task_worker or TaskWorker),
         )

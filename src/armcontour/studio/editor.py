@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -10,7 +10,6 @@ from typing import Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
-from armcontour.files.cell import YAML
 from armcontour.files.job_text_edits import Change, change_data, change_text
 from armcontour.jobs import Job
 from armcontour.studio.description import JobState, runs_of
@@ -28,30 +27,6 @@ HANDLE_EDITS = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "
 NOTHING_DRAWN = "The job has no path yet. Draw with the pen, or open a drawing."
 
 
-def check_trusted_xacro(
-    data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
-) -> None:
-    """Raise InvalidInput if the arm file can run code (.xacro) and is not in `trusted`."""
-    # A YAML file of an arm can refer to a .xacro file. Therefore it must be trusted too. If no file
-    # is trusted, the reader of the YAML file refuses the .xacro file.
-    programs = (".xacro", *YAML) if trusted else (".xacro",)
-    file = arm_file_of(data)
-    if file is None or not file.lower().endswith(programs):
-        return
-    if (folder / file).resolve() not in trusted:
-        raise InvalidInput(
-            f"The arm file {file} can run code. To use it, start the Studio with a job file that "
-            "refers to it, and with --trust-xacro."
-        )
-
-
-def arm_file_of(data: Mapping[str, Any]) -> str | None:
-    """File of the arm of a job; None for a built-in arm."""
-    arm = data.get("arm")
-    file = arm.get("file") if isinstance(arm, Mapping) else arm
-    return file if isinstance(file, str) and FilePath(file).suffix else None
-
-
 @dataclass(frozen=True, slots=True)
 class Revision:
     """Data of the document after edits, and the edits: changed keys or a new text."""
@@ -66,13 +41,10 @@ class Revision:
 class Editor:
     """Edits a document; has its job, without edits of active gestures, and the displayed run."""
 
-    def __init__(
-        self, document: Document, previewer: CoarsePlanner, trusted: Iterable[FilePath]
-    ) -> None:
+    def __init__(self, document: Document, previewer: CoarsePlanner) -> None:
         self.document, self.previewer = document, previewer
         self.uploads = Uploads()
         self.named: tuple[FilePath, ...] = ()
-        self._trusted = frozenset(x.resolve() for x in trusted)
         self.rev, self.run = 1, ""
         self.state = JobState({}, None, None)
         self._refresh()
@@ -169,7 +141,7 @@ class Editor:
             edit_changes = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
             data = change_data(data, edit_changes)
             changes += edit_changes
-        return self._check_trust(Revision(data, tuple(changes)))
+        return Revision(data, tuple(changes))
 
     def revise_text(self, text: Any) -> Revision:
         """Revision of the document with a new text."""
@@ -178,11 +150,11 @@ class Editor:
         data = load(text, self.document.source)
         if not isinstance(data, dict):
             raise InvalidInput("A job must be a mapping of keys such as arm, path and runs.")
-        return self._check_trust(Revision(data, None, text))
+        return Revision(data, None, text)
 
     def revise_keys(self, changes: Sequence[Change]) -> Revision:
         """Revision of the document with changed keys."""
-        return self._check_trust(Revision(change_data(self.state.data, changes), tuple(changes)))
+        return Revision(change_data(self.state.data, changes), tuple(changes))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
         """Name of the run to show: the last shown, else the first optimal one, else the first."""
@@ -201,7 +173,6 @@ class Editor:
             "source": self.document.source,
             "folder": str(self.folder),
             "run": self.run,
-            "trust_xacro": bool(self._trusted),
             "allowed": [str(x) for x in self.folders],
             "named": [str(x) for x in self.named],
             "options": dict(options),
@@ -217,11 +188,6 @@ class Editor:
         """Update the shown run and the job; reads the job unless `state` is given."""
         self.run = self.run_of(self.document.data)
         self.state = state or self._read_state(self.document.data)
-
-    def _check_trust(self, revision: Revision) -> Revision:
-        """Return the revision; raises InvalidInput if its arm is an untrusted .xacro file."""
-        check_trusted_xacro(revision.data, self.folder, self._trusted)
-        return revision
 
     def _read_state(self, data: Mapping[str, Any]) -> JobState:
         """Job and handles of data, or the error if the data are not a valid job."""
@@ -240,5 +206,4 @@ class Editor:
             return JobState(data, None, self.state.handles, error)
 
     def _make_job(self, data: Mapping[str, Any]) -> Job:
-        check_trusted_xacro(data, self.folder, self._trusted)
         return self.previewer.job(data, self.run_of(data) or None)

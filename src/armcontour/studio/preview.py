@@ -111,9 +111,8 @@ class CoarsePlanner:
     The caller must not modify data after passing them.
     """
 
-    def __init__(self, folder: FilePath | None = None, *, trust_xacro: bool = False) -> None:
+    def __init__(self, folder: FilePath | None = None) -> None:
         self.folder = folder or FilePath()
-        self.trust_xacro = trust_xacro
         self._reuse = Reuse()
         # Arm and start configuration of the last plan.
         self._arm: Arm | None = None
@@ -263,7 +262,7 @@ class CoarsePlanner:
         arm = self._reuse.get(
             "arm",
             data["arm"],
-            lambda: arm_of(model.arm, self.folder, trust_xacro=self.trust_xacro),
+            lambda: arm_of(model.arm, self.folder),
         )
         # The drawing is cached without the part frame, so that moving the part does not read the
         # drawing again.

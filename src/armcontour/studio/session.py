@@ -31,11 +31,10 @@ class Session:
         document: Document,
         previewer: CoarsePlanner,
         *,
-        trusted: Iterable[FilePath] = (),
         scheduling: SchedulerOptions | None = None,
         progress: Progress = lambda step: None,
     ) -> None:
-        self.editor = Editor(document, previewer, trusted)
+        self.editor = Editor(document, previewer)
         self.display = Display(self.editor, scheduling or SchedulerOptions())
         self._commands = Commands(self.display, self.confine)
         self._progress = progress

@@ -17,7 +17,7 @@ from armcontour.files.job_text_edits import Change, change_text
 from armcontour.studio.document import Document
 from armcontour.studio.drafts import all_drafts, make_private, state_folder
 
-# Extensions of robot descriptions. Files .xacro are refused, because they can run code.
+# Extensions of robot descriptions.
 ROBOTS = (".urdf",)
 # Maximum length of a file name [characters].
 MAX_NAME = 100

@@ -125,7 +125,7 @@ def test_files_that_are_no_arm_are_refused(tmp_path):
     places = [
         (tmp_path / "no.yaml", "no arm file ... no.yaml"),
         (tmp_path / "bytes.yaml", "bytes.yaml ... is not valid YAML"),
-        ("pmk4s", "no built-in arm 'pmk4s' ... pmk3s ... .yaml, .urdf, .xacro or MJCF .xml file"),
+        ("pmk4s", "no built-in arm 'pmk4s' ... pmk3s ... a .urdf or .yaml file"),
     ]
     refusals(ac.load_arm, places)
     # What is chosen of a description is no choice of an arm file.

@@ -16,7 +16,7 @@ servo: {kp: 25 1/s, kv: 150 1/s}
 runs:
   only: {compensation: {method: inverse}, timing: {intervals: 100, reserve: 2 %}}
 """
-HOSTILE = ("pickle", "copyreg", "typing", "subprocess", "yaml", "pandas", "xacro", "pyarrow")
+HOSTILE = ("pickle", "copyreg", "typing", "subprocess", "yaml", "pandas", "pyarrow")
 PACKAGES = ("numpy", "scipy", "numba", "armcontour")
 COMMANDS = {
     "show": ("show", "line.csv"),

@@ -1,53 +1,45 @@
-"""`ArmOptions`, the options for loading an arm from a file or a model, and their checks."""
+"""`ArmOptions`, the options for loading an arm, and their checks."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
-from typing import Any
 
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Quantity
 
-# Types of the value of an argument of a .xacro file.
-Value = str | int | float | bool
-# File extensions of robot descriptions and of MJCF files.
-DESCRIPTIONS, MJCF = (".urdf", ".xacro"), (".xml", ".mjcf")
+# Extension of robot descriptions.
+DESCRIPTION = ".urdf"
 # Maximum length of the name of a robot, joint or link [characters]. It is large, because some
 # packages add prefixes to names.
 MAX_CHARACTERS = 1000
-# Options that are valid for any arm, for a model or MJCF file, and for a robot description.
+# Options that are valid for any arm; the others are only for robot descriptions.
 ANY_OPTIONS = ("joint_limits", "srdf")
-MODEL_OPTIONS = (*ANY_OPTIONS, "tip", "locked")
-DESCRIPTION_OPTIONS = (*MODEL_OPTIONS, "base", "packages", "arguments")
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmOptions(Checked):
-    """Options for loading an arm from a file or a model.
+    """Options for loading an arm.
 
     >>> options = ac.ArmOptions(tip="tool0", locked={"gripper": 0.02})
     >>> options.tip
     'tool0'
 
     Args:
-        tip: Link at the end of the arm, for a robot description (.urdf, .xacro); by default the end
-            of its only chain of moving joints. For a model, one of its frames, by default tool0 or
-            flange; of an MJCF file, a body or a site.
+        tip: Link at the end of the arm, for a robot description (.urdf); by default `tool0`, or
+            `flange` if there is no `tool0`.
         base: Fixed link at the start of the arm, for a robot description; by default the root.
         joint_limits: A joint_limits.yaml of MoveIt, which replaces limits of the arm's own file.
             Its default scaling factors are not applied.
-        locked: Positions of locked joints by name, for a description or a model [rad or m], or
-            texts such as "90 deg". By default, joints that do not belong to the arm are at 0, or at
-            the end of their range that is nearest to 0.
+        locked: Positions of locked joints by name, for a robot description [rad or m], or texts
+            such as "90 deg". By default, joints that do not belong to the arm are at 0, or at the
+            end of their range that is nearest to 0.
         packages: Folders of ROS packages by name, for a robot description. Other packages are
-            searched by their `package.xml` near the file; for a .xacro file, first in a sourced
-            ROS.
-        arguments: Values of the arguments of a .xacro file, by name.
+            searched by their `package.xml` near the file.
         srdf: A file of MoveIt (.srdf) with the pairs of links that may touch each other.
 
     Raises:
@@ -59,7 +51,6 @@ class ArmOptions(Checked):
     joint_limits: str | FilePath | None = None
     locked: Mapping[str, float | str] | None = None
     packages: Mapping[str, str | FilePath] | None = None
-    arguments: Mapping[str, Value] | None = None
     srdf: str | FilePath | None = None
 
     @property
@@ -81,25 +72,10 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
         raise InvalidInput(f"arm.locked.{name}: {error}.") from None
 
 
-def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None:
-    """Check that only options in `names` are specified; `arm` is for messages."""
+def check_options(options: ArmOptions, arm: str) -> None:
+    """Check that only options of any arm are specified; `arm` is for messages."""
     for option in fields(ArmOptions):
-        if option.name not in names and getattr(options, option.name):
-            files = (
-                ".urdf, .xacro and MJCF files"
-                if option.name in MODEL_OPTIONS
-                else ".urdf and .xacro"
-            )
+        if option.name not in ANY_OPTIONS and getattr(options, option.name):
             raise InvalidInput(
-                f"{arm} has no option {option.name}, which is valid only for {files}."
+                f"{arm} has no option {option.name}, which is valid only for .urdf files."
             )
-
-
-def is_model(value: Any) -> bool:
-    """True if a value is a `pinocchio.Model`; does not import pinocchio."""
-    return type(value).__name__ == "Model" and type(value).__module__.startswith("pinocchio")
-
-
-def is_description(file: str | FilePath) -> bool:
-    """True if a file has the extension of a robot description."""
-    return FilePath(file).suffix.lower() in DESCRIPTIONS

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -17,7 +18,6 @@ from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
 from armcontour.files.robots.tree import MAX_NAMED, Tree, parse_xml
 from armcontour.files.robots.urdf_chain import origin_of, read_attribute, read_numbers
-from armcontour.files.robots.xacro_file import find_near
 from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, Shape, Sphere
 
 
@@ -77,6 +77,14 @@ def _pairs_with(alone: Collection[str], links: Iterable[str], reason: str) -> tu
 
 # Maximum number of files that a note lists.
 MAX_FILES = 4
+# File that marks the folder of a ROS package.
+PACKAGE_FILE = "package.xml"
+# Maximum number of parent folders in which the package of a description is searched.
+MAX_UP = 4
+# Maximum number of folders in the search for one package.
+MAX_FOLDERS = 2000
+COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
 
 # Folders of ROS packages, by name.
 Packages = Mapping[str, str | FilePath]
@@ -216,3 +224,48 @@ def _advise_mesh(name: str) -> str:
             "arm.packages)"
         )
     return "copy it to this path, relative to the description"
+
+
+def find_near(folder: FilePath, name: str) -> FilePath | None:
+    """Nearest folder whose `package.xml` has the package name `name`; None if not found."""
+    # The search order is: the package of the description, its subfolders, its sibling folders, the
+    # siblings of its parent folder, and their subfolders, as in a workspace of ROS.
+    for count, candidate in enumerate(_package_candidates(folder)):
+        if count >= MAX_FOLDERS:
+            break
+        if _package_name(candidate / PACKAGE_FILE) == name:
+            return candidate
+    return None
+
+
+def _package_candidates(folder: FilePath) -> Iterator[FilePath]:
+    """Yield the folders that can be a package near a folder, the nearest first."""
+    near = (folder, *folder.parents[:MAX_UP])
+    package = next((x for x in near if (x / PACKAGE_FILE).is_file()), folder)
+    yield package
+    yield from _subfolders(package)
+    yield from _subfolders(package.parent)
+    for sibling in _subfolders(package.parent.parent):
+        yield sibling
+        yield from _subfolders(sibling)
+
+
+def _subfolders(folder: FilePath) -> list[FilePath]:
+    """Subfolders of a folder in alphabetical order; empty if it cannot be read."""
+    try:
+        with os.scandir(folder) as entries:
+            names = [x.name for x in entries if not x.name.startswith(".") and x.is_dir()]
+    except OSError:
+        return []
+    return [folder / x for x in sorted(names)]
+
+
+def _package_name(file: FilePath) -> str | None:
+    """Package name in a `package.xml`; None if it cannot be read or has no name."""
+    try:
+        if not file.is_file():
+            return None
+        match = NAME.search(COMMENT.sub(b"", file_access.read_bytes(file, "package file")))
+    except (InvalidInput, OSError):
+        return None
+    return None if match is None else match[1].decode("utf-8", "replace")

@@ -19,15 +19,10 @@ from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, Pose, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.robots.arm_options import (
-    ANY_OPTIONS,
-    DESCRIPTION_OPTIONS,
+    DESCRIPTION,
     MAX_CHARACTERS,
-    MJCF,
-    MODEL_OPTIONS,
     ArmOptions,
     check_options,
-    is_description,
-    is_model,
 )
 from armcontour.robot.arm import Arm
 from armcontour.robot.chain import Chain, Payload
@@ -85,62 +80,50 @@ def arm_names() -> tuple[str, ...]:
 
 @checked
 def load_arm(
-    name: str | FilePath | Any,
+    name: str | FilePath,
     options: ArmOptions = ArmOptions(),
     *,
     tool: Pose | None = None,
     work: Pose | None = None,
     payload: Payload | None = None,
-    trust_xacro: bool = False,
 ) -> Arm:
-    """Load an arm by its built-in name, such as "ur5e", from a file or from a model.
+    """Load an arm by its built-in name, such as "ur5e", or from a file.
 
         arm = load_arm("ur5e", tool=pinocchio.SE3(rotation, position))
-        own = load_arm(model, ArmOptions(tip="tool0"))
+        own = load_arm("robot.urdf", ArmOptions(tip="tool0"))
 
     >>> ac.load_arm("ur5e", tool=ac.Frame((0.0, 0.0, 0.1))).dof
     6
 
     Args:
-        name: Built-in name, arm file (.yaml), robot description (.urdf, .xacro), MJCF file (.xml,
-            read by MuJoCo, without shapes) or `pinocchio.Model`. In a built-in name, case and
-            hyphens are ignored.
+        name: Built-in name, arm file (.yaml) or robot description (.urdf). In a built-in name, case
+            and hyphens are ignored.
         options: Options, such as ArmOptions(tip="tool0") for a robot description.
         tool: The tool frame relative to the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3 or a
             position [m].
         work: The frame of tool points relative to the base, in the same forms.
         payload: Payload at the tip.
-        trust_xacro: Whether a .xacro file may be expanded. Such a file is a program that can run
-            any code. Trust only files that you would execute.
 
     Raises:
-        InvalidInput: The arm or file does not exist, an option is not valid for its kind, a .xacro
-            file is not trusted, or the file does not describe an arm.
+        InvalidInput: The arm or file does not exist, an option is not valid for its kind, or the
+            file does not describe an arm.
     """
-    if not is_model(name):
-        name = checks.read_file_path("load_arm", name)
-    arm = _load(name, options, payload, trust_xacro)
-    arm = _attach(arm, tool, work, payload)
+    name = checks.read_file_path("load_arm", name)
+    arm = _attach(_load(name, options, payload), tool, work, payload)
     return arm if options.srdf is None else with_more_shapes(arm, srdf=FilePath(options.srdf))
 
 
 def _load(
-    name: Any, options: ArmOptions, payload: Payload | None, trust_xacro: bool, depth: int = 0
+    name: str | FilePath, options: ArmOptions, payload: Payload | None, depth: int = 0
 ) -> Arm:
     """Load an arm without the tool, the work frame and the SRDF that `load_arm` adds."""
-    file = FilePath("") if is_model(name) else FilePath(name)
-    if is_description(file):
-        from armcontour.files.robots.urdf import arm_of_tree, read_description
+    file_access.refuse_ending(name, "robot description")
+    if str(name).lower().endswith(DESCRIPTION):
+        from armcontour.files.robots.urdf import read_arm
 
-        check_options(options, DESCRIPTION_OPTIONS, str(file))
-        return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
-    if is_model(name) or file.suffix.lower() in MJCF:
-        from armcontour.files.robots.external_models import arm_of_mjcf, arm_of_model
-
-        check_options(options, MODEL_OPTIONS, "the model" if is_model(name) else str(file))
-        return arm_of_model(name, options) if is_model(name) else arm_of_mjcf(file, options)
-    check_options(options, ANY_OPTIONS, f"The arm {name}")
-    derive = partial(_load, payload=payload, trust_xacro=trust_xacro, depth=depth + 1)
+        return read_arm(FilePath(name), options)
+    check_options(options, f"The arm {name}")
+    derive = partial(_load, payload=payload, depth=depth + 1)
     arm = _read_arm(str(name), payload, derive if depth < MAX_DERIVED else None)
     if options.limits_file is None:
         return arm
@@ -164,7 +147,7 @@ def _read_arm(name: str, payload: Payload | None, load: Callable[..., Arm] | Non
     if built_in not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {name!r}. The built-in arms are {', '.join(arm_names())}. "
-            "Describe your own arm in a .yaml, .urdf, .xacro or MJCF .xml file."
+            "Describe your own arm in a .urdf or .yaml file."
         )
     arm = arm_of(f"{built_in}.yaml", _built_in(built_in), payload)
     return arm.with_shapes(partial(read_hulls, built_in)) if _hull_file(built_in).is_file() else arm

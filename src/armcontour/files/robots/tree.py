@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from armcontour.core.checks import check_name
 from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import ENDINGS
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.arm_options import MAX_CHARACTERS
 
@@ -134,8 +135,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
     check_name(f"name of the robot of {file}", robot.get("name", ""), longest=MAX_CHARACTERS)
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
         raise InvalidInput(
-            f"{file} has xacro elements that are not expanded. Rename it to .xacro, and allow its "
-            "execution with --trust-xacro if you trust it."
+            f"{file} has xacro elements that are not expanded. To fix this, {ENDINGS['.xacro']}."
         )
     links: dict[str, ET.Element] = {}
     version = robot.get("version", "1.0")

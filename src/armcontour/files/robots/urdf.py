@@ -1,9 +1,8 @@
-"""Creation of arms from robot descriptions: URDF, and xacro files that expand to URDF."""
+"""Creation of arms from robot descriptions (URDF)."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path as FilePath
@@ -33,7 +32,8 @@ if TYPE_CHECKING:
     from armcontour.files.robots.collision import Packages
     from armcontour.files.robots.urdf_chain import Description
 
-LINK = re.compile(r"<link[\s>/]")
+# Links that are the tip if the options do not name it (REP 199), the preferred first.
+TOOL_FRAMES = ("tool0", "flange")
 # Advice for an arm without acceleration limits.
 HINT = (
     "specify a joint_limits.yaml of MoveIt (arm.joint_limits of a job, joint_limits= of load_arm) "
@@ -68,10 +68,15 @@ ASSUMED_NOTE = (
 )
 
 
+def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
+    """Read a serial arm from a robot description."""
+    tree = read_tree(str(file), file_access.read_bytes(file, "robot description"))
+    return arm_of_tree(tree, options)
+
+
 def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from a robot description."""
+    """Make a serial arm from the tree of a robot description."""
     from armcontour.files.robots.collision import missing_meshes
-    from armcontour.files.robots.tip import choose_tip
     from armcontour.files.robots.urdf_chain import Description
 
     file, positions = tree.file, dict[str, float]()
@@ -84,10 +89,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         slides = tree.joints[name].kind == "prismatic"
         positions[name] = locked_position(options, name, slides=slides)
     start = tree.root if options.base is None else tree.check_link("base", options.base)
-    end, chosen = options.tip or "", ""
-    if options.tip is None:
-        end, chosen = choose_tip(tree, start, positions)
-    route = tree.between(start, end)
+    route = tree.between(start, options.tip or _default_tip(tree, start))
     moving = [x for x in route if x.kind != "fixed" and x.name not in positions]
     _check_moving_joints(tree, moving)
     description = Description(tree, route, moving, positions, start)
@@ -96,7 +98,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         tree, moving, options.limits_file, has_bodies=chain.masses is not None
     )
     missing = missing_meshes(tree, options.packages)
-    notes = (chosen, *description.notes, lacking, _implausible_note(limits, chain), missing)
+    notes = (*description.notes, lacking, _implausible_note(limits, chain), missing)
     arm = SerialArm(
         name=tree.name,
         chain=chain,
@@ -129,29 +131,17 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     return exclude_touching(arm.with_shapes(ArmShapes(shapes=shapes, source=source)))
 
 
-def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) -> Tree:
-    """Read the tree of links and joints of a robot description; expands a xacro file."""
-    content: bytes | str = file_access.read_bytes(file, "robot description")
-    if file.suffix.lower() == ".xacro":
-        if not trust_xacro:
-            raise InvalidInput(
-                f"{file} is not loaded, because a xacro file is a program that can run any code on "
-                "this computer. If you trust it, allow its execution with --trust-xacro (in "
-                "Python, trust_xacro=True)."
-            )
-        from armcontour.files.robots.xacro_file import expand_xacro
-
-        content = expand_xacro(file, packages=options.packages, arguments=options.arguments)
-        if LINK.search(content) is None:
-            raise InvalidInput(
-                f"{file} produces no links. It probably only defines macros or properties for "
-                "other files. Specify the .xacro file that uses them."
-            )
-    elif options.arguments:
-        raise InvalidInput(
-            f"{file} has no arguments, because only .xacro files have arguments. Remove them."
-        )
-    return read_tree(str(file), content)
+def _default_tip(tree: Tree, base: str) -> str:
+    """Tip of a description if the options do not name it: `tool0`, else `flange`."""
+    tip = next((x for x in TOOL_FRAMES if x in tree.links), None)
+    if tip is not None:
+        return tip
+    ends = [x.child for x in tree.below(base) if not tree.child_joints(x.child)]
+    raise InvalidInput(
+        f"{tree.file} has no link {' or '.join(TOOL_FRAMES)}, so its tip must be specified with "
+        f"tip= (in a job, arm.tip; on the command line, --tip). Links without a child are "
+        f"{list_some(ends, MAX_NAMED)}."
+    )
 
 
 def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:

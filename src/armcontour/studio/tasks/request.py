@@ -27,7 +27,6 @@ class Request:
     # Folder to which file names in the job are relative.
     folder: str = ""
     run: str | None = None
-    trust_xacro: bool = False
     # Options of the task.
     options: Mapping[str, Any] = field(default_factory=dict)
     # Files of the selected logs.
@@ -48,13 +47,12 @@ class Request:
     @cached_property
     def previewer(self) -> CoarsePlanner:
         """Planner whose cached results are also used for the next tasks in the same folder."""
-        key = self.folder, self.trust_xacro
-        if key not in _previewers:
+        if self.folder not in _previewers:
             from armcontour.studio.preview import CoarsePlanner
 
             _previewers.clear()
-            _previewers[key] = CoarsePlanner(FilePath(self.folder), trust_xacro=self.trust_xacro)
-        return _previewers[key]
+            _previewers[self.folder] = CoarsePlanner(FilePath(self.folder))
+        return _previewers[self.folder]
 
     @cached_property
     def job(self) -> Job:
@@ -70,7 +68,6 @@ class Request:
             self.text,
             source=self.source,
             folder=FilePath(self.folder),
-            trust_xacro=self.trust_xacro,
         )
 
     @cached_property
@@ -106,5 +103,5 @@ class Request:
         return default if value is None else value
 
 
-# Planner of the last folder, by folder and `trust_xacro`; at most one entry.
-_previewers: dict[tuple[str, bool], CoarsePlanner] = {}
+# Planner of the last folder, by folder; at most one entry.
+_previewers: dict[str, CoarsePlanner] = {}
