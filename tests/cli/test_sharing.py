@@ -10,7 +10,7 @@ limits: {speed: 0.15 m/s, joint_acceleration: 2}
 corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 certificate: {servo_error: 0.3 mm}
-runs: {only: {compensation: {method: inverse}, timing: {intervals: 100}}}
+runs: {only: {compensation: {method: inverse}}}
 """
 OVER = ("--over", "x: -30 mm .. 30 mm, 3", "--no-refine")
 

@@ -211,8 +211,6 @@ def test_corners_and_start():
 CONTINUITY = """
 {} => tangent
 {limits: {joint_jerk: 100}} => curvature
-{limits: {tool_jerk: 10}} => curvature
-{limits: {path_jerk: 10}} => curvature
 {limits: {joint_jerk: 100}, corners: {tolerance: 1 mm, continuity: tangent}} => tangent
 {corners: {tolerance: 1 mm, continuity: curvature}} => curvature
 {limits: {joint_jerk: 100}, corners: sharp} => None

@@ -105,7 +105,7 @@ MORE = """
 name: more
 arm: {name: ur5e, payload: {mass: 2 kg, center: [1 mm, 0, 5 cm]}, tool: {position: [0, 0, 120 mm]}}
 path: {file: a.dxf, chord_tolerance: 20 um, layers: {cut: {speed: 50 mm/s, tolerance: 0.1 mm}}}
-limits: {joint_velocity: [90 deg/s, 90 deg/s, 1, 2, 3, 4], joint_jerk: inf, tool_jerk: 40 m/s^3}
+limits: {joint_velocity: [90 deg/s, 90 deg/s, 1, 2, 3, 4], joint_jerk: inf}
 process: {lead_in: {shape: arc, length: 5 mm}, dwell: 20 ms, begin: [1 mm, 2 mm]}
 servo: {kp: [25 1/s, 25, 25, 25, 25, 25], order: first, dead_time: 4 ms}
 plant: {dead_time: 5 ms}

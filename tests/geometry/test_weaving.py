@@ -19,10 +19,8 @@ BEND = Arc(start=[0.03, 0.0], center=[0.03, 0.02], angle=np.pi / 2)
 BENT = path_of(line([0.0, 0.0], [0.03, 0.0], **SLOW), BEND)
 
 
-def weave_path(path, up=None, **options):
-    if up is None:
-        return weave_seam(path, Weave(**options))[0]
-    return weave_seam(path, Weave(plane="frame", **options), np.asarray(up, dtype=float))[0]
+def weave_path(path, **options):
+    return weave_seam(path, Weave(**options))[0]
 
 
 def offset(share, waves):
@@ -82,19 +80,20 @@ def test_corners_of_the_seam_stay_and_short_parts_are_not_woven():
 
 
 @each("angle", [0.0, 0.7])
-def test_a_weave_in_space_is_square_to_up_and_keeps_the_orientation(angle):
+def test_a_weave_in_space_is_square_to_the_tool_axis_and_keeps_the_orientation(angle):
     turn = Rotation.from_euler("xyz", [angle, 0.3, -0.5]).as_matrix()
     lifted = np.column_stack([LINE.vertices, np.zeros(2)]) @ turn.T
     flat = weave_path(LINE, width=WIDTH, pitch=PITCH)
-    hold = Rotation.from_euler("y", 2.0).as_matrix()
+    # The tool axis, z of the tool, points to the work.
+    hold = turn @ np.diag([1.0, -1.0, -1.0])
     seam = Path.polyline(lifted).oriented(hold, axis_only=True)
-    woven = weave_path(seam, width=WIDTH, pitch=PITCH, up=3 * turn[:, 2])
+    woven = weave_path(seam, width=WIDTH, pitch=PITCH)
     s = np.linspace(0, 1, 500)
     there = np.column_stack([flat(s * flat.length), np.zeros(500)]) @ turn.T
     np.testing.assert_allclose(woven(s * woven.length), there, atol=2e-8)
     assert woven.orientation is not None and woven.orientation.axis_only
     np.testing.assert_allclose(woven.orientation(woven.length / 3), hold, atol=1e-12)
-    zigzag = weave_path(seam, width=WIDTH, pitch=PITCH, up=turn[:, 2], shape="zigzag")
+    zigzag = weave_path(seam, width=WIDTH, pitch=PITCH, shape="zigzag")
     assert len(round_corners(zigzag, tolerance=1e-4, acceleration=1.0).stops) == 0
 
 
@@ -201,7 +200,6 @@ def test_refuses_weaves_that_cannot_be():
         (woven(width=-1.0), "width"),
         (woven(pitch=0.0), "pitch"),
         (woven(shape="moon"), "zigzag"),
-        (woven(up=[0, 0, 0]), "direction"),
         (woven(tall), "parallel"),
         (woven(pitch=None), "pitch and frequency"),
         (woven(BENT, pitch=None, frequency=2.0), "assigned velocity"),

@@ -48,7 +48,7 @@ def test_refuses_what_makes_no_program():
         (lambda: program(contour(), LINE), "Path"),
         (lambda: program(contour(), Rapid(path=SPACE), contour()), "rapids"),
         (lambda: program(Event(name="a", s=0.1), contour()), "event a"),
-        (lambda: program(Event(name="a", lead_distance=0.1), contour()), "event a"),
+        (lambda: program(Event(name="a", s=0.1), contour()), "event a"),
         (lambda: Program.from_path([1, 2], "This needs a Path"), "This needs", "list"),
         (lambda: contour([[0, 0], [1, 1]]), "Path", "list"),
         (lambda: Rapid(path=[[0, 0], [1, 1]]), "rapid", "list"),
@@ -109,7 +109,7 @@ def test_programs_are_flattened_with_their_events_work_and_switches():
     np.testing.assert_allclose(flat.path.vertices, [[0, 0], [0.03, 0], [0.13, 0]], atol=1e-15)
     # Half of the ramp of 0.05 m runs 0.015 m; 0.02 m on the flat after it run themselves.
     assert [x.s for x in flat.events] == pytest.approx([0.015, 0.05], abs=1e-15)
-    on = Event(name="laser", s=0.05, lead_time=0.1, lead_distance=0.01)
+    on = Event(name="laser", s=0.05, lead_time=0.1)
     down, level = contour(ac.Path.polyline(DOWN), events=(on,)), [*DOWN, [0.1, 0.0, 0.0]]
     moves = (down, Dwell(duration=1), contour(ac.Path.polyline(level), work=(0.11, 0.2)))
     event, dwell, flat = program(*moves).without_z().moves

@@ -84,7 +84,7 @@ PLANE: dict[str, Any] = {
     "accuracy": 2e-4,
     "servo": SERVO,
     "cycle": 4e-3,
-    "runs": {"one": {"timing": {"intervals": 200}}},
+    "runs": {"one": {}},
 }
 SPACE: dict[str, Any] = {
     "name": "space",
@@ -106,7 +106,7 @@ SPACE: dict[str, Any] = {
     "limits": {"speed": 0.10, "tool_acceleration": 1.0, "angular_speed": 1.0},
     "corners": {"tolerance": 1e-3, "angular_tolerance": 0.05},
     "servo": SERVO,
-    "runs": {"one": {"timing": {"intervals": 200}}},
+    "runs": {"one": {}},
 }
 
 
@@ -180,7 +180,7 @@ _CUT = {
     "dwell": 0.01,
     "switch": {"value": 1.0, "on_lead": 0.01, "off_lead": 0.01},
     "events": [
-        {"name": "tool", "value": 1.0, "at": 0.02, "lead_time": 0.01, "lead_distance": 1e-3},
+        {"name": "tool", "value": 1.0, "at": 0.02, "lead_time": 0.01},
         {"name": "spindle speed", "value": 500.0},
     ],
     "analog": [_POWER],
@@ -188,7 +188,7 @@ _CUT = {
     "tabs": {"count": 1, "width": 1e-3},
 }
 _PIERCED = {"switch": {}, "pierce": {"time": 0.1, "height": 1e-3}}
-_WOVEN = {"weave": {"width": 1e-3, "pitch": 0.01, "tolerance": 1e-5}}
+_WOVEN = {"weave": {"width": 1e-3, "pitch": 0.01}}
 _TIMED = {"weave": {"width": 2e-3, "frequency": 2.0, "dwell": 0.05, "speed": 0.01}}
 _SPACED = {"switch": {}, "tabs": {"spacing": 0.1, "width": 1e-3}}
 _JOINTS = {
@@ -304,7 +304,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, command_limits=_COMMANDS),
     _with(PLANE, command_limits={key: [x, x] for key, x in _COMMANDS.items()}),
     _with(PLANE, certificate=_ON_BODIES | {"box": {"viscous": 0.1, "friction": 0.0}}),
-    _with(PLANE, runs={"one": {"timing": {"method": "paper", "knots": 50, "intervals": None}}}),
+    _with(PLANE, runs={"one": {"timing": {"method": "paper", "knots": 50}}}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [-100.0, -100.0, -150.0]}}}),
     _with(PLANE, corners=_FREE),
     _with(PLANE, corners={"continuity": "curvature"}),
@@ -315,7 +315,7 @@ BASES: list[dict[str, Any]] = [
         })
         for key in ("limits", "command_limits")
     ),
-    _with(PLANE, limits={"joint_jerk": 100.0, "tool_jerk": 10.0, "path_jerk": 10.0}),
+    _with(PLANE, limits={"joint_jerk": 100.0}),
     _with(SPACE, seed=None) | {"seed": _BY_NAME},
     _path(start=[0.30, 0.20], segments=[_LINE]),
     _path(start=[0.30, 0.20], segments=[{"via": [0.32, 0.21], "to": [0.34, 0.20]}]),
@@ -335,7 +335,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, process={**_WOVEN, "by_layer": {"": _WOVEN}}),
     _with(PLANE, process={**_SPACED, "by_layer": {"": _SPACED}}, path=_CLOSED),
     _with(PLANE, process={"begin": [0.3, 0.2]}, path=_CLOSED),
-    _with(PLANE, process={"events": [{"name": "tool", "at": 0.02, "lead_distance": 1e-3}]}),
+    _with(PLANE, process={"events": [{"name": "tool", "at": 0.02}]}),
     SPACE,
     _with(SPACE, process={"approach": 0.01, "retract": 0.01}),
     _with(SPACE, process={"rapid_speed": 0.5, "approach_speed": 0.1}),

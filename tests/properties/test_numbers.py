@@ -67,7 +67,7 @@ def read_text(text, folder):
 
 def test_the_schema_and_the_options_have_their_numbers():
     assert len(FIELDS) >= 142
-    for place in [("servo", "kp"), ("servo", "kp", 0), ("runs", "*", "timing", "intervals")]:
+    for place in [("servo", "kp"), ("servo", "kp", 0), ("runs", "*", "timing", "reserve")]:
         assert place in FIELDS
     options = {(command, option) for command, option, _ in numeric_options()}
     assert options >= {("run", "--speed"), ("identify", "--to")}

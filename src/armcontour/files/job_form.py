@@ -102,8 +102,8 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
 GROUPS = {
     "Speed": (
         *("limits.speed", "limits.tool_acceleration", "limits.centripetal_acceleration"),
-        *("limits.angular_speed", "limits.angular_acceleration", "limits.tool_jerk"),
-        *("limits.path_jerk", "process.rapid_speed", "process.approach_speed"),
+        *("limits.angular_speed", "limits.angular_acceleration"),
+        *("process.rapid_speed", "process.approach_speed"),
     ),
     "Corners": ("corners", "accuracy"),
     "Process": (

@@ -24,7 +24,7 @@ from armcontour.core.quantities import (
 from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.file_keys import Methods, SpecifiedKeys
-from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides, Place, Point
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides, Place, PlantModel, Point
 from armcontour.files.robots.arm_options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse_quantity
@@ -395,7 +395,7 @@ class JobModel(SharedModel):
     process: Process | None = None
     accuracy: Distance | None = None
     servo: ServoModel
-    plant: Annotated[dict[str, Any], SpecifiedKeys(ServoModel, null=True)] | None = None
+    plant: Annotated[dict[str, Any], SpecifiedKeys(PlantModel, null=True)] | None = None
     experiment: Experiment | None = None
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: CertificateGoal | None = None

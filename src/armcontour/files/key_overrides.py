@@ -22,9 +22,12 @@ from armcontour.core.quantities import (
     Ratio,
 )
 from armcontour.geometry import SegmentLimits
+from armcontour.geometry.weave import Weave
 from armcontour.jobs.placement_options import AXES, POINTS, PlaceSearch
 from armcontour.program import Event, Lead, Process
+from armcontour.robot import Limits
 from armcontour.robot.chain import Payload
+from armcontour.robot.servo import ServoModel
 from armcontour.simulation.robustness.uncertainty import Uncertainty
 
 
@@ -100,6 +103,10 @@ class PositionErrorModel:
         return {name: x for name, x in axes.items() if x is not None}
 
 
+class PlantModel(ServoModel):
+    """Servo of the simulated robot, without the figures of an identification."""
+
+
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
 Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Poles = Annotated[list[Pole], Field(min_length=3, max_length=3)]
@@ -167,6 +174,13 @@ KEY_OVERRIDES: dict[type, KeyOverrides] = {
             "about": Annotated[str, Choice(POINTS)] | Place,
         },
     ),
+    Limits: KeyOverrides(omit=frozenset({"tool_jerk", "path_jerk"})),
+    PlantModel: KeyOverrides(
+        omit=frozenset(
+            {"model_error", "logged_velocity", "logged_acceleration", "contour_ratio", "programs"}
+        )
+    ),
+    Weave: KeyOverrides(omit=frozenset({"tolerance"})),
     PolePlacement: KeyOverrides(types={"poles": Poles | list[Poles] | None}),
     Process: KeyOverrides(
         types={

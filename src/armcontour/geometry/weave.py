@@ -27,8 +27,6 @@ from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
 SHAPES = ("sine", "zigzag")
-# Names of the directions to which a weave can be perpendicular, in addition to its seam.
-PLANES = ("tool", "frame")
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 # Initial number of points of a sine per pitch, largest number of doublings, and largest number of
 # points.
@@ -65,8 +63,6 @@ class Weave(Checked):
         dwell: Time at each edge, during which the tool moves along the seam at its assigned
             velocity [s].
         speed: Assigned velocity along the seam [m/s]; by default that of the contour.
-        plane: "tool" weaves perpendicular to the tool axis, "frame" perpendicular to `up` of the
-            process, which is z of `path.frame`.
         shape: "sine", or "zigzag": lines from crest to crest with rounded corners.
         tolerance: Largest distance of the arcs from the sine [m].
     """
@@ -77,7 +73,6 @@ class Weave(Checked):
     dwell: Duration = 0.0
     speed: Speed | None = None
     shape: Annotated[str, Choice(SHAPES)] = "sine"
-    plane: Annotated[str, Choice(PLANES)] = "tool"
     tolerance: Tolerance = 1e-5
 
     def _check_together(self) -> None:
@@ -98,7 +93,7 @@ class Woven:
     left_out: float  # Total length of the parts of the seam that are too short for the weave [m]
 
 
-def weave_seam(path: Path, weave: Weave, up: FloatArray = UP) -> tuple[Path, Woven]:
+def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
     """Path that weaves perpendicular to a seam and to the tool axis, and its parameters."""
     # Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
     # unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
@@ -107,17 +102,11 @@ def weave_seam(path: Path, weave: Weave, up: FloatArray = UP) -> tuple[Path, Wov
     # tangent to the seam at both ends. A part of less than half a pitch is not woven. Speeds are
     # along the seam, so the assigned velocity of each piece of the woven path is greater by the
     # ratio of the lengths. Tolerances, tags and the tool orientation are those of the seam.
-    # `up`: for a weave with the plane "frame", the direction that weaving is perpendicular to,
-    # (3,). With the plane "tool" and a seam in space without orientation, this direction is z.
+    # A seam in space without orientation is woven perpendicular to z.
     if weave.speed is not None:
         same = path.segments.replace(speeds=np.full(len(path), weave.speed))
         path = replace(path, segments=same)
     pitch, edge = _pitch_and_dwell_length(path, weave)
-    direction = None
-    if weave.plane == "frame":
-        length = np.linalg.norm(up)
-        checks.raise_if(length == 0, "up must be a direction in space.")
-        direction = np.asarray(up) / length
     if path.length / pitch * SAMPLES > MAX_POINTS:
         raise InvalidInput(
             f"A weave with a pitch of {pitch * 1e3:.4g} mm has {path.length / pitch:.3g} waves on "
@@ -136,7 +125,6 @@ def weave_seam(path: Path, weave: Weave, up: FloatArray = UP) -> tuple[Path, Wov
             width=weave.width,
             pitch=pitch,
             edge=edge,
-            up=direction,
         )
         seams.append(seam)
         if part.length < pitch / 2:
@@ -246,8 +234,6 @@ class _Wave:
     width: float  # Distance between crests [m]
     pitch: float  # Length of the seam per wave [m]
     edge: float  # Length of an edge: a part of the seam at a crest with constant offset [m]
-    # Unit vector that weaving is perpendicular to, (3,); None for the tool axis
-    up: FloatArray | None
 
     def on_part(self, s: FloatArray) -> FloatArray:
         """Arc lengths on the part that correspond to arc lengths on the seam [m], (n,)."""
@@ -259,8 +245,8 @@ class _Wave:
         if self.seam.dimension == 2:
             side = np.column_stack([-tangents[:, 1], tangents[:, 0]])
         else:
-            up, orientation = UP if self.up is None else self.up, self.part.orientation
-            if self.up is None and orientation is not None:
+            up, orientation = UP, self.part.orientation
+            if orientation is not None:
                 # The tool axis points from the tool to the work.
                 up = -orientation(self.on_part(s))[:, :, 2]
             side = np.cross(up, tangents)
@@ -269,7 +255,7 @@ class _Wave:
                 k = int(np.argmin(size))
                 raise InvalidInput(
                     f"The weave has no direction at {s[k] * 1e3:.4g} mm along the seam, because "
-                    "the seam is parallel to the tool axis or to the direction up there."
+                    "the seam is parallel to the tool axis there, or to z without one."
                 )
             side /= size[:, None]
         return np.asarray(self.seam(s) + offset[:, None] * side)

@@ -105,7 +105,7 @@ class Optimal(PlanOptions):
 
     method = Method.OPTIMAL
     duration: MotionTime | None = None
-    intervals: Annotated[Intervals | None, KEY] = None
+    intervals: Intervals | None = None
     iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS)] = MAX_ITERATIONS
     grid: Annotated[FloatArray, Quantity("m", "5 mm"), Axes("points")] | None = None
     start_speed: PathSpeed = 0.0

@@ -12,7 +12,6 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.progress import Progress, Step
-from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import (
     JointPath,
     Law,
@@ -163,11 +162,10 @@ class JoinedMoves:
                 work = (work_start, work_end)
             fields = {"kind": "contour", "name": move.name, "work": work}
             for event in move.events:
-                early = _switch_position(event, move.path.length, step.called)
-                s_event = np.clip([event.s, early], 0.0, move.path.length)
-                due, switch_time = (t[0] + trajectory.time_at(s_event)).tolist()
-                point = tuple(move.path(s_event[0]).tolist())
-                self._add_event(event, switch_time - event.lead_time, due, s + event.s, point)
+                s_event = min(event.s, move.path.length)
+                due = t[0] + float(trajectory.time_at(s_event))
+                point = tuple(move.path(s_event).tolist())
+                self._add_event(event, due - event.lead_time, due, s + event.s, point)
             self.last, self.length = trajectory, s + move.path.length
         self.laws += trajectory.laws
         self.spans.append(
@@ -242,22 +240,6 @@ class JoinedMoves:
         self.events.append(
             TimedEvent(name=event.name, value=event.value, t=t, due=due, s=s, point=point)
         )
-
-
-def _switch_position(event: Event, length: float, called: str) -> float:
-    """Arc length at which an event is switched [m], after subtraction of its lead distance."""
-    early = event.s - event.lead_distance
-    if not -REPEATED_POINT <= early <= length + REPEATED_POINT:
-        leads = event.lead_distance > 0
-        raise InvalidInput(
-            f"{called}: the event {event.name} at {event.s:g} m {'leads' if leads else 'lags'} by "
-            f"{abs(event.lead_distance):g} m, so it would be switched outside the contour of "
-            f"{length:g} m: give the contour a lead-{'in' if leads else 'out'} of that length.",
-            s=event.s,
-            needed=abs(event.lead_distance),
-            allowed=event.s if leads else length - event.s,
-        )
-    return early
 
 
 def check_jerk_support(method: Method, limits: Limits) -> None:

@@ -72,8 +72,6 @@ class Event(Checked):
         s: Arc length along the path of the contour [m]; 0 for an event between contours.
         lead_time: Time by which the output is switched before the tool reaches s [s]; after it if
             negative.
-        lead_distance: Length along the path by which the output is switched before s [m]; after it
-            if negative.
 
     Raises:
         InvalidInput: A name or a value is longer than 80 characters or not printable, or a number
@@ -84,7 +82,6 @@ class Event(Checked):
     value: Value = field(default=True, kw_only=False)
     s: Distance = 0.0
     lead_time: Time = 0.0
-    lead_distance: Length = 0.0
 
     @property
     def changes_tool(self) -> bool:
@@ -161,7 +158,7 @@ class Contour(Checked):
         """The contour without z; if no length remains, its events as separate moves."""
         path, work = self.path, self.work
         if not has_length_without_z(path):
-            return tuple(replace(x, s=0.0, lead_distance=0.0) for x in self.events)
+            return tuple(replace(x, s=0.0) for x in self.events)
         flat_s = partial(arc_length_without_z, path)
         flat = replace(
             self,
@@ -279,11 +276,10 @@ class Program(Checked):
             texts = tuple(make_printable(shorten(x)) for x in getattr(self, name))
             object.__setattr__(self, name, texts)
         for move in self.moves:
-            if isinstance(move, Event) and (move.s or move.lead_distance):
+            if isinstance(move, Event) and move.s:
                 raise InvalidInput(
                     f"The event {move.name} is a separate move, during which the tool is at rest, "
-                    "so it must not have s or a lead distance. Put the event into a contour, or "
-                    "use a lead time."
+                    "so it must not have s. Put the event into a contour, or use a lead time."
                 )
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")

@@ -279,13 +279,13 @@ def _start_contour(
     contour = output_states.add_switching(contour, process.events)
     if closed:
         contour = add_tabs(contour, process, lap)
-    return contour if process.weave is None else _weave(contour, process.weave, process.up)
+    return contour if process.weave is None else _weave(contour, process.weave)
 
 
-def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
+def _weave(contour: Contour, weave: Weave) -> Contour:
     """Weave along a contour; events stay at the same fraction of the length."""
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
-        path, woven = weave_seam(contour.path, weave, up)
+        path, woven = weave_seam(contour.path, weave)
     factor = path.length / contour.path.length
     events = tuple(replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
     return replace(contour, path=path, events=events, ring=contour.closed, woven=woven)
@@ -394,13 +394,13 @@ def resume_program(
     switched: dict[str, Event] = {}
     for i, move in enumerate(program.moves):
         if isinstance(move, Event):
-            switched[move.name] = replace(move, s=0.0, lead_time=0, lead_distance=0)
+            switched[move.name] = replace(move, s=0.0, lead_time=0)
         if not isinstance(move, Contour):
             continue
         number += 1
         if number < index:
             for event in move.events:
-                switched[event.name] = replace(event, s=0.0, lead_time=0, lead_distance=0)
+                switched[event.name] = replace(event, s=0.0, lead_time=0)
             continue
         remaining = _cut_after(move, s, keeps_lead)
         moves = (*switched.values(), remaining, *program.moves[i + 1 :])
@@ -422,7 +422,7 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
             # The outputs in `last` are in the order of their last events.
             last.pop(event.name, None)
             lead = event.lead_time if keeps_lead(contour, event) else 0.0
-            last[event.name] = replace(event, s=0.0, lead_time=lead, lead_distance=0.0)
+            last[event.name] = replace(event, s=0.0, lead_time=lead)
     later = [replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
     return replace(
         contour,
@@ -497,7 +497,7 @@ def _confine_output(
     for event in (*events, Event(name=name, value=False, s=end)):
         if switch is not None:
             event = replace(event, value=switch.value) if event.value is True else event
-            if not (event.lead_time or event.lead_distance):
+            if not event.lead_time:
                 lead = switch.on_lead if event.value else switch.off_lead
                 event = replace(event, lead_time=lead)
         if (type(event.value), event.value) != (type(before), before):

@@ -14,7 +14,7 @@ limits: {speed: 0.15 m/s, joint_acceleration: 2}
 corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 runs:
-  only: {compensation: {method: inverse}, timing: {intervals: 100, reserve: 2 %}}
+  only: {compensation: {method: inverse}, timing: {reserve: 2 %}}
 """
 HOSTILE = ("pickle", "copyreg", "typing", "subprocess", "yaml", "pandas", "pyarrow")
 PACKAGES = ("numpy", "scipy", "numba", "armcontour")

@@ -21,7 +21,7 @@ certificate:
   box: {gains: 5 %, payload: [0 kg, 0.5 kg]}
 experiment: {step: 1 ms}
 runs:
-  only: {compensation: {method: inverse_dynamics}, timing: {intervals: 100}}
+  only: {compensation: {method: inverse_dynamics}}
 """
 # By command, its further options and the file that is compared.
 COMMANDS = {

@@ -33,7 +33,7 @@ certificate:
 # Drives with a long cycle, of which a run takes a moment.
 experiment: {step: 1 ms}
 runs:
-  only: {compensation: {method: inverse_dynamics}, timing: {intervals: 200}}
+  only: {compensation: {method: inverse_dynamics}}
 """
 
 
@@ -117,7 +117,7 @@ corners: {tolerance: 0.25 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 certificate: {servo_error: 0.5 mm, plant: rigid_body}
 runs:
-  only: {compensation: {method: inverse_dynamics}, timing: {intervals: 400}}
+  only: {compensation: {method: inverse_dynamics}}
 """
 # An arm in space whose controller does not hold it against gravity.
 SAGGING = """
@@ -129,7 +129,7 @@ servo: {kp: 25 1/s, kv: 150 1/s}
 certificate: {servo_error: 0.5 mm, plant: rigid_body}
 experiment: {gravity_feedforward: false}
 runs:
-  only: {compensation: {method: pole_placement}, timing: {intervals: 100}}
+  only: {compensation: {method: pole_placement}}
 """
 EARLY = "process: {events: [{name: gas, at: 0 mm, lead_time: 0.1 s}]}\n"
 CASCADE = JOB.replace("kv: 150 1/s", "kv: 150 1/s, ki: 5 1/s")
