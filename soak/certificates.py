@@ -1,8 +1,7 @@
-"""Certificates of sample drawings, of random jobs and of rigid bodies, executed and judged."""
+"""Certificates of sample drawings and of random jobs, executed and judged."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -11,42 +10,11 @@ import armcontour as ac
 from armcontour.core.checks import FloatArray
 from armcontour.files import parse_job
 from armcontour.files.cell import read_cell
-from armcontour.simulation.robustness.rigid_body_runs import BodyRuns, spread_on_bodies
-from armcontour.simulation.robustness.uncertainty import Unknowns
 from soak import Outcome
 
-SQUARE = """
-name: square
-arm: ur5e
-path:
-  points:
-    - [0.45, 0.08, 0.2]
-    - [0.55, 0.08, 0.2]
-    - [0.55, 0.18, 0.2]
-    - [0.45, 0.18, 0.2]
-    - [0.45, 0.08, 0.2]
-  orientation: {rpy: [180 deg, 0 deg, 0 deg]}
-limits: {speed: 0.25 m/s, joint_velocity: 3.14, joint_acceleration: 6.4}
-corners: {tolerance: 0.25 mm}
-servo: {kp: 25 1/s, kv: 150 1/s}
-cycle: 4 ms
-certificate:
-  plant: rigid_body
-  servo_error: 1 mm
-  box:
-    payload: [0 kg, 2 kg]
-    payload_known: true
-    viscous: [8, 8, 5, 2, 2, 2]
-    coulomb: [6, 6, 4, 1.5, 1.5, 1.5]
-    friction_shared: true
-    gains: 5 %
-runs:
-  only: {compensation: {method: inverse_dynamics}}
-"""
 DRAWINGS = FilePath(__file__).parents[1] / "examples" / "drawings"
 CASES = (("gasket.dxf", "pmk3s"), ("gasket.dxf", "ur5e"))
 SERVO = 1e-4
-ROBOTS = 1000  # on rigid bodies, and as many corners of the box
 # Random times at which joints' accelerations are judged.
 TIMES = 1_000_000
 # A certified error may be exceeded by this [m]: rounding, and peaks between samples of the search.
@@ -154,40 +122,10 @@ def largest_acceleration(
     return float(peaks.max()), float(t[np.argmax(peaks)])
 
 
-def simulate_rigid_bodies(count: int) -> list[str]:
-    """Sentences on robots that are outside of a certificate on rigid bodies; none if it holds."""
-    job = parse_job(SQUARE)
-    certificate = ac.certify(replace(job, arm=job.arm.with_dynamics(armature=0.1)))
-    box, budget = certificate.goal.box, certificate.goal.servo_error
-    assert box is not None and budget is not None
-    unknowns = Unknowns.from_uncertainty(box, certificate.job.arm, certificate.job.plant_servo)
-    runs = BodyRuns(
-        set_points=certificate.set_points,
-        path=certificate.path.contours[0].path,
-        unknowns=unknowns,
-        limits=certificate.run.limits.for_joints(certificate.job.arm.dof),
-        options={},
-    )
-    messages = []
-    # Corners at random, which the search did not choose.
-    signs = np.random.default_rng(99).integers(0, 2, size=(count, len(unknowns)))
-    for name, errors in (
-        ("drawn robots", unknowns.draw(count, 4711)),
-        ("corners", np.where(signs, unknowns.high, unknowns.low)),
-    ):
-        executed = spread_on_bodies(runs, errors)
-        if executed.within(budget) < 1.0 or executed.saturated.any():
-            largest = f"{executed.max.max() * 1e3:.4f} mm"
-            messages.append(f"{1 - executed.within(budget):.2%} of {name} are outside, {largest}")
-    return messages
-
-
 def run(seed: int) -> Outcome:
-    """Certify a random job; the first ones are sample drawings, and a square on rigid bodies."""
+    """Certify a random job; the first ones are sample drawings."""
     if seed < len(CASES):
         return Outcome(kind="drawing", result="certified", notes=outside(*CASES[seed]))
-    if seed == len(CASES):
-        return Outcome(kind="rigid bodies", result="certified", notes=simulate_rigid_bodies(ROBOTS))
     notes = until_rest(seed)
     result = "refused" if notes is None else "certified"
     return Outcome(kind="random", result=result, notes=notes or [])

@@ -50,7 +50,6 @@ def test_options_replace_the_keys_of_the_job(job, refused, tmp_path, done):
             ("--servo-error", "-0.5 mm"),
             ["--servo-error: ", "certificate.servo_error: must be above zero, but is -0.5 mm."],
         ),
-        (("--plant", "rigid_body"), ["saturation"]),
     ]
     assert refused(tmp_path, rows, codes=(2,), begin=("certify", job)) == []
     rows = [

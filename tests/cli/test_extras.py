@@ -38,7 +38,7 @@ NEEDS = {
     ),
     "experiment": (
         "mujoco",
-        ["run bodies.yaml --out out", "certify job.yaml --servo-error 1mm --plant rigid_body"],
+        ["run bodies.yaml --out out"],
     ),
     "drawings": ("ezdxf", ["show a.dxf", "run a.dxf --cell ur5e --out out"]),
     "cluster": (
@@ -46,7 +46,6 @@ NEEDS = {
         [
             f"batch plan.yaml -o out {CLUSTER}",
             f"place job.yaml -o out --over x:0mm..1mm,2 {CLUSTER}",
-            f"certify job.yaml --servo-error 1mm {CLUSTER}",
         ],
     ),
     "studio": ("uvicorn", ["studio --no-open"]),

@@ -9,7 +9,6 @@ path: {points: [[0.30, 0.20], [0.32, 0.20], [0.32, 0.21]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 2}
 corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-certificate: {servo_error: 0.3 mm}
 runs: {only: {compensation: {method: inverse}}}
 """
 OVER = ("--over", "x: -30 mm .. 30 mm, 3", "--no-refine")
@@ -34,10 +33,5 @@ def test_results_do_not_depend_on_the_workers(command, job, tmp_path):
 
 def test_wrong_options_are_refused(job, refused, tmp_path):
     both = ("--cluster", "tcp://127.0.0.1:1", "--workers", 2)
-    rows = [
-        ((name, job, "--out", "out", *more, *both), ["has its own workers"])
-        for name, more in (("place", OVER), ("certify", ()))
-    ]
-    share = ["--workers and --cluster distribute the rigid-body simulations"]
-    rows.append((("certify", job, "--plant", "servo", "--workers", 2), share))
+    rows = [(("place", job, "--out", "out", *OVER, *both), ["has its own workers"])]
     assert refused(tmp_path, rows, codes=(2,)) == []

@@ -218,24 +218,10 @@ _CERTIFIED = {
     "tolerance": 2e-3,
     "servo_error": 1e-4,
     "rms": 1e-4,
-    "box": {"gains": 0.01, "dead_time": 1e-4, "payload": 0.0, "jitter": 1e-5},
+    "box": {"gains": 0.01, "dead_time": 1e-4, "payload": [0.0, 0.1], "jitter": 1e-5},
     "samples": 20,
     "seed": 0,
     "slowest": 2.0,
-}
-_ON_BODIES = {
-    "plant": "rigid_body",
-    "servo_error": 2e-3,
-    "samples": 20,
-    "bodies": 2,
-    "corners": 2,
-    "box": {
-        "payload": [0.0, 0.1],
-        "viscous": 0.1,
-        "coulomb": 0.05,
-        "friction": [0.0, 1.0],
-        "armature": 0.0,
-    },
 }
 _FREE = {"shape": "free"}
 _POLED = {"method": "pole_placement"}
@@ -300,10 +286,9 @@ BASES: list[dict[str, Any]] = [
     ),
     _with(PLANE, servo=_REAL, plant={**SERVO, **_REAL}),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED),
-    _with(PLANE, limits={"joint_torque": 50.0}, certificate=_ON_BODIES, runs=_INVERSE),
+    _with(PLANE, limits={"joint_torque": 50.0}, runs=_INVERSE),
     _with(PLANE, command_limits=_COMMANDS),
     _with(PLANE, command_limits={key: [x, x] for key, x in _COMMANDS.items()}),
-    _with(PLANE, certificate=_ON_BODIES | {"box": {"viscous": 0.1, "friction": 0.0}}),
     _with(PLANE, runs={"one": {"timing": {"method": "paper", "knots": 50}}}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [-100.0, -100.0, -150.0]}}}),
     _with(PLANE, corners=_FREE),
@@ -503,7 +488,7 @@ TEXTS = {
     "--contour", "--controller", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--only-tool", "--out", "--package", "--path",
-    "--plant", "--validate", "--run", "--scene", "--skip", "--set-points", "--texts",
+    "--validate", "--run", "--scene", "--skip", "--set-points", "--texts",
     "--tip", "--tool-positions", "--units",
     "--waypoint-columns",
 }  # fmt: skip

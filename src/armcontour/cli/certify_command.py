@@ -11,7 +11,6 @@ from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
     from armcontour.cli.options import CertifyOptions, JobOptions
-    from armcontour.jobs import CertificateGoal
     from armcontour.studies.certification import Certificate
 
 
@@ -20,26 +19,20 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
     from armcontour.cli.inputs import open_job
     from armcontour.cli.progress_bars import search_progress
     from armcontour.core.errors import InvalidInput
-    from armcontour.core.pool import open_executor
     from armcontour.files import ResultFolder, certificate_json
 
     if options.out is None and (options.open_report or options.force):
         raise InvalidInput("--open and --force require --out, the folder for the report.")
-    shared = options.workers is not None or options.cluster is not None
     with (
-        open_executor(options.workers, options.cluster) if shared else nullcontext() as executor,
         nullcontext()
         if options.out is None
-        else ResultFolder(options.out, force=options.force) as folder,
+        else ResultFolder(options.out, force=options.force) as folder
     ):
         from armcontour.studies.certification import certify
-        from armcontour.studies.certification.certification import goal_of
 
         with search_progress("certifying") as progress:
             job = open_job(file, job_options, subprogress(progress, "reading"), options)
-            if shared:
-                _refuse_nothing_shared(goal_of(job))
-            certificate = certify(job, options.run_name, executor=executor, progress=progress)
+            certificate = certify(job, options.run_name, progress=progress)
         if folder is not None:
             _write(certificate, folder)
     if options.as_json:
@@ -51,18 +44,6 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
     if options.open_report and options.out is not None:
         open_page(options.out / "report.html")
     return int(not certificate.kept)
-
-
-def _refuse_nothing_shared(goal: CertificateGoal) -> None:
-    """Raise InvalidInput if a certificate has no simulations for `--workers` or `--cluster`."""
-    from armcontour.core.errors import InvalidInput
-
-    if goal.plant != "rigid_body" or goal.box is None:
-        raise InvalidInput(
-            "--workers and --cluster distribute the rigid-body simulations of uncertain robots, "
-            "but this certificate has no such simulations. Remove these options, or add a box and "
-            "plant: rigid_body to the certificate of the job."
-        )
 
 
 def _write(certificate: Certificate, folder: Any) -> None:

@@ -442,15 +442,11 @@ class CertifyOptions:
     """Options of the command `certify`.
 
     Args:
-        workers: Number of processes on this machine for rigid-body simulations of a box; by default
-            one per processor. 0 uses only this process.
         out: Folder for the certificate; by default none is written.
     """
 
     keys: Annotated[Set, Keys(("Certificate",))]
     run_name: Name = None
-    workers: Annotated[int | None, typer.Option("--workers", min=0, max=1000)] = None
-    cluster: Cluster = None
     out: Annotated[File, typer.Option("--out", "-o")] = None
     force: Force = False
     open_report: Open = False

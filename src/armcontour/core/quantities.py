@@ -163,12 +163,9 @@ Ratio = Annotated[float, Quantity("1", "10 %")]
 Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 
 DEAD_TIME = Quantity("s", "4 ms", "not negative")
-VISCOUS = Quantity("N m s/rad", "8 N m s/rad", "not negative")
-COULOMB = Quantity("N m", "6 N m", "not negative")
 STIFFNESS = Quantity("N m/rad", "2e4 N m/rad", "positive")
 DAMPING = Quantity("N m s/rad", "2 N m s/rad", "not negative")
 MORE_PAYLOAD = Quantity("kg", "2 kg")
-SHARE = Quantity("1", "50 %")
 GAIN_ERROR = Quantity("1", "10 %", "share")
 # One value for all joints, or one per joint. An infinite limit is no limit.
 JointRanges = Annotated[FloatArray, Quantity("rad", "90 deg", endless=True)]
@@ -188,8 +185,8 @@ AngularAccelerationLimit = Annotated[
 ]
 JerkLimit = Annotated[float, Quantity("m/s^3", "40 m/s^3", "positive", endless=True)]
 JointArmatures = Annotated[FloatArray, Quantity("kg m^2", "0.1 kg m^2", "not negative")]
-ViscousFrictions = Annotated[FloatArray, VISCOUS]
-CoulombFrictions = Annotated[FloatArray, COULOMB]
+ViscousFrictions = Annotated[FloatArray, Quantity("N m s/rad", "8 N m s/rad", "not negative")]
+CoulombFrictions = Annotated[FloatArray, Quantity("N m", "6 N m", "not negative")]
 JointStiffnesses = Annotated[FloatArray, STIFFNESS]
 JointDampings = Annotated[FloatArray, DAMPING]
 OwnAccelerations = Annotated[

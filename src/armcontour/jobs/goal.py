@@ -8,11 +8,8 @@ from typing import Annotated
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.core.quantities import About, AtLeast, Choice, PlainNumber, Tolerance
+from armcontour.core.quantities import About, AtLeast, PlainNumber, Tolerance
 from armcontour.simulation.robustness.uncertainty import Uncertainty
-
-SATURATION = ("refuse", "report")
-PLANTS = ("servo", "rigid_body")
 
 
 @checks.explain_calls
@@ -20,7 +17,7 @@ PLANTS = ("servo", "rigid_body")
 class CertificateGoal(Checked):
     """Requirements that a certified plan meets.
 
-    >>> goal = ac.CertificateGoal(servo_error=0.1e-3, plant="servo")
+    >>> goal = ac.CertificateGoal(servo_error=0.1e-3)
     >>> goal.samples
     10000
 
@@ -30,23 +27,14 @@ class CertificateGoal(Checked):
         servo_error: Largest contour error from servo and cycle [m], over the whole box if there is
             one. None sets no limit of its own; then a tolerance is needed.
         rms: Largest root mean square of the contour error over time, of the nominal robot [m].
-        plant: Robots that must keep the goal: "servo" is an independent servo on each joint, and
-            "rigid_body" is the arm's rigid bodies, for jobs of one contour, with or without dwells.
-        saturation: "refuse" certifies only plans that saturate no joint; "report" allows
-            saturation, simulates it and reports how long it lasts.
         box: Uncertainty of the robot's parameters; None assumes that the model is exact.
-        samples: Number of robots drawn from the box, in addition to the corners of the box, that
-            are executed with servos.
-        bodies: Number of robots drawn from the box that are executed as rigid bodies.
-        corners: Largest number of corners of the box that are executed as rigid bodies. Of more
-            corners, those are taken that are the worst to first order.
+        samples: Number of robots drawn from the box, in addition to the corners of the box.
         seed: Seed of these robots.
         run: Name of the run to certify; None is the only run with the method "optimal".
         slowest: Largest duration of a certified plan, as a multiple of the uncertified optimum.
 
     Raises:
-        InvalidInput: Neither tolerance nor servo_error, a number that is not above zero, or a box
-            or a saturation that is not for this plant.
+        InvalidInput: Neither tolerance nor servo_error, or a number that is not above zero.
     """
 
     tolerance: Annotated[Tolerance | None, About("--total-tolerance")] = field(
@@ -54,12 +42,8 @@ class CertificateGoal(Checked):
     )
     servo_error: Annotated[Tolerance | None, About("--servo-error")] = None
     rms: Tolerance | None = None
-    plant: Annotated[str, Choice(PLANTS), About("--plant")] = "servo"
-    saturation: Annotated[str, Choice(SATURATION)] = "refuse"
     box: Uncertainty | None = None
     samples: Annotated[int, AtLeast(1, 10**7)] = 10_000
-    bodies: Annotated[int, AtLeast(1, 10**6)] = 200
-    corners: Annotated[int, AtLeast(1, 10**6)] = 256
     seed: Annotated[int, AtLeast(0)] = 0
     run: str | None = None
     slowest: PlainNumber = 2.0
@@ -76,16 +60,6 @@ class CertificateGoal(Checked):
             raise InvalidInput(
                 f"servo_error is {self.servo_error:g} m, but must be below the tolerance of "
                 f"{self.tolerance:g} m, because the corners need a part of the tolerance."
-            )
-        checks.raise_if(
-            self.plant == "rigid_body" and self.saturation == "report",
-            "A certificate with plant: rigid_body does not support saturation: report. Remove "
-            "saturation, or use plant: servo.",
-        )
-        if self.plant == "servo" and self.box is not None and self.box.of_bodies:
-            raise InvalidInput(
-                f"The box has {', '.join(self.box.of_bodies)}, which require plant: rigid_body. "
-                "Remove them from the box, or use plant: rigid_body."
             )
         if self.slowest <= 1:
             raise InvalidInput(f"slowest must be above 1, but is {self.slowest:g}.")

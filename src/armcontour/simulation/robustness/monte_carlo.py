@@ -471,11 +471,6 @@ def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> Float
 def half_widths(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> FloatArray:
     """Half-widths of the box for kp, kv and dead time of each joint, and payload, (3 dof + 1,)."""
     dof = arm.dof
-    if box.of_bodies:
-        raise InvalidInput(
-            f"The box has {', '.join(box.of_bodies)}, which apply only to rigid bodies. Remove "
-            "them, or certify with plant: rigid_body."
-        )
     gains, dead_time = box.gains_of(dof), box.dead_time_of(servo, dof)
     if box.jitter >= cycle / 2:
         raise InvalidInput(

@@ -307,7 +307,7 @@ class Certificate(Result):
     def to_data(self) -> Data:
         """Data of the verdict, the parts of the error, the model, and the inputs to repeat it."""
         count = len(self.contours)
-        title = f"Certificate of {self.job.title}, run {self.run.name}"
+        title = f"Certificate of {self.job.title}, run {self.run.name}, for independent servos"
         contours = Table.from_results(
             "contours", [x.to_data() for x in self.contours], TABLE if count > 1 else FILE
         )
@@ -435,8 +435,6 @@ class Certificate(Result):
         where = f"On {self.worst.name}: " if len(self.contours) > 1 else ""
         sentences = [f"{where}{x}" for x in self.worst.notes]
         sentences += [f"Reduced: {x}." for x in self.derating_clauses]
-        if self.goal.saturation == "report":
-            sentences.append("Saturation was allowed; the certified execution includes it.")
         if self.check.not_judged:
             sentences.append("Not checked: " + ", ".join(self.check.not_judged) + ".")
         return (*sentences, *filter(None, [self.condition]))
@@ -514,20 +512,19 @@ class Certificate(Result):
     @property
     def rigid_body_warning(self) -> str | None:
         """Warning that the certificate of an arm with masses is for servos only; otherwise None."""
-        bodies = self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()
-        if self.goal.plant == "rigid_body" or not bodies:
+        if not (self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()):
             return None
-        limitation = "coupled dynamics of the arm's rigid bodies can increase the error"
+        limitation = (
+            "coupled dynamics of the arm's rigid bodies can increase the error; an experiment of "
+            "the job measures it"
+        )
         if (error := self.experiment_error) is not None:
             allowed = self.budget.servo_allowed
             limitation = (
                 "in the experiment on the arm's rigid bodies the contour error is "
                 f"{number(error, 'm')} of {number(allowed, 'm')} allowed for servos"
             )
-        advice = "plant: rigid_body (--plant rigid_body) certifies for these"
-        if len(self.path.moves) > 1:
-            advice = "an experiment of the job measures it"
-        return f"Valid for independent joint servos only: {limitation}; {advice}."
+        return f"Valid for independent joint servos only: {limitation}."
 
     @cached_property
     def result(self) -> RunResult:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import fields, replace
 from typing import Any
@@ -15,7 +14,6 @@ from armcontour.core import checks
 from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.text import count_kinds
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant
@@ -26,17 +24,16 @@ from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.motion import Method, SetPoints
 from armcontour.planning import Optimal, check_jerk_support
-from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
+from armcontour.program import contour_called
 from armcontour.simulation import RigidBodyPlant, simulate
 from armcontour.simulation.robustness.monte_carlo import half_widths
-from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
 from armcontour.studies.certification.certificate import (
     Budget,
     Certificate,
     ContourCertificate,
     Uncertified,
 )
-from armcontour.studies.certification.certification_case import Case
+from armcontour.studies.certification.certification_case import RESOLUTION, Case
 from armcontour.studies.certification.derating import derated_intervals
 from armcontour.studies.certification.limit_margins import (
     ProgramTrial,
@@ -46,12 +43,6 @@ from armcontour.studies.certification.limit_margins import (
 )
 from armcontour.studies.certification.move_search import MoveSearch
 from armcontour.studies.certification.plan_search import execute_servos, search_plan
-from armcontour.studies.certification.rigid_body_robots import (
-    FIRST_CORNERS,
-    largest_errors,
-    rest_at_start,
-    worst_corners,
-)
 from armcontour.verification.contour_errors import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
@@ -82,14 +73,13 @@ def certify(
     run: str | None = None,
     *,
     goal: CertificateGoal | None = None,
-    executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Certificate:
     """Find the fastest plan of a job whose execution stays within its tolerance.
 
     The plan has optimal timing, which is derated where required, and the compensation, cycle and
-    limits of the run. The certificate is valid only for the plant of the job: its servos, or its
-    rigid bodies if the goal has `plant="rigid_body"`.
+    limits of the run. The certificate is valid only for the job's independent servos. An experiment
+    of the run executes the same set-points on rigid bodies.
 
     >>> certificate = ac.certify(ac.read_job("job.yaml"))
     >>> certificate.evaluation.contour_error.max < 0.1e-3
@@ -99,8 +89,6 @@ def certify(
         job: The job.
         run: Name of the run; by default that of the goal.
         goal: The goal; by default the certificate of the job.
-        executor: Executor for robots of the box as rigid bodies, such as a
-            `concurrent.futures.ProcessPoolExecutor`; by default processes of this machine are used.
         progress: Called with a named step before every trial.
 
     Raises:
@@ -124,9 +112,9 @@ def certify(
         plant = build_plant(
             chosen.experiment, job.arm, job.plant_servo, chosen.limits, chosen.feeds_gravity_forward
         )
-    if goal.box is not None and goal.plant == "servo":
+    if goal.box is not None:
         half_widths(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
-    if goal.plant == "servo" and chosen.default_compensation:
+    if chosen.default_compensation:
         options = replace(INVERSE, command_limits=chosen.compensation.command_limits)
         chosen = replace(chosen, compensation=options)
     # Derating replaces the reserve, so the reserve is not used.
@@ -142,7 +130,7 @@ def certify(
     for each in shapes:
         deadline = min(durations.values(), default=np.inf)
         try:
-            case, proven, least = _find_fastest(job, each, goal, executor, report, deadline)
+            case, proven, least = _find_fastest(job, each, goal, report, deadline)
         except NotRealizable as error:
             refusal = error
             continue
@@ -176,7 +164,6 @@ def _find_fastest(
     job: Job,
     run: Run,
     goal: CertificateGoal,
-    executor: Executor | None,
     report: Progress,
     deadline: float,
 ) -> tuple[Case, Proven | None, float]:
@@ -190,16 +177,13 @@ def _find_fastest(
     def case_of(servo: float) -> Case:
         shaped = _reduce_shape(run, goal, servo)
         planned = plan_one(job, shaped, reuse, report, clear=False)
-        return Case(job, planned, goal, servo, report, executor)
+        return Case(job, planned, goal, servo, report)
 
     reuse = Reuse()
     # The plan without derating is the reference of the certificate's cost. It is planned first,
     # because its errors, such as an event before the start, also apply to the certificate.
     base = case_of(0.0)
     least = base.planned.trajectory.duration
-    if base.bodies:
-        _check_program(base)
-        _check_start(base)
     free = run.rounding is not None and run.rounding.free
     bent = free or any(shape_part(x.path) > 0 for x in base.program.contours)
     if goal.tolerance is None or not bent:
@@ -269,37 +253,6 @@ def _reduce_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
     return replace(run, rounding=replace(rounding, tolerance=tolerance))
 
 
-def _check_program(case: Case) -> None:
-    """Raise an error for a program that a certificate on rigid bodies does not support."""
-    program = case.program
-    others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
-    if len(program.contours) > 1 or others:
-        raise InvalidInput(
-            "A certificate on rigid bodies supports one contour, with or without dwells, but "
-            f"this program has {_describe_moves(program)}, or certify with plant: servo."
-        )
-    Unknowns.from_uncertainty(case.box or Uncertainty(), case.arm, case.servo)
-    case.plant()
-
-
-def _check_start(case: Case) -> None:
-    """Raise an error if the rigid bodies at rest are too far from the start of the contour."""
-    (contour,) = case.program.contours
-    distance = rest_at_start(case, contour.path, case.compute_set_points(case.planned.trajectory))
-    allowed = case.goal.servo_error or case.goal.tolerance
-    assert allowed is not None
-    counts_at_start = case.program.single_path is not None or contour.at_work[0] <= 0
-    if counts_at_start and distance > allowed:
-        raise NotRealizable(
-            f"At rest, the tool must be within {allowed * 1e3:.4g} mm of the start of its path, "
-            f"but its distance is {distance * 1e3:.4g} mm because of gravity. Use gravity "
-            "feed-forward (gravity_feedforward: true), increase kp, or allow a larger error.",
-            limit="contour error",
-            needed=distance,
-            allowed=allowed,
-        )
-
-
 def _make_certificate(
     base: Case, proven: Proven, shapes: Mapping[str, float], plant: RigidBodyPlant | None
 ) -> Certificate:
@@ -352,7 +305,7 @@ def _make_contours(
     run_cycle = case.run.cycle
     cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
     smooth = execute_trial(
-        case, case.compute_set_points(proof.trajectory, cycle), max(cycle, case.resolution)
+        case, case.compute_set_points(proof.trajectory, cycle), max(cycle, RESOLUTION)
     )
     pieces = pieces_of(smooth, case.program, None, None)
     for k, (move, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
@@ -402,7 +355,7 @@ def _execute_uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan without derating."""
     fastest = case.planned.trajectory
     set_points = case.compute_set_points(fastest)
-    resolution = max(min(1e-3, case.run.cycle), case.resolution)
+    resolution = max(min(1e-3, case.run.cycle), RESOLUTION)
     executed = simulate(set_points, case.plant(), resolution=resolution)
     t = executed.t
     pieces = pieces_of(executed, case.program, None, None)
@@ -421,9 +374,6 @@ def _worst_corner_error(case: Case, set_points: SetPoints) -> float | None:
     """Largest contour error in the corners of the box [m]; None without a box."""
     if case.box is None:
         return None
-    if case.bodies:
-        corners, _ = worst_corners(case, set_points)
-        return float(largest_errors(case, set_points, list(corners[:FIRST_CORNERS]))[1].max())
     spans = set_points.trajectory.contour_spans
     robots = (execute_servos(case, set_points, k, x) for k, x in enumerate(spans))
     return max(float(x.max.max()) for x in robots)
@@ -433,8 +383,6 @@ def describe_model(case: Case) -> str:
     """Description of the robot model for which a certificate is valid."""
     servo = case.servo
     held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
-    if case.bodies:
-        return _describe_bodies(case, held[servo.interpolation])
     parts = [
         f"independent joint servos{' of order second' * (servo.order == 'second')} with {servo}",
         f"set-points every {case.run.cycle * 1e3:g} ms, " + held[servo.interpolation],
@@ -446,23 +394,6 @@ def describe_model(case: Case) -> str:
     return "; ".join(parts)
 
 
-def _describe_bodies(case: Case, held: str) -> str:
-    """Description of the rigid-body model for which a certificate is valid."""
-    fed = case.drive_options.get("gravity_feedforward", True)
-    parts = [
-        f"the rigid bodies of {case.arm.name} with {case.servo}, simulated by MuJoCo",
-        f"set-points every {case.run.cycle * 1e3:g} ms, {held}",
-    ]
-    if case.box is None:
-        parts.append("gravity fed forward" if fed else "gravity not fed forward")
-        return "; ".join(parts)
-    if fed:
-        payload = "of the true payload" if case.box.payload_known else "of the nominal payload"
-        parts.append(f"gravity {payload} fed forward")
-    parts.append(f"and the executed robots of the box: {case.box}")
-    return "; ".join(parts)
-
-
 def shape_part(path: Path) -> float:
     """Bound of the distances between a path and its objective path, in both directions [m]."""
     if isinstance(path, ShapedPath):
@@ -470,14 +401,3 @@ def shape_part(path: Path) -> float:
         same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
         return 0.0 if same else path.tolerance
     return path.deviation if isinstance(path, RoundedPath) else 0.0
-
-
-def _describe_moves(program: Program) -> str:
-    """Text with the numbers of moves, and the changes after which a program has one contour."""
-    kinds = {"contour": Contour, "rapid": Rapid, "dwell": Dwell, "event": Event}
-    counts = {word: sum(isinstance(x, kind) for x in program.moves) for word, kind in kinds.items()}
-    leads = ["process.approach and process.retract"] if counts["rapid"] else []
-    fix = f"remove {' and '.join(leads)}" if leads else ""
-    if counts["contour"] > 1 or not leads:
-        fix = "make a job of each contour" + (f", {fix}" if fix else "")
-    return f"{count_kinds(counts)}. {fix[0].upper() + fix[1:]}"

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -22,15 +20,12 @@ from armcontour.planning.program_tracing import Tracing
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
-from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
-from armcontour.simulation.rigid_body_plant import DEFAULT_STEP
+from armcontour.simulation import ServoPlant
 from armcontour.simulation.robustness.uncertainty import Uncertainty
 from armcontour.verification.contour_errors import unexplained_errors
 
 # Time between two results of the execution that proves a plan [s].
 RESOLUTION = 1e-4
-# Fields of an experiment that describe the drives of the robot.
-DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
 # Number of time constants of the slowest servo after which a response has decayed to 2e-9.
 MEMORY_TIME_CONSTANTS = 20.0
 # Largest number of points, in addition to breaks, at which the errors that the servo model does not
@@ -47,8 +42,6 @@ class Case:
     goal: CertificateGoal
     servo_allowed: float  # Largest allowed contour error of the execution on all robots [m]
     progress: Progress  # Called with a step before each trial
-    # executor: executes robots of the box as rigid bodies; if None, processes of this machine do.
-    executor: Executor | None = None
 
     @property
     def run(self) -> Run:
@@ -92,16 +85,6 @@ class Case:
         return self.goal.box
 
     @property
-    def allows_saturation(self) -> bool:
-        """True if saturation is allowed and reported, False if it is refused."""
-        return self.goal.saturation == "report"
-
-    @property
-    def bodies(self) -> bool:
-        """True if the plant is rigid bodies, False if it is independent servos."""
-        return self.goal.plant == "rigid_body"
-
-    @property
     def budget(self) -> float:
         """Largest allowed contour error of the simulated robots [m]."""
         return self.servo_allowed - self.model_error
@@ -122,23 +105,8 @@ class Case:
                 largest = max(largest, float(across.max()))
         return largest
 
-    @property
-    def drive_options(self) -> dict[str, Any]:
-        """Options of the rigid-body plant from the run's experiment."""
-        experiment = self.run.experiment
-        return {x: getattr(experiment, x) for x in DRIVE_OPTIONS} if experiment else {}
-
-    @property
-    def resolution(self) -> float:
-        """Time between two results of an execution that proves a plan [s]."""
-        if not self.bodies:
-            return RESOLUTION
-        return max(RESOLUTION, float(self.drive_options.get("step", DEFAULT_STEP)))
-
-    def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> Plant:
+    def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> ServoPlant:
         """The plant with a servo, by default that of the case; if `ideal`, without saturation."""
-        if self.bodies:
-            return RigidBodyPlant(self.arm, servo or self.servo, self.limits, **self.drive_options)
         saturation = "none" if ideal else None
         return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
 

@@ -62,8 +62,7 @@ class LimitMargins:
     tool: FloatArray  # Squared speed of the executed tool, (n,)
     error: FloatArray  # Contour error of the nominal robot, (n,)
     box: FloatArray  # Contour error of the worst robot of the box, (n,); 0 without a box
-    # peak: largest commanded acceleration, also between samples, (dof,); 0 if saturation is
-    # allowed.
+    # peak: largest commanded acceleration, also between samples, (dof,).
     peak: FloatArray
     rms: float  # RMS contour error; 0 without a limit
 
@@ -84,23 +83,19 @@ Group = tuple[float, list[Execution]]
 
 
 def execute_trial(case: Case, set_points: SetPoints, resolution: float | None = None) -> Execution:
-    """Execute a trial on the nominal robot, without saturation if saturation is refused."""
-    if case.bodies:
-        return simulate(set_points, case.plant(), resolution=resolution or case.resolution)
+    """Execute a trial on the nominal robot, without saturation."""
     every = min(set_points.cycle, max(set_points.cycle / RESULTS_PER_CYCLE, SHORTEST_STEP))
-    return simulate(
-        set_points, case.plant(ideal=not case.allows_saturation), resolution=resolution or every
-    )
+    return simulate(set_points, case.plant(ideal=True), resolution=resolution or every)
 
 
 def execute_on_box(case: Case, set_points: SetPoints) -> list[Group]:
     """Execute in the corners of the box in which all joints have the same ends of their intervals.
 
-    Returns one group per end of a shared dead time. If saturation is refused, the robots do not
-    saturate, so that their commanded accelerations can be compared with the limits.
+    Returns one group per end of a shared dead time. The robots do not saturate, so that their
+    commanded accelerations can be compared with the limits.
     """
     box, servo, dof = case.box, case.servo, case.arm.dof
-    if box is None or case.bodies:
+    if box is None:
         return []
     errors = np.broadcast_to(box.dead_time, (dof,))
     shared = box.dead_time_shared and bool(errors.any())
@@ -110,7 +105,7 @@ def execute_on_box(case: Case, set_points: SetPoints) -> list[Group]:
     for common in (-1.0, 1.0) if shared else (0.0,):
         moved = np.maximum(servo.dead_time + common * errors, 0.0)
         servos = _corner_servos(servo, moved, box, apart)
-        plants = [case.plant(x, ideal=not case.allows_saturation) for x in servos]
+        plants = [case.plant(x, ideal=True) for x in servos]
         runs = [simulate(set_points, x, resolution=resolution) for x in plants]
         groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
     return groups
@@ -128,8 +123,7 @@ def contour_errors(piece: ContourExecution) -> FloatArray:
 
 def speed_ratios(case: Case, piece: ContourExecution) -> FloatArray:
     """Ratio of executed tool speed to assigned velocity, (n,)."""
-    # Rigid bodies have a result in every drive cycle, so no peaks between results are estimated.
-    return piece.speed_ratios(case.limits.speed, between=not case.bodies)
+    return piece.speed_ratios(case.limits.speed, between=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,8 +136,6 @@ class ProgramTrial:
     executed: Execution  # Execution on the nominal robot
     pieces: Sequence[ContourExecution]  # Parts of this execution, one per contour
     groups: Sequence[Group] = ()  # Executions in corners of the box
-    # box: times [s] and largest contour errors of rigid-body robots of the box [m], (2, n).
-    box: FloatArray | None = None
     check: Check | None = None  # Check of the plan against all limits; None before the proof
 
     @property
@@ -175,12 +167,11 @@ def compute_margins(case: Case, trial: ProgramTrial, number: int, plan: Trajecto
     s, joints, pace = _planned_ratios(case, path, plan, t)
     pace = np.maximum(pace, _command_ratio(case, trial.set_points, executed.t[now]))
     peak = np.zeros(case.arm.dof)
-    if not case.allows_saturation and not case.bodies:
-        for execution in trial.all_runs:
-            part = slice(*np.searchsorted(execution.t, since)) if since else slice(None)
-            share = case.demand_ratio(execution.demand[part])
-            joints = np.maximum(joints, _larger_neighbour(t + span.t[0], execution.t[part], share))
-            peak = np.maximum(peak, peak_demand(case, execution, since))
+    for execution in trial.all_runs:
+        part = slice(*np.searchsorted(execution.t, since)) if since else slice(None)
+        share = case.demand_ratio(execution.demand[part])
+        joints = np.maximum(joints, _larger_neighbour(t + span.t[0], execution.t[part], share))
+        peak = np.maximum(peak, peak_demand(case, execution, since))
     tool, speed = np.zeros(len(t)), case.limits.speed
     if speed is not None:
         moved = case.arm.tool_velocity(executed.q[now], executed.dq[now])
@@ -191,8 +182,6 @@ def compute_margins(case: Case, trial: ProgramTrial, number: int, plan: Trajecto
     error[counts] = contour_errors(piece) / case.budget
     if trial.groups:
         box[counts] = _worst_box_error(case, trial, number)[piece.which] / case.budget
-    if trial.box is not None:
-        box[counts] = np.interp(executed.t[piece.which], *trial.box) / case.budget
     rms = case.goal.rms
     return LimitMargins(
         t=t,

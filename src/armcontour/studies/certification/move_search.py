@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -47,9 +46,6 @@ GOALS = {
 POWER_TRIALS = 5
 # If the servo lags, the plan affects the tool for this time [time constants].
 TOOL_MEMORY = 8.0
-# The plan affects the error of rigid bodies for this time [time constants of the slowest position
-# loop].
-BODY_MEMORY = 2.0
 # Limits that are derated in single cells; other limits are derated along the whole move.
 LOCAL_LIMITS = ("joint_acceleration", "joint_velocity", "speed", "centripetal_acceleration")
 # Rise times of a rapid's accelerations that are tried [cycles]; the faster rapid is used.
@@ -64,12 +60,9 @@ MAX_RAPIDS = 12
 ENTRY_SHARE = 0.25
 
 
-class StepSizes(NamedTuple):
-    """Sizes of the steps by which a contour is derated from trial to trial."""
-
-    power: float  # Speed is multiplied by (error / limit) ** -power
-    share: float  # Smallest factor of speed and acceleration per step
-    together: bool  # If True, first derate the common excess of acceleration in all cells
+# Errors grow at least with the third power of speed and acceleration. Therefore each trial
+# multiplies them by (error / limit) ** -ERROR_POWER, but at least by LEAST_STEP.
+ERROR_POWER, LEAST_STEP = 1 / 3, 0.7
 
 
 @dataclass(slots=True, eq=False)
@@ -85,20 +78,10 @@ class MoveSearch:
     rise: float = 0.0  # Rise time of a rapid's accelerations [cycles]
     pause: float = 0.0  # Standstill before the move [s]
     fastest: Trajectory = field(init=False)  # The first plan, without derating
-    nothing: Derating = field(init=False)  # Derating of `fastest`: without any reduction
-    # best: derating, factors and plan of the fastest plan within all limits.
-    best: tuple[Derating, dict[str, float], Trajectory] | None = None
-    done: bool = False  # True if the search of this contour has ended
-    rejected: bool = False  # True if a proof has rejected a plan
-    attempt: int = 0  # Index of the step sizes
-    attempt_trials: int = 0  # Number of trials with these step sizes
+    done: bool = False  # True if the plan of this contour is within all limits
+    attempt_trials: int = 0  # Number of trials since the last proof
     trials: int = 1  # Number of all trials
-    # share, bracket: only if saturation is allowed. Present factor of all accelerations; largest
-    # factor with which all limits were satisfied and smallest factor with which they were not.
-    share: float = 1.0
-    bracket: tuple[float, float] = (0.0, 1.0)
-    # aims, tightness: aimed shares of limits by cause, at the start of an attempt and for the next
-    # trial.
+    # aims, tightness: aimed shares of limits by cause, after the last proof and for the next trial.
     aims: dict[str, float] = field(default_factory=GOALS.copy)
     tightness: dict[str, float] = field(default_factory=GOALS.copy)
     # active_limit: limiting constraint of the last trial, and its ratio.
@@ -107,13 +90,11 @@ class MoveSearch:
     smallest_error: float = np.inf
     # smallest_excess: smallest contour error of a robot of the box that exceeded the budget [m].
     smallest_excess: float = np.inf
-    # parts: parts of the error of the worst robot of the box, by kind of unknowns [m].
-    parts: dict[str, float] = field(default_factory=dict)
     corners: MonteCarloResult | None = None  # Executions in the corners of the box
     spread: MonteCarloResult | None = None  # Executions on robots drawn from the box
 
     def __post_init__(self) -> None:
-        self.fastest, self.nothing = self.plan, self.derating
+        self.fastest = self.plan
 
     @property
     def joint_path(self) -> JointPath:
@@ -143,7 +124,7 @@ def plan_moves(case: Case) -> list[MoveSearch]:
             if case.traced.is_contour(step):
                 derating = Derating.nothing(step.joint_path, intervals_of(case.program))
                 plan = plan_contour(case, step.joint_path, derating, {})
-                settling = _settling_time(case, moves) if moves and not case.bodies else 0.0
+                settling = _settling_time(case, moves) if moves else 0.0
                 pause = max(settling - stood, 0.0)
                 moves.append(MoveSearch(step, count, derating, plan, pause=pause))
                 count += 1
@@ -176,15 +157,9 @@ def plan_rapid(
 
 
 def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
-    """Fastest rapid from rest that satisfies the joint limits on every robot of the box.
-
-    The rapid saturates no joint, even if saturation is allowed on contours, because a saturated
-    joint would lag at the start of the contour.
-    """
+    """Fastest rapid from rest that satisfies the joint limits on every robot of the box."""
     path = step.joint_path
     assert path is not None
-    # Demands are measured without saturation, because saturation hides the excess.
-    ideal = replace(case, goal=replace(case.goal, saturation="refuse"))
     steep = case.limits.jerk_limits or case.limits.joint_acceleration is None
     candidates = []
     for rise in (0.0,) if steep else RISES:
@@ -192,7 +167,7 @@ def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
         for _ in range(MAX_RAPIDS):
             plan = plan_rapid(case, path, factors, rise)
             set_points = case.compute_set_points(plan)
-            over = derate_rapid(case, factors, plan, set_points, _runs(ideal, set_points), None)
+            over = derate_rapid(case, factors, plan, set_points, _runs(case, set_points), None)
             if over is None:
                 candidate = MoveSearch(step, None, Derating.nothing(path, 1), plan, factors, rise)
                 candidates.append(candidate)
@@ -287,9 +262,7 @@ def lower_aims(case: Case, move: MoveSearch) -> bool:
     return bool(over)
 
 
-def derate_contour(
-    case: Case, move: MoveSearch, margins: LimitMargins, steps: StepSizes
-) -> Derating:
+def derate_contour(case: Case, move: MoveSearch, margins: LimitMargins) -> Derating:
     """Derating of a contour, further reduced in the cells in which a limit is nearly exceeded."""
     derating, tight = move.derating, move.tightness
     power = 1 + move.attempt_trials // POWER_TRIALS
@@ -307,12 +280,7 @@ def derate_contour(
     shares = np.ones_like(derating.share)
     for j in range(shares.shape[1]):
         use = largest(over[:, j], 0.0) / tight["acceleration"]
-        if (
-            move.attempt_trials == 0
-            and steps.together
-            and not case.allows_saturation
-            and (use > 1).any()
-        ):
+        if move.attempt_trials == 0 and (use > 1).any():
             # Most of the excess is due to the cycle and is equal in all cells. If all cells are
             # derated by it, it does not reappear in other cells when the plan changes.
             common = float(np.median(use[use > 1]))
@@ -327,18 +295,13 @@ def derate_contour(
     delay = TOOL_MEMORY * memory / 2 if lags else 0.0
     use = largest(margins.tool, delay) / tight["tool"]
     derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
-    if not case.allows_saturation:
-        use = np.maximum(largest(margins.error, delay), margins.rms) / tight["error"]
-        slow = np.clip(np.maximum(use, 1.0) ** (-steps.power * power), steps.share, 1.0)
-        derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
+    use = np.maximum(largest(margins.error, delay), margins.rms) / tight["error"]
+    slow = np.clip(np.maximum(use, 1.0) ** (-ERROR_POWER * power), LEAST_STEP, 1.0)
+    derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
     if case.box is not None:
-        # The tool of rigid bodies lags by the time constant of the position loops.
-        delay = BODY_MEMORY / float(case.servo.kp.min()) if case.bodies else 0.0
-        use = largest(margins.box, delay) / tight["box"]
+        use = largest(margins.box, 0.0) / tight["box"]
         slow = 1 / np.maximum(use, 1.0)
-        derating = slower(use, np.maximum(slow, steps.share) ** 2, "box")
-        if case.bodies:
-            derating = derating.with_share(slow[:, None], "box")
+        derating = slower(use, np.maximum(slow, LEAST_STEP) ** 2, "box")
     return derating
 
 

@@ -11,9 +11,8 @@ from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.limit_margins import SPEED_SLACK
 from armcontour.studies.certification.move_search import MoveSearch
 
-# Parts of an error are reported if they exceed this share of the error.
-REPORTED_SHARE = 0.01
 LARGER_SLOWEST = "a larger slowest"
+BOX_ADVICE = "Reduce the uncertainty of the robot (a smaller box), reduce the assigned velocity"
 
 
 # A clause with its remedies; the name of a limit, its allowed and its required value.
@@ -35,11 +34,11 @@ def refuse(case: Case, move: MoveSearch) -> NoReturn:
 def _acceleration(case: Case, move: MoveSearch) -> Reason:
     ratio, shorter = move.active_limit[1], _advise_finer_command(case)
     held = ", which are held," if case.servo.interpolation == "step" else ""
-    if isinstance(case.run.compensation, InverseDynamics) and not case.bodies:
+    if isinstance(case.run.compensation, InverseDynamics):
         shorter = "compensation inverse (inverse_dynamics is for rigid bodies)"
     text = (
         f"set-points every {case.run.cycle * 1e3:g} ms{held} require {ratio:.4g} times the "
-        f"acceleration limit of a joint. Use {shorter}, saturation: report, or {LARGER_SLOWEST}"
+        f"acceleration limit of a joint. Use {shorter}, or {LARGER_SLOWEST}"
     )
     return text, "joint_acceleration", 1.0, ratio
 
@@ -52,20 +51,6 @@ def _speed(case: Case, move: MoveSearch) -> Reason:
         f"of the joint ranges, or use {LARGER_SLOWEST}"
     )
     return text, "speed", 1.0, ratio
-
-
-def _torque(case: Case, move: MoveSearch) -> Reason:
-    ratio, fix = move.active_limit[1], "Increase joint_torque"
-    if case.limits.joint_torque is None:
-        fix = (
-            "Specify the limit joint_torque (by default the torque limits are those that the "
-            "acceleration limits require without friction and payload)"
-        )
-    text = (
-        f"a drive of a robot requires {ratio:.4g} times its torque limit. {fix}, reduce the "
-        "acceleration limits, or use a smaller box"
-    )
-    return text, "joint_torque", 1.0, ratio
 
 
 def _tool_speed(case: Case, move: MoveSearch) -> Reason:
@@ -87,7 +72,7 @@ def _error(case: Case, move: MoveSearch) -> Reason:
     if box and reached <= budget:
         reached = move.smallest_excess
     over = " of the worst robot of the box" if box else ""
-    advice = _advise_box_error(case, move) if box else _advise_contour_error(case)
+    advice = BOX_ADVICE if box else _advise_contour_error(case)
     text = (
         f"the largest contour error{over} must be at most {budget * 1e3:.4g} mm, but is at least "
         f"{reached * 1e3:.4g} mm. {advice}, use {LARGER_SLOWEST}, or allow a larger error"
@@ -99,7 +84,6 @@ def _error(case: Case, move: MoveSearch) -> Reason:
 REASONS: dict[str, Callable[[Case, MoveSearch], Reason]] = {
     "acceleration": _acceleration,
     "speed": _speed,
-    "torque": _torque,
     "tool": _tool_speed,
     "error": _error,
     "box": _error,
@@ -116,17 +100,3 @@ def _advise_contour_error(case: Case) -> str:
     """Remedy for a contour error, as the start of a sentence; without compensation, for lag."""
     lags = isinstance(case.run.compensation, NoCompensation)
     return "Compensate the lag of the servo" if lags else f"Use {_advise_finer_command(case)}"
-
-
-def _advise_box_error(case: Case, move: MoveSearch) -> str:
-    """Remedies for a contour error over a box; for rigid bodies also the parts of this error."""
-    advice = "reduce the uncertainty of the robot (a smaller box), reduce the assigned velocity"
-    if not move.parts:
-        return advice[0].upper() + advice[1:]
-    largest = sorted(move.parts.items(), key=lambda x: -x[1])
-    least = REPORTED_SHARE * sum(move.parts.values())
-    parts = ", ".join(f"{name} {value * 1e3:.3g} mm" for name, value in largest if value > least)
-    box, first = case.box, largest[0][0]
-    if first == "payload" and box is not None and not box.payload_known:
-        advice = f"specify the true payload in the controller (payload_known: true), {advice}"
-    return f"Its parts are {parts}. {advice[0].upper() + advice[1:]}"

@@ -58,8 +58,8 @@ const tasks = () => [
   { task: "clearance", title: "Clearance", what: "How near the arm comes to itself and to obstacles, at any time." },
   {
     task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.",
-    choices: [{ name: "tolerance", label: "tolerance", value: "", min: 0, unit: "mm, or as in the job" }, { name: "plant", label: "robot", choices: [["", "as in the job"], ["servo", "independent servos"], ["rigid_body", "rigid bodies"]] }],
-    options: ({ tolerance, plant }) => ({ ...(tolerance > 0 && { tolerance: tolerance / 1000 }), ...(plant && { plant }) }),
+    choices: [{ name: "tolerance", label: "tolerance", value: "", min: 0, unit: "mm, or as in the job" }],
+    options: ({ tolerance }) => (tolerance > 0 ? { tolerance: tolerance / 1000 } : {}),
   },
   { task: "place", title: "Place", what: "Finds where the part lies best, and maps all places under the drawing.", choices: PLACE, options: placeOptions },
   {
