@@ -177,8 +177,9 @@ def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float
 def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
     """Largest size of what is read [m], and all names in it."""
     from armcontour.files.mesh_file import read_mesh
-    from armcontour.files.robots.collision import read_excluded_pairs
-    from armcontour.files.scene_file import read_scene_file
+    from armcontour.files.robots.collision import link_shapes, read_excluded_pairs
+    from armcontour.files.robots.tree import read_tree
+    from armcontour.files.robots.urdf_chain import Description
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / name
@@ -188,6 +189,7 @@ def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
             return 0.0, [text for x in ignored for text in (x.first, x.second)]
         if kind in ("stl", "obj"):
             return read_mesh(file).size, []
-        bodies = read_scene_file(file)
+        tree = read_tree(str(file), data)
+        bodies = link_shapes(tree, Description(tree, (), (), {}, tree.root).link_frames())
     sizes = [np.abs(x.place.position).max() for x in bodies]
     return float(max(sizes, default=0.0)), [x.name for x in bodies]

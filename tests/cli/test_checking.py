@@ -276,18 +276,11 @@ SWEEP = """t,q1,q2,q3,q4,q5,q6
 def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     (tmp_path / "sweep.csv").write_text(SWEEP)
     position = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
-    x, y, z = position
-    wall = (
-        '<robot name="cell"><link name="wall"><collision><origin xyz="{}"/>'
-        '<geometry><box size="0.001 0.3 0.3"/></geometry></collision></link></robot>'
-    )
-    (tmp_path / "cell.urdf").write_text(wall.format(f"{x} {y} {z}"))
-    (tmp_path / "free.urdf").write_text(wall.format("0 0 -5"))
     boxes = f"scene: {{boxes: [{{name: wall, size: [0.001, 0.3, 0.3], at: {position}}}]}}\n"
     (tmp_path / "scene.yaml").write_text(boxes)
     (tmp_path / "cell.yaml").write_text(f"arm: ur5e\n{boxes}")
     arm = ("--arm", "ur5e", "--scene")
-    for options in ((*arm, "cell.urdf"), (*arm, "scene.yaml"), ("--scene", "cell.yaml")):
+    for options in ((*arm, "scene.yaml"), ("--scene", "cell.yaml")):
         outcome = check(tmp_path, "sweep.csv", *options)
         assert outcome.code == 1, (options, outcome)
         assert "touch, first at t = 1." in outcome.out and "wall" in outcome.out
@@ -296,7 +289,8 @@ def test_a_scene_is_checked_between_samples_too(tmp_path, check):
         assert page["kept"] is False
         touched = next(x for x in page["pairs"] if x["first"] == "wall" and x["first_too_near"])
         assert 1.0 < touched["first_too_near"] < 1.5
-    assert "Clear: " in check(tmp_path, "sweep.csv", *arm, "free.urdf").out
+    (tmp_path / "free.yaml").write_text("scene: {floor: -5 m}\n")
+    assert "Clear: " in check(tmp_path, "sweep.csv", *arm, "free.yaml").out
     built_in = check(tmp_path, "sweep.csv", "--scene", "ur5e", "--json")
     pairs = json.loads(built_in.out)["clearance"]["pairs"]
     assert "floor" in {y for x in pairs for y in (x["first"], x["second"])}

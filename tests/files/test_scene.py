@@ -11,7 +11,6 @@ from armcontour.files import mesh_file
 from armcontour.files.cell import cell_names, read_cell
 from armcontour.files.job_file import parse_job
 from armcontour.files.mesh_file import read_mesh
-from armcontour.files.scene_file import read_scene_file
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 
@@ -102,7 +101,6 @@ scene => boxes: [{name: a, size: [1, 0, 1]}] => scene.boxes: a ... size
 scene => spheres: [{name: a, radius: 0}] => scene.spheres: a ... radius
 scene => halfspaces: [{name: w, normal: [0, 0, 0]}] => scene.halfspaces: w ... must not be zero
 scene => meshes: [{name: m, file: no.stl}] => scene.meshes: m ... no.stl
-scene => files: [no.urdf] => scene.files ... no.urdf
 scene => spheres: [{name: a, radius: 1}, {name: a, radius: 2}] => Two obstacles ... 'a'
 tool => halfspaces: [{name: a}] => arm.tool.shapes.halfspaces: a ... half-space
 arm => spheres: [{name: a, radius: 1, link: wrist}] => arm.shapes.spheres: a ... wrist_1_link ... 'w
@@ -137,37 +135,6 @@ def test_built_in_cells_in_space_stand_on_a_table(tmp_path):
         assert top[2] == pytest.approx(cell.program.path(0.0)[2])
         last = {x.name for x in cell.arm.shapes.shapes if x.link == cell.arm.dof}
         assert set(part.allow) == {"tool", *last}
-
-
-CELL = """<robot name="cell">
-  <link name="world"/>
-  <link name="table">
-    <collision><origin xyz="0 0 -0.05"/><geometry><box size="2 1 0.1"/></geometry></collision>
-    <collision><origin xyz="0.9 0 -0.5"/><geometry><cylinder radius="0.05" length="0.8"/></geometry>
-    </collision>
-  </link>
-  <link name="door"><collision><geometry><box size="1 0.02 1"/></geometry></collision></link>
-  <joint name="stand" type="fixed"><parent link="world"/><child link="table"/>
-    <origin xyz="0.5 0 0" rpy="0 0 1.5707963267948966"/></joint>
-  <joint name="hinge" type="revolute"><parent link="table"/><child link="door"/>
-    <origin xyz="1 0 0.5"/><axis xyz="0 0 1"/><limit lower="0" upper="1.5" velocity="1"/></joint>
-</robot>"""
-
-
-def test_links_of_a_cell_are_obstacles_where_they_stand(tmp_path):
-    file = tmp_path / "cell.urdf"
-    file.write_text(CELL)
-    bodies = {x.name: x for x in read_scene_file(file)}
-    places = {"table": (0.5, 0, -0.05), "table 2": (0.5, 0.9, -0.5), "door": (0.5, 1, 0.5)}
-    assert list(bodies) == list(places)
-    for name, place in places.items():
-        np.testing.assert_allclose(bodies[name].place.position, place, atol=1e-12)
-    np.testing.assert_allclose(bodies["door"].place.rotation[:, 0], [0, 1, 0], atol=1e-12)
-    table = [
-        ('<robot name="cell"><link name="world"/></robot>', "collision elements"),
-        (CELL.replace('radius="0.05"', 'radius="-1"'), "cell.urdf ... radius"),
-    ]
-    refusals(lambda x: read_scene_file(file) if file.write_text(x) else None, table)
 
 
 # A box of 0.2 x 0.3 x 0.4 m, as corners and 12 triangles.

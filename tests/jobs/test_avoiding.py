@@ -15,6 +15,7 @@ from armcontour.core.frames import Frame
 from armcontour.core.render import plain
 from armcontour.files import parse_job
 from armcontour.jobs import JobResult, run
+from armcontour.jobs.alternatives import round_postures
 from armcontour.robot.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
 from armcontour.verification.clearance import Cell
 
@@ -101,6 +102,16 @@ def test_a_rapid_goes_around_a_wall(job, free):
         "compensated"
     ]["clearance"]
     assert data["kept"] is True and data["avoided"] == list(plan.avoided)
+
+
+def test_rounded_postures_are_smooth():
+    postures = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]])
+    path = round_postures(postures, 0.5)
+    assert len(path.stops) == 0
+    assert path(path.breaks[[0, -1]]) == pytest.approx(postures[[0, -1]])
+    speeds = np.linalg.norm(path(np.linspace(0, path.breaks[-1], 200), 1), axis=1)
+    assert (speeds <= 1 + 1e-12).all() and speeds.min() >= np.sqrt(0.5) - 1e-12
+    assert len(round_postures(postures, 0.0).stops) == 2
 
 
 @needs_dynamics

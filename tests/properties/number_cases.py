@@ -60,17 +60,14 @@ ROBOT = b"""<robot name="three"><link name="base"/>
 """
 # Waypoints with tool axes.
 POINTS = b"x,y,z,ax,ay,az\n0.45,0,0.2,0,0,-1\n0.5,0,0.2,0.01,0,-1\n0.55,0,0.2,0,0,-1\n"
-# A tetrahedron, and a scene with a ball.
+# A tetrahedron.
 MESH = b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-BALL = b"""<robot name="cell"><link name="ball"><collision><origin xyz="0 0 -2"/>
-<geometry><sphere radius="0.1"/></geometry></collision></link></robot>"""
 FILES = {
     "part.svg": DRAWING,
     "points.csv": POINTS,
     "robot.urdf": ROBOT,
     "plan.yaml": b"{job: job.yaml, do: compensate}",
     "body.obj": MESH,
-    "cell.urdf": BALL,
 }
 
 SERVO = {"kp": 25.0, "kv": 150.0}
@@ -350,12 +347,6 @@ BASES: list[dict[str, Any]] = [
     _with(SPACE, scene=_bodies("halfspaces", normal=[0.0, 0.0, 1.0])),
     _with(SPACE, scene={"margins": {"environment": 0.01, "own": 0.001, "tool": 0.001}}),
     _with(SPACE, scene={"floor": -0.4}),
-    *(
-        _with(SPACE, scene={"files": [
-            {"file": "cell.urdf", "at": [0.0, 0.0, 0.0], "margin": 0.01, **x}
-        ]})
-        for x in _BODY_TURNS
-    ),
     *(_with(SPACE, arm={"tool": {"shapes": _bodies(*_MOVING, **x)}}) for x in _BODY_TURNS),
     *(_with(SPACE, arm={"shapes": _bodies(*_MOVING, link="base", **x)}) for x in _BODY_TURNS),
     *(
@@ -488,7 +479,7 @@ TEXTS = {
     "--contour", "--controller", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--only-tool", "--out", "--package", "--path",
-    "--validate", "--run", "--scene", "--skip", "--set-points", "--texts",
+    "--validate", "--run", "--scene", "--set-points", "--texts",
     "--tip", "--tool-positions", "--units",
     "--waypoint-columns",
 }  # fmt: skip

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 MIN_NOISE = 1e-9
 # Maximum number of listed column titles.
 MAX_TITLES = 8
-# Extensions of job files.
-JOB_FILES = (".yaml", ".yml")
 # Options for robot descriptions; these options require --arm.
 ARM_OPTIONS = ("tip", "base", "joint_limits", "package")
 # Exit codes by verdict; no error has the exit code 7.
@@ -149,17 +147,10 @@ def _arm_and_scene(options: CheckOptions, default: Arm | None) -> tuple[Arm, Sce
 
     The arm is that of `--arm`, else `default` (arm of the job), else the arm of the scene's cell.
     """
-    from armcontour.files.cell import cell_names, read_cell_scene
-    from armcontour.files.scene_file import read_scene_file
-    from armcontour.robot.scene import Scene
+    from armcontour.files.cell import read_cell_scene
 
     if options.scene is None:
         return _arm(options, default), None
-    if (
-        FilePath(options.scene).suffix.lower() not in JOB_FILES
-        and options.scene not in cell_names()
-    ):
-        return _arm(options, default), Scene(obstacles=read_scene_file(options.scene))
     arm, scene = read_cell_scene(options.scene)
     return _arm(options, arm if default is None else default), scene
 

@@ -352,7 +352,7 @@ class CheckOptions(DescriptionOptions, LogOptions):
         path: Job file (YAML) with the required path of the tool.
         run_name: Run of that job, if its runs differ in corners.
         scene: Cell: check the clearance of the arm from it and from itself. A built-in cell such as
-            ur5e, a job file, of which only the scene is required, or obstacles as URDF.
+            ur5e, or a job file, of which only the scene is required.
         noise: Largest error of measured positions and, optionally, of velocities: '0.05 mrad, 2
             mrad/s'.
         controller: Also check the commands that a controller sends for these points: jtc,

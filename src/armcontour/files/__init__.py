@@ -10,7 +10,6 @@ _HOME = {
     "patch": "parse_set",
     "study_files": ("certificate_json derating_csv placed_job_text placement_csv placement_json"),
     "result_folder": "ResultFolder",
-    "scene_file": "read_scene_file",
     "trajectory_file": "parse_trajectory read_trajectory",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,4 +1,4 @@
-"""The key `scene` of a job file, shapes of tools and links, and obstacles of cells in URDF."""
+"""The key `scene` of a job file, and shapes of tools and links."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from armcontour.core import checks, file_access
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import Frame, exp, from_rpy, rotations
@@ -19,9 +19,6 @@ from armcontour.core.quantities import Choice, Distance, Length, Turn
 from armcontour.core.text import list_some, show
 from armcontour.files.file_keys import Number
 from armcontour.files.key_overrides import Place
-from armcontour.files.robots.collision import Packages, collision_elements, shape_of
-from armcontour.files.robots.tree import read_tree
-from armcontour.files.robots.urdf_chain import Description
 from armcontour.robot import Arm
 from armcontour.robot.scene import (
     ASSUMED_GAP,
@@ -42,47 +39,6 @@ from armcontour.robot.scene import (
     Sphere,
 )
 
-
-def read_scene_file(
-    file: str | FilePath,
-    *,
-    unit: str | None = None,
-    packages: Packages | None = None,
-) -> tuple[Obstacle, ...]:
-    """Read the obstacles of a cell from a description (.urdf), in the frame of its root link.
-
-    The `<collision>` elements of the description are obstacles. Movable joints are at 0, or at the
-    end of their range that is nearest to 0.
-
-    Args:
-        file: The description.
-        unit: Unit of the lengths of meshes without a scale in the description; metres by default.
-        packages: Folders of ROS packages by name; other packages are searched near the file.
-
-    Raises:
-        InvalidInput: The file does not exist, has another format, or has an invalid body.
-    """
-    location = FilePath(file)
-    if location.suffix.lower() != ".urdf":
-        raise InvalidInput(
-            f"The file of obstacles {location} must be a .urdf file. Specify meshes in the key "
-            "meshes."
-        )
-    tree = read_tree(str(location), file_access.read_bytes(location, "description of a cell"))
-    obstacles: list[Obstacle] = []
-    for link, (_, frame) in Description(tree, (), (), {}, tree.root).link_frames().items():
-        for k, element in enumerate(collision_elements(tree, link)):
-            with error_context(location.name):
-                shape = shape_of(tree, element, packages, unit)
-                name = link if k == 0 else f"{link} {k + 1}"
-                obstacles.append(Obstacle(name=name, shape=shape, place=frame @ element.place))
-    if not obstacles:
-        raise InvalidInput(
-            f"{location} must have collision elements, which are the obstacles, but has none."
-        )
-    return tuple(obstacles)
-
-
 # Keys of bodies that are valid only for obstacles, and keys that are valid only for shapes of
 # links.
 OBSTACLE_KEYS, LINK_KEYS = ("fixed_to", "margin", "allow"), ("link",)
@@ -99,13 +55,6 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
         with error_context(key):
             obstacle = Obstacle(name=body.name, shape=_shape(body, folder), place=_body_frame(body))
         obstacles.append(_place_obstacle(obstacle, body, part))
-    for entry in model.files:
-        file = SceneFileModel(file=entry) if isinstance(entry, str) else entry
-        _check_keys(f"scene.files: {file.file}", file, LINK_KEYS, "shapes of links")
-        with error_context("scene.files"):
-            for obstacle in read_scene_file(folder / file.file, unit=file.unit):
-                moved = dataclasses.replace(obstacle, place=_body_frame(file) @ obstacle.place)
-                obstacles.append(_place_obstacle(moved, file, part))
     return Scene(obstacles=tuple(obstacles), margins=model.margins, floor=model.floor)
 
 
@@ -425,26 +374,11 @@ class BodiesModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SceneFileModel(PlacedModel):
-    """A file of obstacles.
-
-    Args:
-        file: A description (.urdf) whose `<collision>` elements are fixed; its name is relative
-            to the job file.
-        unit: Unit of the lengths of meshes without a scale in the file; metres by default.
-    """
-
-    file: str
-    unit: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SceneModel(BodiesModel):
     """Obstacles in the cell, and minimum distances of the arm to them and to itself.
 
     Args:
         margins: Minimum distances of bodies, by kind of pair.
-        files: Files of additional obstacles: a name, or a mapping with position, margin and so on.
         floor: Height of the floor, which is an obstacle, in the frame of the arm's base; "none" if
             there is no floor, for example on a pedestal or a wall. By default a link below the base
             causes a warning.
@@ -452,4 +386,3 @@ class SceneModel(BodiesModel):
 
     margins: Margins = Margins()
     floor: Literal["base", "none"] | Length = AT_BASE
-    files: list[str | SceneFileModel] = field(default_factory=list)

@@ -29,6 +29,9 @@ from armcontour.verification.clearance.distances import can_measure
 RETRACTS = (0.02, 0.05, 0.1, 0.2)
 # Number of points of a retract move, which is a straight line of the tool but not of the joints.
 RETRACT_POINTS = 8
+# Length that a rounding of a rapid occupies on each line at its corner, as a share of half of the
+# shorter line; tried in this order. With 0, the motion stops at the corners.
+ROUNDED = (0.9, 0.5, 0.2, 0.0)
 # Number of rotations about a free tool axis that are tried.
 TURNS = 8
 REST = "at rest"
@@ -60,8 +63,7 @@ def alternatives(
     alternative is free of collisions, the last one has the longest collision-free part.
     """
     # Alternatives for contours: another configuration, or another rotation about a free tool axis.
-    # Alternatives for rapids: retract along the tool axis, move, and approach along it; or pass
-    # through configurations that a search finds.
+    # Alternative for rapids: retract along the tool axis, move, and approach along it.
     if not _is_checked(job):
         yield traced, _explain_unchecked(job.arm)
         return
@@ -85,7 +87,7 @@ def alternatives(
     count = sum(x is not y for x, y in zip(around.steps, traced.steps, strict=True))
     if count:
         message = "1 rapid avoids" if count == 1 else f"{count} rapids avoid"
-        others.append(f"{message} obstacles of the direct move by a detour")
+        others.append(f"{message} obstacles of the direct move by a retract")
     if others:
         yield around, tuple(dict.fromkeys((*others, *notes)))
 
@@ -155,7 +157,7 @@ def _about_tool(arm: Arm) -> tuple[str, ...]:
 
 def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
     """Raise Collision for the first contour with a collision, else for the first such move."""
-    # Contours have priority, because rapids can avoid obstacles by a detour, but contours cannot.
+    # Contours have priority, because rapids can avoid obstacles by a retract, but contours cannot.
     contours = iter(enumerate(program.contours))
     moves: list[tuple[str, Span]] = []
     called = contour_called(program.contours[0], 0)
@@ -173,15 +175,15 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
 
 
 def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
-    """Joint paths in which each rapid with a collision is replaced by a detour, if one is found."""
+    """Joint paths in which rapids with a collision have retracts at both ends, if possible."""
     steps = []
     for k, step in enumerate(traced.steps):
         progress(Step(("clearance",), k / len(traced.steps)))
         path = step.joint_path
         if path is not None and not traced.is_contour(step) and not cell.keeps(path):
-            detour = _rapid_around(job.arm, run, cell, path)
-            if detour is not None:
-                step = dataclasses.replace(step, joint_path=detour)
+            lifted = _rapid_around(job.arm, run, cell, path)
+            if lifted is not None:
+                step = dataclasses.replace(step, joint_path=lifted)
         steps.append(step)
     return dataclasses.replace(traced, steps=tuple(steps))
 
@@ -255,21 +257,60 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
 
 
 def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath | None:
-    """Collision-free joint path with the same ends as a rapid; None if none is found."""
-    from armcontour.verification.clearance.clear_path import connect, path_through
-
+    """Collision-free joint path with retracts at the ends of a rapid; None if none is found."""
     first, last = ends_of(path)
+    if not isinstance(arm, SerialArm):
+        return None
     if not (cell.keeps(_rest_at(first)) and cell.keeps(_rest_at(last))):
         return None
-    if isinstance(arm, SerialArm):
-        for height in RETRACTS:
-            up, down = _retract(arm, run, first, height), _retract(arm, run, last, height)
-            if up is not None and down is not None:
-                rapid = path_through(cell, np.concatenate([up, down[::-1]]))
-                if rapid is not None:
-                    return rapid
-    ranges = run.limits.for_joints(arm.dof).joint_range(arm.dof)
-    return connect(cell, first, last, ranges)
+    for height in RETRACTS:
+        up, down = _retract(arm, run, first, height), _retract(arm, run, last, height)
+        if up is not None and down is not None:
+            rapid = _path_through(cell, np.concatenate([up, down[::-1]]))
+            if rapid is not None:
+                return rapid
+    return None
+
+
+def _path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
+    """Make a collision-free joint path through postures; None if no rounding is collision-free."""
+    # postures: joint positions [rad], (n, dof).
+    apart = np.append(True, np.abs(np.diff(postures, axis=0)).max(axis=1) > 1e-9)
+    for share in ROUNDED if apart.sum() > 2 else ROUNDED[-1:]:
+        path = round_postures(postures[apart], share)
+        if cell.keeps(path):
+            return path
+    return None
+
+
+def round_postures(postures: FloatArray, share: float) -> JointPath:
+    """Make a joint path of straight lines between postures, with parabolas at the corners."""
+    # share: a parabola occupies this share of half of the shorter line at its corner; 0 stops at
+    # every corner.
+    steps = np.diff(postures, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    directions = steps / lengths[:, None]
+    cut = np.zeros(len(postures))
+    cut[1:-1] = share * np.minimum(lengths[:-1], lengths[1:]) / 2
+    rows, widths = [], []
+    for k, (direction, length) in enumerate(zip(directions, lengths, strict=True)):
+        line = length - cut[k] - cut[k + 1]
+        rows.append([postures[k] + cut[k] * direction, line * direction, 0 * direction])
+        widths.append(line)
+        if cut[k + 1] > 0:
+            r = cut[k + 1]
+            # The parabola extends from r before to r after the corner and connects both directions.
+            rows.append(
+                [
+                    postures[k + 1] - r * direction,
+                    2 * r * direction,
+                    r * (directions[k + 1] - direction),
+                ]
+            )
+            widths.append(2 * r)
+    coefficients = np.zeros((len(rows), 6, postures.shape[1]))
+    coefficients[:, :3] = rows
+    return JointPath(breaks=np.concatenate([[0.0], np.cumsum(widths)]), coefficients=coefficients)
 
 
 def _rest_at(q: FloatArray) -> Trajectory:

@@ -59,7 +59,7 @@ def check_analog(program: Program, process: Process, limits: Limits) -> None:
         if output.full_s is not None and (largest is None or largest > output.full_s):
             found = "no S" if largest is None else f"S up to {largest:g}"
             raise InvalidInput(
-                f"The analog output {output.name} is proportional to S up to full_s = "
+                f"process.analog: {output.name} is proportional to S up to full_s = "
                 f"{output.full_s:g}, but {program.source or 'the program'} has {found}. Set full_s "
                 "to the S of full power, or remove it."
             )

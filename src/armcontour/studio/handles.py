@@ -188,7 +188,7 @@ def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Ha
 
 
 def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Obstacles in the job file, without obstacles of other scene files."""
+    """Obstacles in the job file."""
     scene = data.get("scene") or {}
     si = in_si(scene, SceneModel)
     return [
