@@ -155,8 +155,8 @@ def test_yaml_of_something_else(read):
 
 
 def test_bags_are_refused_with_their_remedy(tmp_path):
-    for name, content in (("a.mcap", b"\x89MCAP0\r\n"), ("a.db3", b"SQLite format 3\0")):
-        (tmp_path / name).write_bytes(content)
+    for name in ("a.mcap", "a.db3", "a.bag"):
+        (tmp_path / name).write_bytes(b"#ROSBAG V2.0\n")
         for read in (read_trajectory, read_log):
-            with pytest.raises(InvalidInput, match="a bag of ROS: write a CSV file"):
+            with pytest.raises(InvalidInput, match="write a CSV file with the script"):
                 read(tmp_path / name)

@@ -23,10 +23,7 @@ _BAG = "write a CSV file with the script in docs/guides/controllers/ros2.md"
 FOREIGN = {
     b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself: fetch "
     "it with `git lfs pull`",
-    **dict.fromkeys(
-        (b"#ROSBAG V", b"\x89MCAP", b"SQLite format 3"),
-        f"a bag of ROS: {_BAG}",
-    ),
+    b"#ROSBAG V": f"a bag of ROS: {_BAG}",
 }
 # Extensions of unsupported robots, logs and set-points, each with the remedy.
 ENDINGS = {
