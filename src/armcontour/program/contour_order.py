@@ -26,12 +26,11 @@ Option = tuple[Callable[[], Contour], FloatArray]
 # Number of possible start points of a closed contour. It is reduced, to at least FEWEST_PLACES, if
 # all contours together would have more than MAX_PLACES.
 PLACES, FEWEST_PLACES, MAX_PLACES = 24, 4, 20_000
-# Number of near contours that the search tries as the next or previous contour of a contour.
-NEIGHBOURS = 10
-# Number of exchanges in the search: number per contour, smallest number, and largest product with
-# the number of contours, which limits the time to a few seconds. Without exchanges, tours of 6 to
-# 100 random contours are 0.6 to 15 % longer on average.
-EXCHANGES, MIN_EXCHANGES, MAX_WORK = 3, 200, 1_000_000
+# Largest product of the number of first contours that the search for a short tour tries and the
+# square of the number of contours, which limits the time to about 0.5 s.
+MAX_WORK = 20_000
+# Smallest reduction of a tour that is no rounding error [m].
+NO_GAIN = 1e-12
 # Orientations at both ends of a contour that differ by less than this angle [rad] count as equal,
 # because summed turns have rounding errors.
 SAME_ORIENTATION = 1e-6
@@ -156,6 +155,7 @@ class _Choices:
     made: list[Callable[[], Contour]]  # Functions that make the contour of each option
     ends: FloatArray  # First and last points of the options [m], (m, 2, 3)
     first: IntArray  # Index of the first option of every contour, followed by m, (n + 1,)
+    swapped: IntArray  # Index of the option with swapped ends, or of the same option, (m,)
 
     @classmethod
     def from_contours(
@@ -165,18 +165,29 @@ class _Choices:
         count = int(np.clip(MAX_PLACES // len(contours), FEWEST_PLACES, PLACES))
         made: list[Callable[[], Contour]] = []
         ends: list[FloatArray] = []
-        first = [0]
+        first, swapped = [0], list[int]()
         for contour in contours:
             options = _options(contour, process, count if free else 1)
             made += [option[0] for option in options]
             ends += [option[1] for option in options]
+            indices = range(first[-1], len(made))
+            swapped += indices if contour.closed else indices[::-1]
             first.append(len(made))
         table = np.zeros((len(ends), 2, 3))
         table[:, :, : contours[0].path.dimension] = ends
-        return cls(contours=contours, made=made, ends=table, first=np.array(first))
+        return cls(
+            contours=contours,
+            made=made,
+            ends=table,
+            first=np.array(first),
+            swapped=np.array(swapped),
+        )
 
-    def nearest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
-        """Order and options of a tour: first permitted contour, then always the nearest one."""
+    def nearest(self, parents: IntArray, start: int = 0) -> tuple[IntArray, IntArray]:
+        """Order and options of a tour: a permitted contour, then always the nearest one.
+
+        The tour starts with the first permitted contour from the index `start` on.
+        """
         from scipy.spatial.distance import cdist
 
         n, (exits, entries, first) = len(self.contours), self._options
@@ -190,7 +201,7 @@ class _Choices:
                 last = option[tour[k - 1]]
                 nearest = int(np.argmin(cdist(exits[last : last + 1], near, "sqeuclidean")))
                 option[owners[nearest]] = nearest
-            c = tour[k] = owners[nearest] if k else np.argmin(waits)
+            c = tour[k] = owners[nearest] if k else (np.argmin(np.roll(waits, -start)) + start) % n
             near[first[c] : first[c + 1]] = np.inf
             parent = parents[c]
             if parent >= 0:
@@ -201,18 +212,55 @@ class _Choices:
         return tour, option
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
-        """Order and options of a short tour, from 2-opt and Or-opt moves and random exchanges."""
-        from armcontour.program.kernels import TourOptions, shorten_tour
+        """Order and options of a short tour: the nearest contours, improved by 2-opt."""
+        best, shortest = (np.array([]), np.array([])), np.inf
+        for start in range(max(1, min(len(self.contours), MAX_WORK // len(self.contours) ** 2))):
+            tour, option = self.nearest(parents, start)
+            length = np.inf
+            while (reduced := self._length(tour, option)) < length - NO_GAIN:
+                length = reduced
+                self._reverse_parts(tour, option, parents)
+                option = self._best_options(tour)
+            if length < shortest - NO_GAIN:
+                best, shortest = (tour, option), length
+        return best
 
-        tour, _ = self.nearest(parents)
-        n, option = len(tour), self._best_options(tour)
-        tries = min(max(EXCHANGES * n, MIN_EXCHANGES), MAX_WORK // n)
-        # The random numbers have a fixed seed, so the same program always has the same order.
-        numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
-        shorten_tour(
-            TourOptions(*self._options), parents, self._neighbours(), tour, option, numbers
-        )
-        return tour, self._best_options(tour)
+    def _reverse_parts(self, tour: IntArray, option: IntArray, parents: IntArray) -> None:
+        """Reverse parts of a tour in place until it is no shorter (2-opt)."""
+        n, i, failures = len(tour), 0, 0
+        place = np.empty(n, np.intp)
+        while failures < n:
+            if not failures:
+                # Ends of the contours in the tour and, in reversed parts, with swapped ends. A part
+                # may be reversed if no contour in it lies inside another one in it.
+                start, end = self.ends[option[tour]].swapaxes(0, 1)
+                start_back, end_back = self.ends[self.swapped[option[tour]]].swapaxes(0, 1)
+                gaps = np.append(np.linalg.norm(start[1:] - end[:-1], axis=1), 0.0)
+                ahead = np.append(0.0, np.cumsum(gaps[:-1]))
+                back = np.linalg.norm(start_back[:-1] - end_back[1:], axis=1)
+                back = np.append(0.0, np.cumsum(back))
+                place[tour] = np.arange(n)
+                outer = np.where(parents[tour] >= 0, place[parents[tour]], n)
+                last = np.minimum.accumulate(outer[::-1])[::-1]
+            part = slice(i, last[i])
+            gain = ahead[part] - ahead[i] - back[part] + back[i] + gaps[part]
+            after = np.linalg.norm(start[i + 1 : last[i] + 1] - end_back[i], axis=1)
+            gain[: len(after)] -= after
+            if i:
+                gain += gaps[i - 1] - np.linalg.norm(start_back[part] - end[i - 1], axis=1)
+            j = i + int(np.argmax(gain))
+            if gain[j - i] > NO_GAIN:
+                option[tour[i : j + 1]] = self.swapped[option[tour[i : j + 1]]]
+                tour[i : j + 1] = tour[i : j + 1][::-1].copy()
+                failures = 0
+            else:
+                failures += 1
+            i = (i + 1) % n
+
+    def _length(self, tour: IntArray, option: IntArray) -> float:
+        """Length of the straight links between the contours of a tour [m]."""
+        ends = self.ends[option[tour]]
+        return float(np.linalg.norm(ends[1:, 0] - ends[:-1, 1], axis=1).sum())
 
     def _best_options(self, tour: IntArray) -> IntArray:
         """Option of every contour with which a tour is shortest, by dynamic programming, (n,)."""
@@ -238,29 +286,10 @@ class _Choices:
         entries, exits = (np.ascontiguousarray(self.ends[:, k]) for k in (0, 1))
         return exits, entries, self.first
 
-    def _neighbours(self) -> IntArray:
-        """Indices of the contours whose ends are nearest to each contour's centre, (n, k)."""
-        from armcontour.geometry.near_points import nearest_points
-
-        n = len(self.contours)
-        k = min(NEIGHBOURS, n - 1)
-        owners = np.repeat(np.arange(n), np.diff(self.first) * 2)
-        points = self.ends.reshape(-1, 3)
-        centers = np.array([points[owners == i].mean(axis=0) for i in range(n)])
-        most_places = int(np.diff(self.first).max()) * 2
-        near = owners[nearest_points(centers, points, min(len(points), most_places * (k + 1)))]
-        # If this finds fewer than k contours, the first contours of the program are added.
-        candidates = (dict.fromkeys([*row, *range(k + 1)]) for row in near.tolist())
-        return np.array([[x for x in row if x != i][:k] for i, row in enumerate(candidates)])
-
     def describe(self, tour: IntArray, option: IntArray) -> str:
         """A sentence on the length of a tour."""
-
-        def length_of(options: IntArray) -> float:
-            links = self.ends[options[1:], 0] - self.ends[options[:-1], 1]
-            return float(np.linalg.norm(links, axis=1).sum())
-
-        length, drawn = length_of(option[tour]), length_of(self.first[:-1])
+        length = self._length(tour, option)
+        drawn = self._length(np.arange(len(tour)), self.first[:-1])
         return (
             "In the order shortest, the straight links between contours have a total length of "
             f"{number(length, 'm')} ({number(drawn, 'm')} in the order of the file)."
