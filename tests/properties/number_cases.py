@@ -195,8 +195,10 @@ _JOINTS = {
     "joint_upper": 3.0,
 }
 _REAL = {
-    "friction": 0.0, "drive_cycle": 1e-3, "acceleration_limit": 5.0, "model_error": 1e-4,
-    "offset": 1e-4, "logged_velocity": 2.0, "logged_acceleration": 9.0,
+    "friction": 0.0, "drive_cycle": 1e-3, "acceleration_limit": 5.0, "offset": 1e-4,
+}  # fmt: skip
+_IDENTIFIED = {
+    "model_error": 1e-4, "logged_velocity": 2.0, "logged_acceleration": 9.0,
     "contour_ratio": 0.2, "programs": 2,
 }  # fmt: skip
 _FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}
@@ -281,7 +283,7 @@ BASES: list[dict[str, Any]] = [
             "payload": {"mass": 1.0, "center": [0.0] * 3, "inertia": [0.01, 0, 0, 0.01, 0, 0.01]},
         },
     ),
-    _with(PLANE, servo=_REAL, plant={**SERVO, **_REAL}),
+    _with(PLANE, servo={**_REAL, **_IDENTIFIED}, plant={**SERVO, **_REAL}),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED),
     _with(PLANE, limits={"joint_torque": 50.0}, runs=_INVERSE),
     _with(PLANE, command_limits=_COMMANDS),
