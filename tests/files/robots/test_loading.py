@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 import yaml
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 from tests.files.tables import refusals, values
 
 import armcontour as ac
 from armcontour.core.frames import Frame
+from armcontour.files import parse_job
 from armcontour.files.robots import loading
 from armcontour.robot import Payload
 from armcontour.robot.scene import ArmShapes, Capsule, LinkShape, Mesh, Sphere
@@ -512,3 +514,78 @@ joint_limits: {tilt: {min_position: 2, max_position: 1}} => range of joint tilt 
 def test_files_that_limit_nothing_are_refused(tmp_path):
     refusals(lambda x: with_text(tmp_path, x), BAD)
     refusals(load, [(tmp_path / "no.yaml", "no file of joint limits")])
+
+
+# ---------------------------------------------------------------------------------- calibration
+
+# Nominal UR5e, as in config/ur5e/default_kinematics.yaml of ur_description.
+NOMINAL = {
+    "shoulder": (0, 0, 0.1625, 0, 0, 0),
+    "upper_arm": (0, 0, 0, 1.570796327, 0, 0),
+    "forearm": (-0.425, 0, 0, 0, 0, 0),
+    "wrist_1": (-0.3922, 0, 0.1333, 0, 0, 0),
+    "wrist_2": (0, -0.0997, -2.044881182297852e-11, 1.570796327, 0, 0),
+    "wrist_3": (0, 0.0996, 0, 1.570796326589793, 3.141592653589793, 3.141592653589793),
+}
+# A robot whose second and third axes are turned a little: far shifts along them cancel.
+OWN = NOMINAL | {
+    "upper_arm": (-5e-5, -0.35, 2e-4, 1.5711, 0, -1e-4),
+    "forearm": (-0.42512, -3e-4, -0.35, 2.1e-4, 1.3e-3, 2e-5),
+    "wrist_1": (-0.39231, 1e-4, 0.1336, 1.41e-4, -2e-4, 4e-6),
+}
+
+
+def calibration_text(links):
+    page = {
+        x: dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), y, strict=True))
+        for x, y in links.items()
+    }
+    return yaml.safe_dump({"kinematics": page | {"hash": "calib_1"}})
+
+
+def transform(x, y, z, roll, pitch, yaw):
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler("xyz", (roll, pitch, yaw)).as_matrix()
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def test_a_calibrated_arm_moves_by_the_transforms_of_its_file(tmp_path):
+    file = tmp_path / "own.yaml"
+    file.write_text(calibration_text(OWN))
+    text = "name: own\narm: {name: ur5e, calibration: own.yaml}\n"
+    arm = ac.load_arm("UR5e", ac.ArmOptions(calibration=file))
+    q = np.random.default_rng(0).uniform(-3, 3, (20, 6))
+    for angles, pose in zip(q, arm.forward(q), strict=True):
+        expected = np.eye(4)
+        for link, angle in zip(OWN.values(), angles, strict=True):
+            expected = expected @ transform(*link) @ transform(0, 0, 0, 0, 0, angle)
+        np.testing.assert_allclose(pose, expected, atol=1e-12)
+    nominal = ac.load_arm("ur5e")
+    assert 1e-4 < np.abs(nominal.tool_position(q) - arm.tool_position(q)).max() < 0.02
+    near = arm.inverse(arm.forward(q[0]), near=q[0])
+    np.testing.assert_allclose(arm.forward(near), arm.forward(q[0]), atol=1e-9)
+    text += "path: {points: [[0.4, 0, 0.2], [0.5, 0, 0.2]], orientation: {axis: [0, 0, -1]}}\n"
+    job = parse_job(
+        text + "limits: {speed: 0.1}\nservo: {kp: 25, kv: 150}\nruns: {one: {}}\n", folder=tmp_path
+    )
+    np.testing.assert_array_equal(job.arm.chain.positions, arm.chain.positions)
+    file.write_text(calibration_text(NOMINAL))
+    same = ac.load_arm("ur5e", ac.ArmOptions(calibration=file))
+    np.testing.assert_allclose(same.forward(q), nominal.forward(q), atol=2e-9)
+
+
+def test_calibrations_of_other_forms_and_robots_are_refused(tmp_path):
+    file = tmp_path / "own.yaml"
+    table = [
+        (("ur5e", "kinematics: {}"), "kinematics.shoulder must have the numbers x, y"),
+        (("ur5e", calibration_text(NOMINAL).replace("0.1625", "high")), "kinematics.shoulder"),
+        (("ur10e", calibration_text(NOMINAL)), "moves the tool of ur10e by ... mm"),
+        (("panda", calibration_text(NOMINAL)), "only for the built-in arms ur5e and ur10e"),
+    ]
+
+    def load(case):
+        file.write_text(case[1])
+        return ac.load_arm(case[0], ac.ArmOptions(calibration=file))
+
+    refusals(load, table)

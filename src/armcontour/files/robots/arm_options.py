@@ -17,7 +17,7 @@ DESCRIPTION = ".urdf"
 # packages add prefixes to names.
 MAX_CHARACTERS = 1000
 # Options that are valid for any arm; the others are only for robot descriptions.
-ANY_OPTIONS = ("joint_limits", "srdf")
+ANY_OPTIONS = ("joint_limits", "srdf", "calibration")
 
 
 @checks.explain_calls
@@ -40,6 +40,9 @@ class ArmOptions(Checked):
             end of their range that is nearest to 0.
         packages: Folders of ROS packages by name, for a robot description. Other packages are
             searched by their `package.xml` near the file.
+        calibration: File of UR's `ur_calibration` for a built-in UR arm (.yaml): the transforms of
+            the six links of your robot, which differ from the nominal ones by up to centimetres at
+            the tool.
         srdf: A file of MoveIt (.srdf) with the pairs of links that may touch each other.
 
     Raises:
@@ -51,6 +54,7 @@ class ArmOptions(Checked):
     joint_limits: str | FilePath | None = None
     locked: Mapping[str, float | str] | None = None
     packages: Mapping[str, str | FilePath] | None = None
+    calibration: str | FilePath | None = None
     srdf: str | FilePath | None = None
 
     @property

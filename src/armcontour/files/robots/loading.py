@@ -63,6 +63,12 @@ LIMITS = {
     name: LIMIT_UNITS[name].replace("²", "^2").replace("³", "^3")
     for name in (*JOINT_LIMITS, *JOINT_RANGE)
 }
+# Arms and links of calibrations of UR, and keys of a link: position [m], and angles [rad].
+CALIBRATED_ARMS = ("ur5e", "ur10e")
+CALIBRATED_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+POSE = ("x", "y", "z", "roll", "pitch", "yaw")
+# Largest shift of the tool by a calibration [m]; larger shifts are of another robot.
+MAX_CALIBRATION = 0.1
 # Unit of the integer coordinates in files of hulls [m].
 HULL_UNIT = 1e-6
 
@@ -109,7 +115,10 @@ def load_arm(
             file does not describe an arm.
     """
     name = checks.read_file_path("load_arm", name)
-    arm = _attach(_load(name, options, payload), tool, work, payload)
+    arm = _load(name, options, payload)
+    if options.calibration is not None:
+        arm = _calibrated_arm(arm, str(name), FilePath(options.calibration))
+    arm = _attach(arm, tool, work, payload)
     return arm if options.srdf is None else with_more_shapes(arm, srdf=FilePath(options.srdf))
 
 
@@ -136,6 +145,42 @@ def _load(
     values = {key: getattr(replaced, key) for key in table}
     lifted: dict[str, Any] = {key: np.inf for key, x in values.items() if x is None}
     return arm.with_limits(Limits().replace(**values | lifted))
+
+
+def _calibrated_arm(arm: Arm, name: str, file: FilePath) -> SerialArm:
+    """UR arm whose links have the transforms of a file that `ur_calibration` wrote."""
+    built_in = name.lower().replace("-", "")
+    if built_in not in CALIBRATED_ARMS or not isinstance(arm, SerialArm):
+        raise InvalidInput(
+            f"calibration is valid only for the built-in arms {' and '.join(CALIBRATED_ARMS)}, but "
+            f"the arm is {name}. Calibrate a URDF with the tools of its maker."
+        )
+    content = file_access.read_bytes(file, "calibration")
+    data = yaml_loader.load(content, str(file), yaml_loader.AngleLoader)
+    links = data.get("kinematics") if isinstance(data, Mapping) else None
+    transforms = []
+    for link in CALIBRATED_LINKS:
+        entry = links.get(link) if isinstance(links, Mapping) else None
+        numbers = [plain_number(entry.get(x) if isinstance(entry, Mapping) else None) for x in POSE]
+        if None in numbers:
+            raise InvalidInput(
+                f"{file}: kinematics.{link} must have the numbers x, y, z [m], roll, pitch and yaw "
+                "[rad], as ur_calibration writes them."
+            )
+        transforms.append(numbers)
+    table = np.array(transforms, dtype=np.float64)
+    chain = arm.chain.replace(positions=table[:, :3], rotations=from_rpy(table[:, 3:]))
+    calibrated = SerialArm(
+        name=arm.name, chain=chain, limits=arm.limits, source=f"{arm.source}; calibration {file}"
+    ).with_shapes(partial(read_hulls, built_in))
+    shift = calibrated.tool_position(np.zeros(arm.dof)) - arm.tool_position(np.zeros(arm.dof))
+    if np.linalg.norm(shift) > MAX_CALIBRATION:
+        raise InvalidInput(
+            f"{file} moves the tool of {name} by {np.linalg.norm(shift) * 1e3:.0f} mm at joint "
+            f"positions of 0, more than {MAX_CALIBRATION * 1e3:.0f} mm. Specify the file of this "
+            "robot."
+        )
+    return calibrated
 
 
 def _read_arm(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
