@@ -120,7 +120,6 @@ release: $(VENV)/bin/python  ## Check that a release can be built (TAG=v1.2.3: t
 soak: $(VENV)/test  ## Hours: random problems, broken files, signals; each judged independently
 	$(BIN)/python -m soak
 	$(BIN)/python -m soak.gcode
-	$(BIN)/python -m soak.batch
 	$(BIN)/python -m tests.oracle.toppra_kept
 	$(BIN)/python -m pytest tests/properties -m hypothesis --hypothesis-profile soak -n auto
 

@@ -17,24 +17,19 @@ runs: {only: {}}
 """
 OVER = {
     "limits.speed": ["40 mm/s", "80 mm/s", "120 mm/s"],
-    "runs.only.compensation.method": ["none", "pole_placement", "inverse"],
+    "compensation.method": ["none", "pole_placement", "inverse"],
 }
 
 with tempfile.TemporaryDirectory() as name:
-    folder = Path(name)
-    (folder / "bracket.yaml").write_text(JOB)
-    plan = {
-        "job": str(folder / "bracket.yaml"),
-        "over": OVER,
-        "columns": ["duration", "contour_error.max"],
-    }
-    # The command `armcontour batch` uses all processors or a cluster, and can continue an
-    # interrupted batch.
-    result = ac.batch(plan, folder / "out", workers=0)
+    job = Path(name) / "bracket.yaml"
+    job.write_text(JOB)
+    # With a folder for the results, an interrupted batch continues.
+    result = ac.batch(job, OVER, workers=0)
 
-print(f"{result.counts['done']} of {len(result.plan)} jobs done")
+print(f"{result.counts['done']} of {result.rows[-1].job} jobs done")
 for row in result.rows:
+    duration, error = (row.data[x].value for x in ("duration", "contour_error.max"))
     print(
-        f"{row['limits.speed'] * 1e3:3.0f} mm/s, {row['runs.only.compensation.method']:14s} "
-        f"{row['duration']:.3f} s, {row['contour_error.max'] * 1e3:.4f} mm at most"
+        f"{row.values['limits.speed']:>8}, {row.values['compensation.method']:14s} "
+        f"{duration:.3f} s, {error * 1e3:.4f} mm at most"
     )

@@ -20,7 +20,6 @@ import numpy as np
 
 import armcontour as ac
 from armcontour import files, geometry
-from armcontour.batches import BatchProgress
 from armcontour.control.compensation import fastest_poles
 from armcontour.control.learning import Recording
 from armcontour.files.exports import (
@@ -40,7 +39,7 @@ from armcontour.verification.clearance import Cell
 from soak import Outcome
 
 ROWS = [f"{t:.3f},{np.sin(t):.5f},{np.sin(t - 0.01):.5f}" for t in np.arange(300) * 4e-3]
-# Files by their names: a short job for an arm in the plane, a plan over it, and what else is read.
+# Files by their names: a short job for an arm in the plane, and what else is read.
 FILES = {
     "bend.yaml": """
 name: bend
@@ -57,7 +56,6 @@ placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
     "line.csv": "x [mm],y [mm]\n300,200\n330,200\n",
     "log.csv": "\n".join(["t,u1,q1", *ROWS]),
     "motion.csv": "\n".join(["t [s],q1 [rad],q2 [rad]", *ROWS]),
-    "plan.yaml": "{job: bend.yaml, over: {cycle: 10 ms}, do: compensate}",
 }
 # Methods that only the package calls, with what it has checked; most of them are in inner loops.
 INNER = {
@@ -136,7 +134,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     shaped = ac.Shaped(tolerance=1e-3, iterations=1)
     return [
         (ac.arm_names, {}),
-        (ac.batch, {"plan": "plan.yaml", "out": "out", "workers": 0}),
+        (ac.batch, {"job": "bend.yaml", "over": {"limits.speed": [0.05]}, "workers": 0}),
         (ac.certify, {"job": x["job"]}),
         (ac.check, {"samples": x["trajectory"], **on}),
         (ac.check, {"samples": x["trajectory"].sample(0.01), **on}),
@@ -237,7 +235,6 @@ def instances() -> Iterator[Any]:
     yield from (Recording(t=x["t"], q=x["wave"]), Cell(x["arm"], ac.Scene()))
     contour = ac.Contour(path=x["path"])
     yield from (contour, ac.Program(moves=(contour,)))
-    yield BatchProgress(total=2, done=1, before=0, seconds=1.0, statuses={"done": 1}, errors={})
     yield from (x["job"].runs[0], x["job"].runs[0].rounding, x["job"].placement)
     yield ac.identify(x["log"])
     yield ac.place(x["job"])
@@ -252,7 +249,7 @@ def instances() -> Iterator[Any]:
     lesson = ac.learn(x["set_points"], x["executed"], arm=x["arm"], servo=x["servo"])
     yield from (lesson, lesson.runs[0])
     yield ac.explain(x["trajectory"], x["arm"], x["limits"])
-    yield ac.batch("plan.yaml", "batch", workers=0)
+    yield ac.batch("bend.yaml", {"limits.speed": [0.05]}, workers=0)
 
 
 @cache

@@ -6,7 +6,6 @@ import armcontour as ac
 
 # Results, formats of exports, parts of a process, and base classes.
 OWNED = {
-    "batches": "Batch BatchProgress",
     "control.compensation": "CompensationOptions fastest_poles",
     "control.identification": "BodyIdentification Identification",
     "control.learning": "LearningResult LearningRun Recording",

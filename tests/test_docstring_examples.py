@@ -31,7 +31,6 @@ runs: {only: {compensation: {method: none}}}
 certificate: {servo_error: 0.1 mm, samples: 100}
 placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
 """,
-    "plan.yaml": "{job: job.yaml, over: {cycle: 10 ms}, do: compensate}",
     "part.csv": "x [mm],y [mm]\n300,200\n330,200\n",
 }
 

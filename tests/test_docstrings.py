@@ -4,7 +4,6 @@ import dataclasses
 import inspect
 import re
 from pathlib import Path
-from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,11 @@ from tests.corner_job import CORNER_JOB
 from tests.public_names import PUBLIC
 
 import armcontour as ac
-from armcontour.batches import Batch
 from armcontour.control.identification.fit_options import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.control.learning import Recording
 from armcontour.core.text import MAX_LINES, format_table
 from armcontour.files import parse_job
+from armcontour.files.batch import Batch, BatchRow
 from armcontour.jobs import PlaceSearch
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.robot.scene import MARGINS
@@ -230,9 +229,8 @@ def results():
         verdicts=(best.verdict, Verdict(bound=1.6), Verdict(refusal="reach")),
         own=Verdict(refusal="reach"), moves=Moves(anchor=np.zeros(3)),
     )  # fmt: skip
-    results = [*[{"status": "done", "error": None}] * 300]
-    results += [{"status": "refused", "error": "Unreachable"}] * 80
-    yield Batch(plan=Jobs(range(380)), folder=FilePath("out"), rows=results)
+    done, refused = (BatchRow(job=k, values={}, status=x, data=Data("")) for k, x in STATUSES)
+    yield Batch(title="job.yaml: 2 jobs", rows=(done, refused))
     square = ac.Path.polyline([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1], [0, 0]])
     line = ac.Path.polyline([[0, 0], [0.1, 0]])
     contours = ac.Contour(path=square, layer="CUT"), ac.Contour(path=line, layer="MARK")

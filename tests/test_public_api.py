@@ -137,7 +137,7 @@ NOT_MADE = {
         "LimitUse",
         "Placement",
     ),
-    *("RoundedPath", "ShapedPath", "JobResult", "BatchProgress"),
+    *("RoundedPath", "ShapedPath", "JobResult"),
 }
 
 

@@ -40,7 +40,6 @@ REPORTS = {
         "tutorial_map": ("placed/report.html", PLOT),
         "tutorial_clearance": ("there/report.html", f"#clearance {PLOT}"),
     },
-    "tutorials/batch_on_a_cluster": {"tutorial_batch": ("bends/report.html", PLOT)},
 }
 
 

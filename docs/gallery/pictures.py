@@ -223,11 +223,11 @@ def draw_13(names: Names) -> Figure:
     """Error over cycle time, a line for each compensation."""
     figure, axes = plt.subplots(figsize=SIZE)
     axes.set_prop_cycle(color=COLOURS)
-    rows, key = names["result"].rows, "runs.only.compensation.method"
-    for method, marker in zip(dict.fromkeys(x[key] for x in rows), "os^", strict=True):
-        mine = [x for x in rows if x[key] == method]
-        error = [1e3 * x["contour_error.max"] for x in mine]
-        axes.semilogy([x["duration"] for x in mine], error, marker=marker, label=method)
+    rows, key = names["result"].rows, "compensation.method"
+    for method, marker in zip(dict.fromkeys(x.values[key] for x in rows), "os^", strict=True):
+        mine = [x.data for x in rows if x.values[key] == method]
+        error = [1e3 * x["contour_error.max"].value for x in mine]
+        axes.semilogy([x["duration"].value for x in mine], error, marker=marker, label=method)
     axes.set(xlabel="cycle time [s]", ylabel="largest contour error [mm]")
     axes.set_title(f"{len(rows)} jobs")
     axes.legend()

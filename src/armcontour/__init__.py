@@ -25,7 +25,6 @@ from armcontour.core.lazy import lazy_names
 
 # The public names by their modules; `tools/stubs.py` writes them for type checkers.
 _HOME = {
-    "batches": "batch",
     "control.compensation": "Inverse InverseDynamics NoCompensation PolePlacement compensate",
     "control.identification": "BodyFit ServoFit identify identify_bodies",
     "control.learning": "learn",
@@ -34,6 +33,7 @@ _HOME = {
     "NotRealizable Unreachable",
     "core.frames": "Frame",
     "files": "read_job read_trajectory",
+    "files.batch": "batch",
     "files.drawings.read_options": "ReadOptions",
     "files.drawings.read": "read_path",
     "files.exports": "export",

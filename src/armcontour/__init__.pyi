@@ -1,5 +1,4 @@
 from armcontour._version import __version__ as __version__
-from armcontour.batches import batch as batch
 from armcontour.control.compensation import Inverse as Inverse
 from armcontour.control.compensation import InverseDynamics as InverseDynamics
 from armcontour.control.compensation import NoCompensation as NoCompensation
@@ -21,6 +20,7 @@ from armcontour.core.errors import Unreachable as Unreachable
 from armcontour.core.frames import Frame as Frame
 from armcontour.files import read_job as read_job
 from armcontour.files import read_trajectory as read_trajectory
+from armcontour.files.batch import batch as batch
 from armcontour.files.drawings.read import read_path as read_path
 from armcontour.files.drawings.read_options import ReadOptions as ReadOptions
 from armcontour.files.exports import export as export

@@ -1,56 +1,52 @@
-"""The command `batch`: its output and its exit codes."""
-
-import json
+"""The command `batch`: its output, its files and its exit codes."""
 
 import pytest
+from tests.files.test_batch import FAR, JOB, REACHED
 
-JOB = """\
-name: bend
-arm: pmk3s
-path: {points: [[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]}
-limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
-corners: {tolerance: 1 mm}
-servo: {kp: 25 1/s, kv: 150 1/s}
-runs: {only: {}}
-"""
-PLAN = """\
-job: job.yaml
-do: compensate
-over:
-  limits.speed: [20 mm/s, 40 mm/s]
-  path.points: [[[0.3, 0.2], [0.33, 0.2]], [[0.3, 0.2], [0.93, 0.2]]]
-"""
-CALL = ("batch", "plan.yaml", "--out", "out", "--workers", "0")
+from armcontour.files import batch as module
+
+OPTIONS = ("--over", "limits.speed=[20 mm/s, 0.1]", "--over", f"path.points={[REACHED, FAR]}")
 
 
 @pytest.fixture
-def folder(tmp_path):
-    (tmp_path / "job.yaml").write_text(JOB)
-    (tmp_path / "plan.yaml").write_text(PLAN)
-    return tmp_path
+def file(tmp_path):
+    file = tmp_path / "job.yaml"
+    file.write_text(JOB)
+    return file
 
 
-def test_results_and_progress_are_printed_and_lines_of_json(command_in, folder):
-    events = [json.loads(x) for x in command_in(folder, *CALL, "--json").out.splitlines()]
-    progress, end = events[-2]["progress"], events[-1]["end"]
-    assert progress["done"] == progress["total"] == 4
-    assert progress["statuses"] == {"done": 2, "refused": 2}
-    assert progress["errors"] == end["errors"] == {"Unreachable": 2}
-    ended = command_in(folder, *CALL)
+def test_the_command_prints_and_writes_the_rows(command_in, file):
+    call = ("batch", "job.yaml", *OPTIONS, "--set", "cycle=20 ms", "--out", "out", "--workers", "0")
+    ended = command_in(file.parent, *call)
     assert ended.code == 0, ended.errors
-    for words in ("plan: 4 jobs", "done", "refused", "Unreachable: 2", "report.html"):
+    for words in ("job.yaml: 4 jobs: 2 done, 2 refused", "limits.speed", "NOT KEPT", "Job 2: "):
         assert words in ended.out
+    page = (file.parent / "out" / "report.html").read_text()
+    assert "20 mm/s" in page and "NOT KEPT" in page and "refused" in page
+    assert command_in(file.parent, *call).out == ended.out
 
 
-def test_jobs_that_fail_have_an_exit_code(command_in, folder, monkeypatch):
-    def fail(*_):
+def test_jobs_that_fail_have_an_exit_code(command_in, file, monkeypatch):
+    def fail(job):
         raise MemoryError
 
-    monkeypatch.setattr("armcontour.batches.outcomes.figures_of", fail)
-    ended = command_in(folder, *CALL)
-    assert ended.code == 1 and "MemoryError: 2" in ended.out
+    monkeypatch.setattr(module, "run", fail)
+    call = ("batch", "job.yaml", *OPTIONS, "--out", "out", "--workers", "0")
+    ended = command_in(file.parent, *call)
+    assert ended.code == 1 and "Job 1: MemoryError" in ended.out
 
 
-def test_wrong_options_are_refused(refused, folder):
-    rows = [("--cluster tcp://1 --workers 2", ["has its own workers"])]
-    assert refused(folder, rows, begin=("batch", "plan.yaml", "--out", "out")) == []
+def test_a_drawing_is_run_on_a_cell(command_in, tmp_path):
+    (tmp_path / "line.csv").write_text("x [mm],y [mm]\n0,0\n10,0\n")
+    line = ("batch", "line.csv", "--cell", "pmk3s", "--over", "limits.speed=[20 mm/s, 40 mm/s]")
+    ended = command_in(tmp_path, *line, "--out", "out", "--workers", "0")
+    assert ended.code == 0 and "line.csv: 2 jobs: 2 done" in ended.out, ended.errors
+
+
+def test_wrong_options_are_refused(refused, file):
+    rows = [
+        ("--over limits.speed=0.1", ["has no list. Write 'KEY=[VALUE, VALUE]'"]),
+        ("--over limits.speed", ["--over", "Write KEY=VALUE"]),
+        ("--over limits.speed=[0.1] --cell ur5e", ["only allowed with a drawing"]),
+    ]
+    assert refused(file.parent, rows, begin=("batch", "job.yaml", "--out", "out")) == []

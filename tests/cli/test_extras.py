@@ -29,7 +29,6 @@ cycle: 20 ms
 runs: {plain: {compensation: {method: none}}}
 """
 SCENE = "{spheres: [{name: ball, radius: 10 mm, at: [1, 1, 0]}]}"
-CLUSTER = "--cluster tcp://127.0.0.1:1"
 # By extra: a library that it brings, and command lines that need it.
 NEEDS = {
     "dynamics": (
@@ -41,13 +40,6 @@ NEEDS = {
         ["run bodies.yaml --out out"],
     ),
     "drawings": ("ezdxf", ["show a.dxf", "run a.dxf --cell ur5e --out out"]),
-    "cluster": (
-        "distributed",
-        [
-            f"batch plan.yaml -o out {CLUSTER}",
-            f"place job.yaml -o out --over x:0mm..1mm,2 {CLUSTER}",
-        ],
-    ),
     "studio": ("uvicorn", ["studio --no-open"]),
 }
 
@@ -60,17 +52,15 @@ def folder(tmp_path):
     (tmp_path / "cell.yaml").write_text(f"{JOB}scene: {SCENE}\n")
     rows = (f"{t},0.1,-1.5,1.2,-1,-1.5,0\n" for t in (0.0, 0.1, 0.2))
     (tmp_path / "a.csv").write_text(f"t,q1,q2,q3,q4,q5,q6\n{''.join(rows)}")
-    (tmp_path / "plan.yaml").write_text("job: job.yaml\nover: {servo.kp: [20 1/s, 25 1/s]}\n")
     (tmp_path / "a.dxf").write_bytes(b"")
     return tmp_path
 
 
 def test_every_extra_of_users_is_tested():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    # Without the tables of pyarrow a batch writes lines of JSON. No command needs plotly, and
-    # tests of franka's adapter are in tests/controllers.
+    # No command needs plotly, and tests of franka's adapter are in tests/controllers.
     users = set(project["optional-dependencies"]) - FOR_DEVELOPERS
-    users -= {"tables", "figures", "franka"}
+    users -= {"figures", "franka"}
     assert users == set(NEEDS)
 
 
@@ -90,7 +80,7 @@ def test_a_missing_extra_is_named(command_in, folder, monkeypatch, extra):
 
 def test_the_demo_needs_no_extra(done, command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for library in ("coal", "pinocchio", "mujoco", "ezdxf", "pyarrow"):
+    for library in ("coal", "pinocchio", "mujoco", "ezdxf"):
         monkeypatch.setitem(sys.modules, library, None)
     done("demo", "--out", "out")
     paper, plate = (summary(tmp_path / "out" / name) for name in ("", "plate"))

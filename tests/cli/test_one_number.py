@@ -13,7 +13,6 @@ import pytest
 import yaml
 
 import armcontour as ac
-from armcontour.batches.columns import RUN, figures_of
 from armcontour.core.result import nest
 from armcontour.studio.handles import handles_of
 from armcontour.studio.picture import picture_frame
@@ -175,8 +174,10 @@ def check(data, done, folder):
         values_by_place["JSON", x] = [(value_at(part, name), 0.0)]
     for x, name in STUDIO.items():
         values_by_place["Studio", x] = [(value_at(frame, name), 0.0)]
+    (row,) = ac.batch(folder / "job.yaml", {"title": ["batch"]}, workers=0).rows
     for x, name in BATCH.items():
-        values_by_place["batch", x] = [(figures_of(result, [name], RUN)[0], 0.0)]
+        prefix = "experiment." if on_rigid_bodies and x in JUDGED else ""
+        values_by_place["batch", x] = [(row.data[prefix + name].value, 0.0)]
     wrong = []
     for (presenter, x), values in values_by_place.items():
         expected = FIGURES[x](result)

@@ -66,7 +66,6 @@ FILES = {
     "part.svg": DRAWING,
     "points.csv": POINTS,
     "robot.urdf": ROBOT,
-    "plan.yaml": b"{job: job.yaml, do: compensate}",
     "body.obj": MESH,
 }
 

@@ -335,7 +335,6 @@ runs:
   first: {compensation: {method: none}}
   second: {}
 certificate: {tolerance: 9 mm, run: second}
-placement: {every: true, run: second}
 """
 
 
@@ -344,7 +343,7 @@ def test_a_run_is_removed_with_all_that_names_it():
     changes = remove_run(data, "second")
     gone = change_data(data, changes)
     assert list(gone["runs"]) == ["first"]
-    assert gone["certificate"] == {"tolerance": "9 mm"} and gone["placement"] == {"every": True}
+    assert gone["certificate"] == {"tolerance": "9 mm"}
     # So the job is one still.
     assert [x.name for x in parse_job(change_text(NAMED, changes)).runs] == ["first"]
     # Where nothing names it, only the run goes.

@@ -11,7 +11,6 @@ from tests.studio.conftest import DRAWINGS
 from tests.studio.session_pages import figure
 
 import armcontour as ac
-from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.studio.page_frame import PageFrame
@@ -185,47 +184,3 @@ def test_a_report_is_a_page_and_a_certificate_has_one(short):
     assert answer.header["name"] == "paper-certificate.html"
     # Its answer says for which robots it is true.
     assert answer.header["notes"][-1].startswith("Valid for independent joint servos only: ")
-
-
-def test_a_sweep_is_the_duration_over_a_key(coarse):
-    speeds = [0.05, 0.1, 0.15]
-    answer = ask("sweep", coarse, "optimal", key="limits.speed", values=speeds)
-    for speed, duration in zip(speeds, answer.arrays["duration"], strict=True):
-        data = coarse | {"limits": coarse["limits"] | {"speed": speed}}
-        job = parse_job(yaml.safe_dump(data))
-        planned = run(job, simulate=False).runs["optimal"].trajectory
-        assert duration == pytest.approx(planned.duration, abs=1e-9)
-    assert (answer.arrays["rms"] > 0).all() and answer.header["refusals"] == [None] * 3
-
-
-def test_places_are_found_in_the_plane_by_the_question_of_the_job(coarse):
-    over = {"x": [-0.02, 0.02, 3], "y": [-0.02, 0.02, 3]}
-    answer = ask("place", coarse, "optimal", over=over, refined=False)
-    # The part is moved by these, and they are written into the file.
-    assert set(answer.arrays["by"].ravel()) == {-0.02, 0.0, 0.02}
-    assert answer.arrays["by"].shape == (9, 2)
-    durations = answer.arrays["duration"]
-    best = int(np.nanargmin(durations))
-    by = answer.header["best"]["by"]
-    np.testing.assert_allclose(by, answer.arrays["by"][best])
-    # It stays true when the part is moved.
-    for rows in (answer.header["best"], {"rows": answer.header["own"]}):
-        assert f"{figure(rows, 'duration'):.4f} s" in answer.header["sentence"]
-    frame = {"position": [float(by[0]), float(by[1]), 0.0]}
-    moved = coarse | {"path": coarse["path"] | {"frame": frame}}
-    set_points = run(parse_job(yaml.safe_dump(moved)), simulate=False).runs["optimal"]
-    assert set_points.trajectory.duration == pytest.approx(durations[best], rel=1e-4)
-    data = coarse | {"placement": ASKED}
-    answer = ask("place", data, "optimal")
-    assert answer.arrays["by"].tolist() == pytest.approx(np.array([[-0.02, 0], [0.02, 0]]))
-    more = ask("place", data, "optimal", over={"y": [0.01, 0.01, 1]})
-    np.testing.assert_allclose(more.arrays["by"], [[-0.02, 0.01], [0.02, 0.01]], atol=1e-7)
-    over = {"y": [0.0, 0.01, 2]}
-    alone = ask("place", data, "optimal", over=over, as_job=False, refined=False)
-    np.testing.assert_allclose(alone.arrays["by"], [[0, 0], [0, 0.01]], atol=1e-7)
-    for options in ({"what": "base"}, {"over": {"z": [0, 0.1, 2]}}):
-        with pytest.raises(InvalidInput):
-            ask("place", data, "optimal", **options)
-
-
-ASKED = {"over": {"x": {"from": -0.02, "to": 0.02, "places": 2}}, "refine": False, "run": "optimal"}

@@ -246,10 +246,10 @@ def place(
     place_file(job, out, job_options, options)
 
 
-@_command(RUN, "batch plan.yaml --out results --workers 4")
+@_command(RUN, "batch job.yaml --over 'corners.tolerance=[0.1 mm, 1 mm]' --out results")
 @grouped
 def batch(
-    plan: Annotated[FilePath, typer.Argument(help="Plan of many jobs (.yaml).")],
+    job: JobOrDrawing,
     out: Annotated[
         FilePath,
         typer.Option(
@@ -257,14 +257,15 @@ def batch(
         ),
     ],
     options: BatchOptions,
+    job_options: JobOptions,
 ) -> None:
-    """Run a job file for many values of its keys; an interrupted batch can be continued.
+    """Run a job for all combinations of values of its keys; an interrupted batch can be continued.
 
-    Exit codes: 0 every job is done or refused; 1 some jobs failed; 2 the plan is invalid.
+    Exit codes: 0 every job is done or refused; 1 some jobs failed; 2 no job is valid.
     """
     from armcontour.cli.batch_command import batch_file
 
-    raise typer.Exit(batch_file(plan, out, options))
+    raise typer.Exit(batch_file(job, out, job_options, options))
 
 
 @_command(ROBOT, "export gasket gasket.script")

@@ -92,37 +92,44 @@ def is_job(file: FilePath) -> bool:
 
 def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *groups: Any) -> Job:
     """Read a job file, or combine a drawing with a cell; `groups`: more options with job keys."""
-    from armcontour.core.errors import InvalidInput
     from armcontour.files import read_job
-    from armcontour.files.cell import cell_names, read_cell
-    from armcontour.files.drawings.endings import find_reader
+    from armcontour.files.cell import read_cell
 
     patch, options = read_patch(job_options, *groups)
-    if is_job(file):
-        if job_options.cell is not None:
-            raise InvalidInput(
-                f"--cell is only allowed with a drawing, but {file.name} is a job, which has its "
-                "own arm. Remove --cell."
-            )
-        if str(file) == PAPER and not file.exists():
-            file = library_file("paper.yaml")
-        with name_options(options):
-            return read_job(file, patch=patch, reading=progress)
-    # `find_reader` raises an error for files that are not drawings, such as robot descriptions.
-    # This error is more helpful than the error about a missing cell.
-    find_reader(file)
-    if job_options.cell is None:
-        raise InvalidInput(
-            f"{file.name} is a drawing, which requires a cell. Specify it with --cell: one of "
-            f"{', '.join(cell_names())}, or a job file."
-        )
+    file = find_file(file, job_options.cell)
     with name_options(options):
+        if job_options.cell is None:
+            return read_job(file, patch=patch, reading=progress)
         return read_cell(
             job_options.cell,
             file,
             patch=patch,
             reading=progress,
         )
+
+
+def find_file(file: FilePath, cell: str | None) -> FilePath:
+    """File of a job or drawing; checks that a drawing has a cell, and that a job has none."""
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files.cell import cell_names
+    from armcontour.files.drawings.endings import find_reader
+
+    if is_job(file):
+        if cell is not None:
+            raise InvalidInput(
+                f"--cell is only allowed with a drawing, but {file.name} is a job, which has its "
+                "own arm. Remove --cell."
+            )
+        return library_file("paper.yaml") if str(file) == PAPER and not file.exists() else file
+    # `find_reader` raises an error for files that are not drawings, such as robot descriptions.
+    # This error is more helpful than the error about a missing cell.
+    find_reader(file)
+    if cell is None:
+        raise InvalidInput(
+            f"{file.name} is a drawing, which requires a cell. Specify it with --cell: one of "
+            f"{', '.join(cell_names())}, or a job file."
+        )
+    return file
 
 
 def read_option(option: str, text: str | int | None, kind: Any) -> float | None:

@@ -211,12 +211,6 @@ Workers = Annotated[
         "process.",
     ),
 ]
-Cluster = Annotated[
-    str | None,
-    typer.Option(
-        "--cluster", help="Address of a Dask scheduler that does the work: tcp://10.0.0.1:8786."
-    ),
-]
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
 
 
@@ -464,7 +458,6 @@ class PlaceOptions:
 
     keys: Annotated[Set, Keys(("Places",))]
     workers: Annotated[int | None, typer.Option("--workers", min=0, max=1000)] = None
-    cluster: Cluster = None
     run_name: Name = None
     force: Force = False
     open_report: Open = False
@@ -537,12 +530,10 @@ class BatchOptions:
     """Options of the command `batch`.
 
     Args:
-        retry: Repeat failed jobs.
-        as_json: Print progress and result as lines of JSON.
+        over: A key of the job with its values, as in limits.speed='[50 mm/s, 0.1 m/s]'; with
+            several keys, all combinations are run.
     """
 
+    over: Annotated[list[str], typer.Option("--over")]
     workers: Workers = None
-    cluster: Cluster = None
-    retry: bool = False
     open_report: Open = False
-    as_json: Annotated[bool, typer.Option("--json")] = False

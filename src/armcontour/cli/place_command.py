@@ -29,9 +29,9 @@ def place_file(
     from armcontour.studies.placement import place
 
     # By default, `place` uses several processes if there are many placements.
-    by_number = options.workers is None and options.cluster is None
+    by_number = options.workers is None
     with (
-        nullcontext() if by_number else open_executor(options.workers, options.cluster) as executor,
+        nullcontext() if by_number else open_executor(options.workers) as executor,
         ResultFolder(out, force=options.force) as folder,
     ):
         from armcontour.report import render_placement

@@ -10,13 +10,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from armcontour.core.progress import COMPILING, Progress, Step, listen_to_compilation
 from armcontour.core.text import to_line
-
-if TYPE_CHECKING:
-    from armcontour.batches import BatchProgress
 
 # Minimum time between progress lines, and before the first line, without a terminal [s].
 EVERY = 10.0
@@ -56,38 +53,6 @@ def share_progress() -> Iterator[Progress]:
             lines.write(words, f"{step.done:.0%}" if step.done else None)
 
         yield show
-
-
-@contextmanager
-def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
-    """Context that shows the progress of a batch as a bar with rate and remaining time.
-
-    Yields two functions: one shows the progress of the batch, the other a step before its start.
-    """
-    from rich.progress import BarColumn, MofNCompleteColumn
-
-    with _progress_line(BarColumn(), MofNCompleteColumn()) as bar:
-        task = bar.add_task("starting", total=None)
-        lines = Lines(bar.disable)
-
-        def show(progress: BatchProgress) -> None:
-            words = to_line(describe_batch_progress(progress))
-            bar.update(task, description=words, completed=progress.done, total=progress.total)
-            lines.write(f"{progress.done} of {progress.total}", words)
-
-        def show_step(step: Step) -> None:
-            bar.update(task, description=to_line(str(step)))
-
-        yield show, show_step
-
-
-def describe_batch_progress(progress: BatchProgress) -> str:
-    """Text with rate, remaining time and errors of a batch, in one line."""
-    remaining = "" if progress.left is None else f", left {timedelta(seconds=round(progress.left))}"
-    refused = [f"{n} {name}" for name, n in progress.statuses.items() if name != "done"]
-    kinds = [f"{n} {name}" for name, n in progress.errors.items()]
-    refusals = f"; {', '.join(refused)} ({', '.join(kinds)})" if refused else ""
-    return f"{progress.rate:.3g} jobs/s{remaining}{refusals}"
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Work on many items in threads, in other processes, on a cluster, or in this process."""
+"""Work on many items in threads, in other processes, or in this process."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from concurrent.futures import (
 from concurrent.futures import wait as wait_for
 from contextlib import contextmanager, nullcontext, suppress
 from functools import lru_cache, partial
-from importlib import import_module
-from importlib.util import find_spec
 from itertools import islice
 from threading import Lock
 from typing import Any, Generic, TypeVar, cast
@@ -49,8 +47,6 @@ START = 1.0
 MAX_PROCESSES = 8
 # Smallest number of chunks for an executor; each chunk carries the pickled work.
 PARTS = 32
-# Timeout for the answer of a scheduler.
-PATIENCE = "20s"
 # Longest wait for results [s]; between waits an interrupt is handled on all systems.
 PULSE = 1.0
 # Errors that mean that a working process ended; errors of Dask by name, because Dask is optional.
@@ -159,22 +155,16 @@ class ProcessPool(ThreadPoolExecutor):
 
 @contextmanager
 def open_executor(
-    workers: int | None = None, cluster: str | None = None, executor: Executor | None = None
+    workers: int | None = None, executor: Executor | None = None
 ) -> Iterator[Executor]:
-    """Context with `executor` if given, else with `workers` processes or a Dask `cluster`."""
+    """Context with `executor` if given, else with `workers` processes."""
     # With 0 workers, the work runs in this process.
     if workers is not None and workers < 0:
         raise InvalidInput(f"workers must be 0 or more, but is {workers}.")
-    if sum(x is not None for x in (workers, cluster, executor)) > 1:
-        raise InvalidInput(
-            "A cluster or an executor has its own workers. Specify only one of workers, cluster "
-            "and executor."
-        )
+    if workers is not None and executor is not None:
+        raise InvalidInput("An executor has its own workers. Remove workers.")
     if executor is not None:
         yield executor
-    elif cluster is not None:
-        with _open_dask(cluster) as opened:
-            yield opened
     elif workers == 0:
         yield InProcess()
     else:
@@ -185,34 +175,6 @@ def open_executor(
             # Remaining work is not needed, because its results were used or an error ended the
             # context.
             pool.end()
-
-
-@contextmanager
-def _open_dask(address: str) -> Iterator[Executor]:
-    """Context with the executor of a Dask cluster."""
-    if find_spec("distributed") is None:
-        raise InvalidInput(
-            "A cluster requires the library distributed. Install it with pip install "
-            "'armcontour[cluster]'."
-        )
-    distributed: Any = import_module("distributed")
-    try:
-        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise ExecutionError(
-            f"No Dask scheduler answers at {address} ({error}). Start one with `dask scheduler`, "
-            "and workers with `dask worker ADDRESS --nthreads 1`."
-        ) from None
-    try:
-        if not client.ncores():
-            raise ExecutionError(
-                f"The Dask cluster at {address} has no workers. Start workers with `dask worker "
-                f"{address} --nthreads 1`."
-            )
-        # With pure=True Dask would merge equal calls into one.
-        yield client.get_executor(pure=False)
-    finally:
-        client.close()
 
 
 def count_workers(executor: Executor) -> int:

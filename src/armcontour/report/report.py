@@ -16,8 +16,7 @@ from armcontour.motion import Execution, Trajectory
 from armcontour.report import sections
 from armcontour.report.figure import render_page
 from armcontour.report.result_study import study_of
-from armcontour.report.section import Chapter, Front, Section
-from armcontour.report.sections.batch import BatchView
+from armcontour.report.section import Chapter, Front, Section, TextTable
 from armcontour.verification import Evaluation
 
 if TYPE_CHECKING:
@@ -78,11 +77,13 @@ def render_placement(placement: Placement) -> str:
     return _page(placement.job, front, [section], source=OF_PLAN)
 
 
-def render_batch(view: BatchView) -> str:
-    """Render the results of a batch as one self-contained HTML page."""
-    section = sections.batch(view)
-    chapter = Chapter(front=sections.counted(view), sections=[] if section is None else [section])
-    return render_page(title=view.name, about=view.about, chapters=[chapter], source="")
+def render_table(
+    title: str, about: str, header: Sequence[str], rows: Sequence[Sequence[str]]
+) -> str:
+    """Render a table of texts as one self-contained HTML page."""
+    table = TextTable(header=tuple(header), rows=tuple(map(tuple, rows)))
+    chapter = Chapter(front=Front(tables=(table,)))
+    return render_page(title=title, about=about, chapters=[chapter], source="")
 
 
 def render_learning(study: LearningStudy) -> str:

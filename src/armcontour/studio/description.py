@@ -146,8 +146,6 @@ def document_frame(document: Document, state: JobState, run: str) -> PageFrame:
         "layers": [] if state.job is None else _layers(state.job),
         "tilt": None if handles is None else tilt_of(handles, data),
         "obstacles": [] if state.job is None else obstacles_of(data),
-        "placement": state.job is not None
-        and bool(state.job.placement and state.job.placement.over),
         "text": document.text,
         # Name of the document if it has a draft of an earlier session.
         "draft": None if document.earlier is None else document.source,

@@ -339,12 +339,10 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
         raise InvalidInput(f"The job has no run {name}. Its runs are {', '.join(model.runs)}.")
-    placement = model.placement
     return dataclasses.replace(
         model,
         runs={name: model.runs[name]},
         certificate=None,
-        placement=None if placement is None else dataclasses.replace(placement, run=None),
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+from armcontour.report.sections.batch import Axis, BatchView
 from tests.browser.axe_faults import faults, load_axe
 from tests.corner_job import CORNER_JOB
 
@@ -22,7 +23,6 @@ from armcontour.report import (
     sections,
 )
 from armcontour.report.identification import render_identification
-from armcontour.report.sections.batch import Axis, BatchView
 
 pytestmark = pytest.mark.browser
 DRAWINGS = FilePath(__file__).parents[3] / "examples" / "drawings"

@@ -18,10 +18,11 @@ runs:
 """
 HOSTILE = ("pickle", "copyreg", "typing", "subprocess", "yaml", "pandas", "pyarrow")
 PACKAGES = ("numpy", "scipy", "numba", "armcontour")
+OVER = ("--over", "corners.tolerance=[1 mm, 2 mm]")
 COMMANDS = {
     "show": ("show", "line.csv"),
     "run": ("run", "job.yaml", "--out", "out"),
-    "batch": ("batch", "plan.yaml", "--out", "out", "--workers", "2"),
+    "batch": ("batch", "job.yaml", *OVER, "--out", "out", "--workers", "2"),
     "place": ("place", "job.yaml", "--out", "out", "--over", "x: -5 mm .. 5 mm, 3", "--no-refine",
               "--workers", "2"),
     "check": ("check", "q.csv", "--arm", "pmk3s"),
@@ -31,7 +32,7 @@ COMMAND = "from armcontour.cli import main; main()"
 PROGRAM = """
 import sys, pickle, yaml, pandas, scipy, numba, armcontour as ac
 sys.path[:0] = ['', '.', sys.argv[1]]
-found = ac.batch('plan.yaml', 'out', workers=2)
+found = ac.batch('job.yaml', {'corners.tolerance': ['1 mm', '2 mm']}, 'out', workers=2)
 assert len(found.rows) == 2, found
 """
 
@@ -52,7 +53,6 @@ def hostile(tmp_path):
     (folder / ".numba_config.yaml").write_text("cache_dir: compiled\n")
     (folder / "job.yaml").write_text(JOB)
     (folder / "line.csv").write_text("x [m],y [m]\n0.3,0.2\n0.3,0.21\n")
-    (folder / "plan.yaml").write_text("job: job.yaml\nover: {corners.tolerance: [1 mm, 2 mm]}\n")
     (folder / "q.csv").write_text("t,q1,q2\n" + "".join(f"{k / 10},0,1\n" for k in range(9)))
     return folder
 

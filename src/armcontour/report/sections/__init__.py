@@ -1,7 +1,5 @@
 """Sections of the report: functions that create sections and first screens from results."""
 
-from armcontour.report.sections.batch import batch as batch
-from armcontour.report.sections.batch import counted as counted
 from armcontour.report.sections.certificate_section import certificate as certificate
 from armcontour.report.sections.certificate_section import certified as certified
 from armcontour.report.sections.clearance_section import clearance as clearance

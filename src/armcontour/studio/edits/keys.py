@@ -187,7 +187,6 @@ def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
     if len(runs) == 1:
         raise InvalidInput(f"The run {name} cannot be removed, because it is the only run.")
     changes = [Change(("runs", name))]
-    for key in ("certificate", "placement"):
-        if (data.get(key) or {}).get("run") == name:
-            changes.append(Change((key, "run")))
+    if (data.get("certificate") or {}).get("run") == name:
+        changes.append(Change(("certificate", "run")))
     return changes

@@ -28,11 +28,6 @@ export class Painter {
     const picture = this.store.latest("picture");
     if (!picture) return;
     this.grid(context, view);
-    for (const underlay of this.store.underlays) {
-      context.save();
-      underlay.paint(context, view, this.store.theme);
-      context.restore();
-    }
     const { refusal } = this.store;
     // The last good motion is grey.
     context.globalAlpha = refusal?.head.tier === 1 && picture.arrays.path.length ? 0.28 : 1;

@@ -33,7 +33,6 @@ import { fixed } from "./format.js";
  * @property {string} y label of the vertical axis, without unit
  * @property {string} unit of the vertical axis
  * @property {string} xUnit
- * @property {boolean} [log] whether the horizontal axis is logarithmic
  */
 
 const HEIGHT = 152; // px
@@ -175,7 +174,7 @@ export class Chart {
       height: HEIGHT,
       legend: { live: true },
       cursor: { points: { size: 7 }, drag: { x: true, y: false }, y: false },
-      scales: { x: { time: false, distr: axes.log ? 3 : 1 }, y: { range: (_u, low, high) => rangeOf(content, low, high) } },
+      scales: { x: { time: false }, y: { range: (_u, low, high) => rangeOf(content, low, high) } },
       axes: [
         { ...axis, label: axes.x, labelSize: 18, size: 30 },
         { ...axis, label: unit ? `${axes.y} [${unit}]` : axes.y, labelSize: 18, size: 52 },

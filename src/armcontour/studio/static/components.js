@@ -39,10 +39,3 @@ export function Heads({ names, words = 0 }) {
 /** Head and body of a table; the first cell of a row is its head. @param {{columns: string[], rows: any[][]}} props */
 export const Tabular = ({ columns, rows }) => html`<${Heads} names=${columns} />
   <tbody>${rows.map((row) => html`<tr>${row.map((x, k) => (k ? html`<td>${x}</td>` : html`<th scope="row">${x}</th>`))}</tr>`)}</tbody>`;
-
-/** An element that is no component. @param {{element: Element}} props */
-export function Host({ element }) {
-  const place = useRef(/** @type {HTMLElement | null} */ (null));
-  useLayoutEffect(() => place.current?.replaceChildren(element), [element]);
-  return html`<div ref=${place}></div>`;
-}

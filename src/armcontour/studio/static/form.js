@@ -4,13 +4,16 @@
 import { find } from "./dom.js";
 import { isPlain, quantity } from "./format.js";
 import { Gesture } from "./gesture.js";
-import { Ghost, positionOf, STEPS, valueAt } from "./sweep_preview.js";
 import { Entry } from "./components.js";
 import { computed, html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
-/** @typedef {import("./sweep_preview.js").Slider} Slider */
+/**
+ * A quantity with a usual range, as `fields.py` gives it, with its key and label.
+ * @typedef {{key: string, label: string, value: number | string | null, written: string | null, unit: string,
+ *   factor: number, min: number, max: number, log: boolean, from: string}} Slider
+ */
 /** @typedef {(string | number)[]} Key */
 /**
  * A field, see `files/job_form.py`; `at` is the key of those that are in a group.
@@ -49,8 +52,8 @@ let sent = null;
 let form = null;
 /** @type {Link} */
 let link;
-/** @type {Ghost} */
-let ghost;
+/** Positions of a slider are whole numbers from 0 to this. */
+const STEPS = 1000;
 
 /** @param {any} data @param {Key} key @returns {any} */
 const valueIn = (data, key) => key.reduce((x, name) => (x !== null && typeof x === "object" ? x[name] : undefined), data);
@@ -218,8 +221,7 @@ function One({ f, at, label = f.name }) {
   const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name.toLowerCase() } : null;
   // A plain number of the file stays one; its unit is reported next to it.
   const unit = isPlain(value) || (f.list && !row) ? (row?.unit ?? f.unit) : "";
-  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)}
-      onPointerEnter=${() => slider && place.current && ghost.wish(slider, place.current)} onPointerLeave=${() => ghost.leave()}>
+  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)}>
     <label for=${id} title=${title}>${name}</label>
     <span class="from">${[unit, mark].filter(Boolean).join(" · ")}</span>
     ${(is === "job" || is === "run") && !f.needed && !(isChosen && f.label) && html`<${Without} at=${at} name=${name} />`}
@@ -239,6 +241,19 @@ function hintOf(f) {
 const Without = ({ at, name }) =>
   html`<button type="button" class="unset" title="Leave it out of the file again" aria-label=${`Leave ${name.toLowerCase()} out of the file again`} onClick=${() => unset(at)}>↺</button>`;
 
+/** @param {Slider} slider @param {number} value SI @returns {number} */
+function positionOf({ min, max, log }, value) {
+  const share = log ? Math.log(value / min) / Math.log(max / min) : (value - min) / (max - min);
+  return Math.round(STEPS * Math.min(1, Math.max(0, share)));
+}
+
+/** Value at a position, with three digits in the slider's unit. @param {Slider} slider @param {number} position @returns {number} SI */
+function valueAt({ min, max, log, factor }, position) {
+  const share = position / STEPS;
+  const value = log ? min * (max / min) ** share : min + share * (max - min);
+  return Number((Number((value / factor).toPrecision(3)) * factor).toPrecision(12));
+}
+
 /** @param {{slider: Slider, at: Key, written: string, place: {current: HTMLElement | null}}} props */
 function Range({ slider, at, written, place }) {
   const gesture = useRef(/** @type {Gesture | null} */ (null));
@@ -254,14 +269,10 @@ function Range({ slider, at, written, place }) {
     gesture.current?.end();
     gesture.current = null;
   };
-  const free = () => {
-    ghost.hold(false);
-    if (place.current?.matches(":hover")) ghost.wish(slider, place.current);
-  };
   const position = typeof slider.value === "number" ? positionOf(slider, slider.value) : STEPS;
   // A document that lacks the newest change does not move the slider back, from where the next key would start.
   return html`<input type="range" min="0" max=${STEPS} value=${gesture.current || link.change ? undefined : position} data-unset=${String(typeof slider.value !== "number")} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
-    onInput=${slide} onChange=${end} onPointerDown=${() => ghost.hold(true)} onPointerUp=${free} onPointerCancel=${free} onLostPointerCapture=${free} />`;
+    onInput=${slide} onChange=${end} />`;
 }
 
 /**
@@ -401,7 +412,6 @@ export const known = fetch("/static/form.json").then((answer) => answer.json());
 /** @param {Store} store @param {Link} to */
 export async function init(store, to) {
   link = to;
-  ghost = new Ghost(store, link);
   let rev = -1;
   store.on("document", (/** @type {any} */ frame) => {
     if (frame.rev !== rev) {

@@ -22,9 +22,6 @@ export const seconds = (s) => fixed(s, 3);
 /** A length. @param {number | null | undefined} m @param {number} [decimals] @returns {string} mm */
 export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m : 1000 * m, decimals);
 
-/** A share. @param {number | null | undefined} x @returns {string} percent */
-export const percent = (x) => (x === null || x === undefined ? NONE : fixed(100 * x, x < 10 ? 1 : 0));
-
 /**
  * The difference of two figures as they are shown, with its sign; empty where it is not known.
  * @param {{text: string, unit: string} | undefined} a @param {{text: string, unit: string} | undefined} b @returns {string}

@@ -12,9 +12,7 @@
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")
 //   link                    listener(link state)      see connection.js
-//   underlay                what is drawn under the path changed: listener()
 //   finer                   the drawing needs finer lines: listener({box, px}), metres
-//   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
 //   reset                   another job or drawing is opened; those of a run are told null
 //   command                 a key such as Ctrl+Z or Ctrl+S follows: gestures end
 //   open                    a file is to be opened: listener({file, log})
@@ -39,10 +37,6 @@
  * @property {"2d" | "both" | "3d"} stage
  * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
  * @property {boolean} dock         whether the dock is open
- */
-/**
- * Something under the path: it is painted in px of the view.
- * @typedef {{paint: (context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport, theme: "light" | "dark") => void}} Underlay
  */
 
 /** While answers come one after the other, texts change so often at most [ms]. */
@@ -76,8 +70,6 @@ export class Store {
     this.options = { ...STARTING_OPTIONS };
     /** @type {"light" | "dark"} */
     this.theme = "light";
-    /** Drawn below the path. @type {Set<Underlay>} */
-    this.underlays = new Set();
     /** Order of the newest frame with a result, as (revision, seq). */
     this.newest = { rev: -1, seq: -1 };
     /** True if there is no connection, so that nothing shown can be called exact. */

@@ -39,11 +39,9 @@ const ANSWERS = {
   }),
   compare: compareAnswer,
   certify: ({ head }) => ({ sentences: [head.sentence] }),
-  place: ({ head }) => ({ sentences: [head.sentence] }),
   export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
   report: () => ({ sentences: ["The report is ready."] }),
   clearance: clearanceAnswer,
-  sweep: sweepAnswer,
   measured: measuredAnswer,
   identify: ({ head }) => ({ sentences: [head.sentence], tables: tablesOf(head) }),
   learn: ({ head }) => ({ sentences: [], tables: [figuresOf(head), ...tablesOf(head)] }),
@@ -117,40 +115,6 @@ function clearanceAnswer({ head, arrays }) {
       content: { x: arrays.t, curves, range: [0, 0], summary: low ? `${low.label} ${textOf(low)}` : "" },
     }],
     tables: [tableOf("The nearest pairs", head.table)],
-  };
-}
-
-/**
- * @param {Frame} frame
- * @param {import("./state.js").Store} store
- * @returns {Answer}
- */
-function sweepAnswer({ head, arrays }, store) {
-  const slider = store.document?.values[head.key];
-  const { unit = "", factor = 1 } = slider ?? {};
-  const label = head.key.split(".").at(-1).replaceAll("_", " ");
-  const x = Float64Array.from(arrays.values, (value) => value / factor);
-  const axes = { log: slider?.log, x: unit ? `${label} [${unit}]` : label, xUnit: unit };
-  const refused = (head.refusals ?? []).filter(Boolean);
-  const colour = RUN_COLOURS[1];
-  return {
-    sentences: refused.length ? [`${refused.length} of ${x.length} values are refused, such as: ${refused[0]}`] : [],
-    graphs: [
-      {
-        name: "sweep-duration", time: false, axes: { ...axes, title: "Cycle time", y: "Cycle time", unit: "s" },
-        content: { x, curves: [{ label: "cycle time", colour, y: withGaps(arrays.duration, 1) }], summary: `over ${label}` },
-      },
-      {
-        name: "sweep-error", time: false, axes: { ...axes, title: "Contour error", y: "Error", unit: "mm" },
-        content: {
-          x, range: [0, 0], summary: `over ${label}`,
-          curves: [
-            { label: "RMS", colour, y: withGaps(arrays.rms, 1000) },
-            { label: "largest", colour: themed("--ink"), dash: [4, 3], y: withGaps(arrays.max, 1000) },
-          ],
-        },
-      },
-    ],
   };
 }
 

@@ -1,12 +1,11 @@
-// Tasks by button: check, clearance, certificate, placement, sweep, export, report, logs; and their results.
+// Tasks by button: check, clearance, certificate, export, report, logs; and their results.
 
 import { answerOf } from "./task_results.js";
 import { Chart } from "./chart.js";
 import { find, give, say } from "./dom.js";
 import { known } from "./form.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
-import { Host, Tabular } from "./components.js";
-import { PlacementMap } from "./placement.js";
+import { Tabular } from "./components.js";
 import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -14,10 +13,10 @@ import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSigna
 /** @typedef {import("./connection.js").Link} Link */
 /**
  * One choice of a task; text and numbers by default. Texts are quantities with a unit, which the server reads.
- * @typedef {{name: string, label: string, type?: string, value?: string | number | boolean, choices?: [string, string][], min?: number,
+ * @typedef {{name: string, label: string, value?: string | number, choices?: [string, string][], min?: number,
  *   max?: number, unit?: string}} Choice
  */
-/** @typedef {{task: string, title: string, what: string, onLogs?: boolean, choices?: Choice[], options?: (values: Record<string, any>, rows: any) => object}} Task */
+/** @typedef {{task: string, title: string, what: string, onLogs?: boolean, choices?: Choice[], options?: (values: Record<string, any>) => object}} Task */
 /**
  * Result of a task.
  * @typedef {{id: string, task: string, title: string, time: string, state: "running" | "done" | "refused" | "cancelled" | "failed",
@@ -25,26 +24,15 @@ import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSigna
  */
 /** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
-/** Numbers of kept results, of shown table rows, and of sweep points. */
-const [MAX_RESULTS, MAX_ROWS, SWEPT] = [12, 200, 15];
-/** Places to both sides of the part's own; without an entry they are those of the job's key `placement`. @type {Choice[]} */
-const PLACE = [
-  { name: "as_job", label: "as in the job (placement)", type: "checkbox", value: true },
-  { name: "x", label: "x ±", value: 200, min: 0, max: 5000, unit: "mm" },
-  { name: "y", label: "y ±", value: 200, min: 0, max: 5000, unit: "mm" },
-  { name: "steps", label: "places a side", value: 9, min: 2, max: 60 },
-  { name: "yaw", label: "turn ±", value: 0, min: 0, max: 180, unit: "°" },
-  { name: "objective", label: "best is", choices: [["duration", "the shortest duration"], ["clearance", "the most clearance"], ["manipulability", "the best manipulability"], ["torque", "the most torque to spare"]] },
-  { name: "every", label: "plan every place", type: "checkbox" },
-];
-
+/** Numbers of kept results, and of shown table rows. */
+const [MAX_RESULTS, MAX_ROWS] = [12, 200];
 /** @type {Task} */
 const COMPARE = { task: "measured", title: "Compare", what: "Plan against the last log: contour errors, and the measured tool in the drawing.", onLogs: true, options: logOptions };
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
 const others = signal(/** @type {string[]} */ ([]));
-/** Joints of the arm, keys that can be swept, whether the job says where to place, and whether the server hears. */
-const [joints, rows, placed, isOpen] = [signal(0), signal(/** @type {Record<string, any>} */ ({})), signal(false), signal(false)];
+/** Joints of the arm, and whether the server hears. */
+const [joints, isOpen] = [signal(0), signal(false)];
 /** The newest first. */
 const results = signal(/** @type {Result[]} */ ([]));
 
@@ -61,12 +49,6 @@ const tasks = () => [
     choices: [{ name: "tolerance", label: "tolerance", value: "", min: 0, unit: "mm, or as in the job" }],
     options: ({ tolerance }) => (tolerance > 0 ? { tolerance: tolerance / 1000 } : {}),
   },
-  { task: "place", title: "Place", what: "Finds where the part lies best, and maps all places under the drawing.", choices: PLACE, options: placeOptions },
-  {
-    task: "sweep", title: "Sweep", what: "Cycle time and contour error over the range of one quantity.",
-    choices: [{ name: "key", label: "over", choices: Object.keys(rows.value).filter((key) => rows.value[key].min < rows.value[key].max).map((key) => [key, key.replace(/^\w+\.(?=\D)/, "").replaceAll(/[_.]/g, " ")]) }],
-    options: ({ key }, { [key]: { min, max, log } }) => ({ key, min, max, log, count: SWEPT }),
-  },
   {
     task: "export", title: "Export", what: "Set-points for a robot controller, or tables.",
     choices: [
@@ -81,37 +63,20 @@ const tasks = () => [
   { task: "learn", title: "Learn", what: "Makes the set-points of the next run, with a smaller error.", onLogs: true, options: logOptions },
 ];
 
-/** @param {Record<string, any>} values @returns {Record<string, any>} */
-function placeOptions({ as_job, x, y, yaw, steps, objective, every }) {
-  if (as_job) return {};
-  const turn = (yaw * Math.PI) / 180;
-  const over = {
-    ...(x > 0 && { x: [-x / 1000, x / 1000, steps] }),
-    ...(y > 0 && { y: [-y / 1000, y / 1000, steps] }),
-    ...(turn > 0 && { yaw: [-turn, turn, Math.min(steps, 13)] }),
-  };
-  return { as_job: false, over, objective, every: Boolean(every) };
-}
-
 /** A task's button, sentence and choices. @param {Task & {start: (task: Task, options: object) => void}} props */
 function Form({ start, ...task }) {
   const { title, what, choices = [], options = () => ({}) } = task;
   const isBusy = useComputed(() => !isOpen.value || results.value.some((x) => x.state === "running"));
-  const asJob = useSignal(true);
-  const isOff = task.task === "place" && placed.value && asJob.value;
   const submit = (/** @type {any} */ event) => {
     event.preventDefault();
     if (isBusy.value) return;
-    const numbers = new Set(choices.filter((x) => !x.choices && !x.type).map((x) => x.name));
+    const numbers = new Set(choices.filter((x) => !x.choices).map((x) => x.name));
     const entries = [...new FormData(event.target)].map(([name, x]) => [name, numbers.has(name) ? Number(x) : x]);
-    start(task, options(Object.fromEntries(entries), rows.value));
+    start(task, options(Object.fromEntries(entries)));
   };
-  const choice = (/** @type {Choice} */ { name, label, type = "number", value = "", choices, unit, ...more }) => {
-    if (name === "as_job" && !placed.value) return null;
-    const disabled = isOff && name !== "as_job";
-    if (choices) return html`<label class="field">${label} <select name=${name} disabled=${disabled}>${choices.map(([key, text]) => html`<option value=${key}>${text}</option>`)}</select></label>`;
-    if (type === "checkbox") return html`<label class="field"><input type="checkbox" name=${name} disabled=${disabled} defaultChecked=${Boolean(value)} onChange=${(/** @type {any} */ e) => name === "as_job" && (asJob.value = e.target.checked)} /> ${label}</label>`;
-    return html`<label class="field">${label} <input type=${type} name=${name} defaultValue=${value} disabled=${disabled} step="any" size="8" ...${more} />${unit && ` ${unit}`}</label>`;
+  const choice = (/** @type {Choice} */ { name, label, value = "", choices, unit, ...more }) => {
+    if (choices) return html`<label class="field">${label} <select name=${name}>${choices.map(([key, text]) => html`<option value=${key}>${text}</option>`)}</select></label>`;
+    return html`<label class="field">${label} <input type="number" name=${name} defaultValue=${value} step="any" size="8" ...${more} />${unit && ` ${unit}`}</label>`;
   };
   // A button that waits keeps the focus.
   return html`<form class="task" data-task=${task.task} aria-label=${title} onSubmit=${submit}>
@@ -120,8 +85,8 @@ function Form({ start, ...task }) {
   </form>`;
 }
 
-/** @param {{result: Result, store: Store, link: Link, map: PlacementMap}} props */
-function Outcome({ result: { id, task, title, time, state, told, frame, sentence }, store, link, map }) {
+/** @param {{result: Result, store: Store, link: Link}} props */
+function Outcome({ result: { id, task, title, time, state, told, frame, sentence }, store, link }) {
   const { steps = [], share, eta } = told ?? {};
   const { sentences, tables = [], graphs = [] } = useMemo(() => (frame ? answerOf(task, frame, store) : { sentences: sentence ? [sentence] : [] }), [frame, sentence]);
   const step = told ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
@@ -137,7 +102,6 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
       ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all, times }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
         <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS).map((row, k) => (times ? [html`<button type="button" title="Show the time of its largest error" onClick=${() => store.setTime(times[k])}>${row[0]}</button>`, ...row.slice(1)] : row))} /></table>
         ${all.length > MAX_ROWS && html`<p class="quiet">And ${all.length - MAX_ROWS} more rows.</p>`}</div>`)}
-      ${task === "place" && frame && map.from && results.value.find((x) => x.task === task && x.frame)?.id === id && html`<${Host} element=${map.element} />`}
     </div>
   </article>`;
 }
@@ -178,7 +142,6 @@ function Download({ file: { file, name, bytes, open, label = `Download ${name}` 
 /** Fill the region of the tasks. @param {Store} store @param {Link} link */
 export function init(store, link) {
   const region = find("#tasks");
-  const map = new PlacementMap(store, link);
   /** @param {string} id @param {Partial<Result>} more */
   const renew = (id, more) => {
     const old = results.value.find((x) => x.id === id);
@@ -205,23 +168,18 @@ export function init(store, link) {
   store.on("result", (/** @type {Frame} */ frame) => {
     const { id, task, kept, verdict } = frame.head;
     const asked = results.value.find((x) => x.id === id);
-    if (task === "place" && asked) map.show(frame);
     // It is drawn as long as the document is the one that it was requested.
     if (task === "measured" && asked) store.put({ ...frame, kind: "measured", rev: asked.rev ?? -1 });
     renew(id, { state: kept === false || verdict === "violated" ? "refused" : "done", frame });
   });
   store.on("cancelled", (/** @type {Frame} */ x) => renew(x.head.id, { state: "cancelled", sentence: "Cancelled." }));
   store.on("failed", (/** @type {Frame} */ x) => renew(x.head.id, { state: "failed", sentence: x.head.sentence }));
-  store.on("picture", () => map.redraw());
   store.on("reset", () => {
     results.value = [];
     tell();
   });
   const update = () => {
-    const { values = {}, placement = false } = store.document ?? {};
-    rows.value = values;
     others.value = (store.document?.runs ?? []).map((/** @type {any} */ x) => x.name).filter((/** @type {string} */ x) => x !== store.document.run);
-    placed.value = placement;
     joints.value = store.latest("arm")?.head.joints.length ?? 0;
     isOpen.value = link.state.state === "open" && store.document !== null;
     if (!isOpen.value) for (const { id } of results.value) renew(id, { state: "failed", sentence: "The connection was lost, and this work with it." });
@@ -230,10 +188,10 @@ export function init(store, link) {
   update();
   known.then((form) => (formats.value = form.formats));
   hear(store, () => start(COMPARE, logOptions()));
-  render(html`<${Page} store=${store} link=${link} map=${map} start=${start} />`, region);
+  render(html`<${Page} store=${store} link=${link} start=${start} />`, region);
 }
 
-/** @param {{store: Store, link: Link, map: PlacementMap, start: (task: Task, options: object) => void}} props */
+/** @param {{store: Store, link: Link, start: (task: Task, options: object) => void}} props */
 const Page = ({ start, ...more }) => html`<div class="task-list" role="group" aria-label="Tasks">${tasks().map((x) => html`${x === COMPARE && html`<${Logs} ...${more} />`}${(!x.onLogs || logs().length > 0) && html`<${Form} key=${x.task} ...${x} start=${start} />`}`)}</div>
   <div class="task-results" role="log" aria-label="Results">${results.value.map((x) => html`<${Outcome} key=${x.id} result=${x} ...${more} />`)}
     ${!results.value.length && html`<p class="quiet">Results of tasks appear here: sentences, tables, and files to download.</p>`}</div>`;

@@ -15,7 +15,6 @@ import { boxOf, Viewport } from "./viewport.js";
 const MANY = 12_000;
 const REST = 130; // ms
 // A pointer that moves less has clicked.
-const CLICK = 4; // px
 const MAX_MEASURES = 3000;
 
 export class View2d {
@@ -68,7 +67,7 @@ export class View2d {
     });
     store.on("refusal", () => this.follow());
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
-    for (const event of ["detail", "refusal", "theme", "view", "underlay", "measured"]) store.on(event, () => this.rest());
+    for (const event of ["detail", "refusal", "theme", "view", "measured"]) store.on(event, () => this.rest());
     new ResizeObserver(() => this.resize()).observe(this.region);
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
@@ -295,20 +294,12 @@ export class View2d {
     const end = (/** @type {PointerEvent} */ e) => {
       this.pointers.delete(e.pointerId);
       if (this.pointers.size) return;
-      if (Math.hypot(e.clientX - event.clientX, e.clientY - event.clientY) < CLICK) this.click(event);
       this.region.classList.remove("panning");
       this.overlay.removeEventListener("pointermove", move);
       this.overlay.removeEventListener("lostpointercapture", end);
     };
     this.overlay.addEventListener("pointermove", move);
     this.overlay.addEventListener("lostpointercapture", end);
-  }
-
-  /** @param {PointerEvent} event */
-  click(event) {
-    const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
-    const [u, v] = this.view.toPlane(this.within(event));
-    this.store.tell("ground", { uv: [u + centre[0], v + centre[1]] });
   }
 
   /** @param {PointerEvent} event */

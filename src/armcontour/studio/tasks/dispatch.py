@@ -19,7 +19,6 @@ from armcontour.studio.tasks.figures import changes, check, clearance, compare, 
 from armcontour.studio.tasks.files import certify, export, report
 from armcontour.studio.tasks.logs import identify, learn, measured
 from armcontour.studio.tasks.request import Request
-from armcontour.studio.tasks.searches import place, sweep
 
 Listener: TypeAlias = Callable[[bytes], None]
 # Minimum interval of progress frames [s].
@@ -41,8 +40,6 @@ TASKS: dict[str, Callable[[Request], PageFrame]] = {
     "check": check,
     "compare": compare,
     "certify": certify,
-    "sweep": sweep,
-    "place": place,
     "clearance": clearance,
     "export": export,
     "report": report,

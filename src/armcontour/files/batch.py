@@ -1,0 +1,332 @@
+"""`batch`: the runs of a job for every combination of values of its keys."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path as FilePath
+from typing import Any
+
+from armcontour._version import __version__
+from armcontour.core import checks, file_access, staging
+from armcontour.core.compilation import compile_kernels
+from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.pool import InProcess, TaskQueue, open_executor
+from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.render import compare, jsonable, lay_out
+from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
+from armcontour.core.text import count_noun, short_repr, show
+from armcontour.files.cell import read_cell
+from armcontour.files.job_file import read_job
+from armcontour.files.patch import Patch, key_of
+from armcontour.jobs import Job, run
+
+# Results of the jobs as lines of JSON, in the order in which they are done; and the final table.
+LINES, TABLE = "results.jsonl", "results.csv"
+# Statuses of a job. REFUSED: this library raised an error. INVALID: the job cannot be read. FAILED:
+# any other error. A repeated batch runs only invalid and failed jobs again.
+DONE, REFUSED, INVALID, FAILED = "done", "refused", "invalid", "failed"
+# A result of a job in a file: status, key, digests of files, and either runs or a sentence.
+Line = dict[str, Any]
+# Key of a job in the file of results, and its values by key path.
+Task = tuple[str, Patch]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatchRow:
+    """A run of one job of a batch, or a job without results.
+
+    Args:
+        job: Number of the job, from 1.
+        values: Values of the varied keys, as specified.
+        status: "done", "refused" by the library, "invalid" input, or "failed" for another reason.
+        run: Name of the run; empty for a job without results.
+        data: Results of the run, as `run` prints them.
+        error: Message of a job without results.
+    """
+
+    job: int
+    values: Mapping[str, Any]
+    status: str
+    run: str = ""
+    data: Data
+    error: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Batch:
+    """Results of a batch: one row per job and run.
+
+    Args:
+        title: Name of the job file or drawing, and number of jobs.
+        rows: The rows, in the order of the combinations.
+    """
+
+    title: str
+    rows: tuple[BatchRow, ...]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of jobs by status."""
+        return dict(Counter({x.job: x.status for x in self.rows}.values()))
+
+    def table(self) -> list[dict[str, Any]]:
+        """Rows as mappings with equal keys, for CSV files and pandas; values are in SI units."""
+        rows = [
+            {"job": x.job, **x.values, "run": x.run, "status": x.status}
+            | {
+                y.name if y.unit in ("", JUDGED) else f"{y.name} [{y.unit}]": y.value
+                for y in x.data.rows
+            }
+            | {"error": x.error}
+            for x in self.rows
+        ]
+        names = sorted(dict.fromkeys(y for x in rows for y in x), key="error".__eq__)
+        return [{name: x.get(name) for name in names} for x in rows]
+
+    def cells(self) -> list[tuple[str, ...]]:
+        """Main results as a table of texts with a header; one column per result that is shown."""
+        several = len({x.run for x in self.rows if x.run}) > 1
+        results = {}
+        for k, x in enumerate(self.rows):
+            texts = {key: y if isinstance(y, str) else json.dumps(y) for key, y in x.values.items()}
+            rows = [Row(key, y, "", key, level=VERDICT) for key, y in texts.items()]
+            rows += [Row("run", x.run or "-", "", "run", level=VERDICT)] * several
+            rows += [y for y in x.data.rows if not isinstance(y.value, str)]
+            rows += [Row("status", x.status, "", "verdict", level=VERDICT)] * (x.status != DONE)
+            results[str(k)] = Data("", tuple(rows))
+        header, *table = compare(results, FIRST, texts=True)
+        numbers = [str(x.job) for x in self.rows]
+        return [("job", *header[1:]), *((n, *x[1:]) for n, x in zip(numbers, table, strict=True))]
+
+    def errors(self) -> list[str]:
+        """Message of each job without results, with the number of the job."""
+        return [f"Job {x.job}: {x.error}" for x in self.rows if x.error]
+
+    def __str__(self) -> str:
+        """Main results as a table, and messages of jobs without results."""
+        return "\n".join([lay_out(self.title, self.cells()), *self.errors()])
+
+    __repr__ = short_repr
+
+
+@checked
+def batch(
+    job: str | FilePath,
+    over: Mapping[Any, Sequence[Any]],
+    out: str | FilePath | None = None,
+    *,
+    cell: str | FilePath | None = None,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Batch:
+    """Run a job for every combination of values of its keys; a refused job is a row, too.
+
+    With `out`, each result is written to `results.jsonl` at once, so that an interrupted batch
+    continues, and the table is written to `results.csv` at the end.
+
+    >>> result = ac.batch("job.yaml", {"limits.speed": ["20 mm/s", "50 mm/s"]}, workers=0)
+    >>> [row.data["kept"].value for row in result.rows]
+    [True, True]
+
+    Args:
+        job: A job file, or with `cell` a drawing.
+        over: Lists of values by key of the job, as in a job file.
+        out: Folder for the results: a new one, or that of an earlier call.
+        cell: Cell of a drawing: a built-in cell or a job file.
+        workers: Number of processes on this machine; by default one per processor. 0 works in
+            this process.
+        executor: Your own executor, such as `Client.get_executor()` of Dask.
+        progress: Called with the completed share.
+
+    Raises:
+        InvalidInput: No job can be read, or the folder has other files.
+        ExecutionError: The executor accepts no work, or lost its workers; finished results remain.
+    """
+    file, report = checks.read_file_path("batch", job), subprogress(progress)
+    for key, values in over.items():
+        if not len(values):
+            raise InvalidInput(f"over has no values for {show(key)}. Specify one, or remove it.")
+    reader = _Reader(str(file.absolute()), None if cell is None else str(cell))
+    keys = [key_of(x) for x in over]
+    patches = [dict(zip(keys, x, strict=True)) for x in product(*over.values())]
+    tasks, first = [(reader.key(x), x) for x in patches], reader.read_first(patches)
+    with (
+        open_executor(workers, executor) as opened,
+        _open_results(None if out is None else FilePath(out)) as (lines, add),
+    ):
+        valid = _find_valid(lines)
+        remaining = {key: x for key, x in tasks if key not in valid}
+        if remaining and not isinstance(opened, InProcess):
+            # Compile here first; otherwise several processes would compile the same functions.
+            compile_kernels("plane" if first.arm.dimension == 2 else "space", report)
+        counts = Counter[str]()
+        with TaskQueue[Task, Line](reader, opened, _lost_worker) as queue:
+            for (key, _), line in queue.run_all(remaining.items()):
+                lines[key] = line | {"key": key}
+                add(lines[key])
+                counts[line["status"]] += 1
+                words = [f"{counts.total()} of {len(remaining)} jobs"]
+                words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
+                report(Step((", ".join(words),), counts.total() / len(remaining)))
+        varied = [key for key in keys if len({json.dumps(x[key]) for x in patches}) > 1]
+        rows = [
+            row
+            for k, (key, patch) in enumerate(tasks)
+            for row in _rows(k + 1, {".".join(map(str, x)): patch[x] for x in varied}, lines[key])
+        ]
+        result = Batch(title=f"{file.name}: {count_noun(len(tasks), 'job')}", rows=tuple(rows))
+        if out is not None:
+            _write_table(FilePath(out) / TABLE, result.table())
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Function that reads and runs one job of a batch; picklable for other processes."""
+
+    file: str
+    cell: str | None
+
+    def read(self, patch: Patch) -> Job:
+        if self.cell is None:
+            return read_job(self.file, patch=patch)
+        return read_cell(self.cell, self.file, patch=patch)
+
+    def read_first(self, patches: Sequence[Patch]) -> Job:
+        """Read the first valid job; raise the error of the first job if all are invalid."""
+        errors = []
+        for patch in patches:
+            try:
+                return self.read(patch)
+            except InvalidInput as error:
+                errors.append(error)
+        raise errors[0]
+
+    def key(self, patch: Patch) -> str:
+        """Digest of the version and of the values of a job, without the content of its files."""
+        named = [__version__, self.file, self.cell, [[list(x), y] for x, y in patch.items()]]
+        return hashlib.sha256(json.dumps(named, default=str).encode()).hexdigest()
+
+    def __call__(self, task: Task) -> Line:
+        files: dict[str, str] = {}
+
+        def add(file: FilePath, content: bytes) -> None:
+            files[str(file.absolute())] = hashlib.sha256(content).hexdigest()
+
+        with file_access.listen_to_reading(add):
+            try:
+                job = self.read(task[1])
+            except ArmContourError as error:
+                return {"status": INVALID, "error": str(error), "files": files}
+            try:
+                figures = run(job).figures
+            except ArmContourError as error:
+                return {"status": REFUSED, "error": str(error), "files": files}
+            except Exception as error:
+                return {"status": FAILED, "error": f"{type(error).__name__}: {error}"}
+        runs = {
+            name: [[x.name, jsonable(x.figure), x.unit, x.label, x.level] for x in data.shown()]
+            for name, data in figures.items()
+        }
+        return {"status": DONE, "runs": runs, "files": files}
+
+
+def _lost_worker() -> Line:
+    words = "The process of this job ended before the job was done, for example because memory ran "
+    return {"status": FAILED, "error": f"{words}out."}
+
+
+def _find_valid(lines: Mapping[str, Line]) -> set[str]:
+    """Keys of the results that are final, and the files of whose jobs have not changed."""
+    final = {key: x["files"] for key, x in lines.items() if x["status"] in (DONE, REFUSED)}
+    digests = {file: _digest(file) for file in {y for x in final.values() for y in x}}
+    return {k for k, files in final.items() if all(digests[x] == y for x, y in files.items())}
+
+
+def _digest(file: str) -> str:
+    """Digest of a file; empty if it cannot be read."""
+    try:
+        content = file_access.read_bytes(file, "file", maximum=file_access.LARGE)
+    except InvalidInput:
+        return ""
+    return hashlib.sha256(content).hexdigest()
+
+
+def _rows(number: int, values: Mapping[str, Any], line: Line) -> Iterator[BatchRow]:
+    """Yield the rows of a job."""
+    status = line["status"]
+    if status != DONE:
+        error = line["error"]
+        yield BatchRow(job=number, values=values, status=status, data=Data(""), error=error)
+    for name, rows in line.get("runs", {}).items():
+        data = Data(name, tuple(Row(x[0], x[1], x[2], x[3], "", x[4]) for x in rows))
+        yield BatchRow(job=number, values=values, status=status, run=name, data=data)
+
+
+@contextmanager
+def _open_results(folder: FilePath | None) -> Iterator[tuple[dict[str, Line], Any]]:
+    """Context with the results in a folder by key, and a function that appends a result to it."""
+    if folder is None:
+        yield {}, lambda line: None
+        return
+    if folder.is_dir() and not (folder / LINES).exists() and any(folder.iterdir()):
+        raise InvalidInput(
+            f"The folder {folder} is not empty and has no {LINES} of a batch. Choose another --out."
+        )
+    with ExitStack() as stack:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            # The lock refuses a second batch with the same folder.
+            lock = staging.Staging(folder / f"{staging.PREFIX}batch", folder, growing=True)
+            stack.enter_context(lock)
+            stream = stack.enter_context((folder / LINES).open("a+b"))
+            lines = _read_lines(stream, folder / LINES)
+        except OSError as error:
+            raise staging.unwritable(f"to the folder {folder}", error) from None
+
+        def add(line: Line) -> None:
+            stream.write(json.dumps(line).encode() + b"\n")
+            stream.flush()
+
+        yield lines, add
+
+
+def _read_lines(stream: Any, file: FilePath) -> dict[str, Line]:
+    """Results in a file by key; an incomplete last line is removed."""
+    stream.seek(0)
+    data, lines = stream.read(), {}
+    complete = data.rfind(b"\n") + 1
+    for k, text in enumerate(data[:complete].splitlines()):
+        try:
+            line = json.loads(text)
+            lines[line["key"]] = line
+        except (ValueError, KeyError, TypeError):
+            raise InvalidInput(
+                f"{file}, line {k + 1} is not a result of a batch. Remove the line, and run the "
+                "batch again."
+            ) from None
+    os.truncate(file, complete)
+    return lines
+
+
+def _write_table(file: FilePath, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows with equal keys to a CSV file, atomically."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(rows[0])
+    for row in rows:
+        values = (json.dumps(x) if isinstance(x, list | dict) else x for x in row.values())
+        table.writerow(["" if x is None else x for x in values])
+    staging.write_atomically(file, lambda x: x.write_text(text.getvalue(), encoding="utf-8"))

@@ -1,0 +1,161 @@
+"""Batches: rows of `run` for all combinations, wherever they are computed and however often."""
+
+import csv
+import json
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import pytest
+
+import armcontour as ac
+from armcontour.core.errors import InvalidInput
+from armcontour.core.pool import InProcess
+from armcontour.files import batch as module
+from armcontour.files import parse_job
+
+JOB = """\
+name: bend
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]}
+limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 0.1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+cycle: 10 ms
+runs:
+  only: {compensation: {method: pole_placement}, timing: {reserve: 2 %}}
+  none: {compensation: {method: none}}
+"""
+REACHED = [[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]
+FAR = [[0.30, 0.20], [0.33, 0.20], [0.93, 0.23]]
+OVER = {"limits.speed": ["20 mm/s", 0.1], "path.points": [REACHED, FAR]}
+
+
+@pytest.fixture
+def file(tmp_path):
+    file = tmp_path / "job.yaml"
+    file.write_text(JOB)
+    return file
+
+
+def counted(monkeypatch):
+    """The jobs that are run from now on."""
+    jobs, run = [], module.run
+    monkeypatch.setattr(module, "run", lambda job: jobs.append(job) or run(job))
+    return jobs
+
+
+def test_a_row_is_what_run_gives_for_the_job(file):
+    progress_log = []
+    result = ac.batch(file, OVER, workers=0, progress=progress_log.append)
+    assert result.counts == {"done": 2, "refused": 2}
+    assert [(x.job, x.run) for x in result.rows] == [
+        (1, "only"), (1, "none"), (2, ""), (3, "only"), (3, "none"), (4, "")
+    ]  # fmt: skip
+    for row in result.rows:
+        speed, points = row.values["limits.speed"], row.values["path.points"]
+        text = JOB.replace("0.1 m/s", str(speed))
+        job = parse_job(text.replace("[[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]", str(points)))
+        if points == FAR:
+            with pytest.raises(ac.Unreachable) as caught:
+                ac.run(job)
+            assert row.error == str(caught.value)
+            continue
+        expected = ac.run(job).figures[row.run]
+        for name in ("kept", "duration", "off_drawing", "contour_error.max", "saturated"):
+            assert row.data[name].value == expected[name].figure, name
+    assert progress_log[-1].done == 1.0 and "4 of 4 jobs, 2 refused" in str(progress_log[-1])
+    text = str(result)
+    assert "Job 2: " in text and "NOT KEPT" in text and "limits.speed" in text
+
+
+def test_every_executor_gives_the_same_rows(file):
+    table = ac.batch(file, OVER, workers=0).table()
+    with ThreadPoolExecutor(2) as threads:
+        assert ac.batch(file, OVER, executor=threads).table() == table
+    with pytest.raises(InvalidInput, match="has its own workers"):
+        ac.batch(file, OVER, executor=InProcess(), workers=2)
+
+
+class Ending(InProcess):
+    """Ends after some jobs, as a process that is killed."""
+
+    def __init__(self, after):
+        self.left = after
+
+    def submit(self, fn, /, *args, **kwargs):
+        if not self.left:
+            raise KeyboardInterrupt
+        self.left -= 1
+        future = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def test_an_interrupted_batch_runs_only_the_remaining_jobs(file, tmp_path, monkeypatch):
+    out, jobs = tmp_path / "out", counted(monkeypatch)
+    with pytest.raises(KeyboardInterrupt):
+        ac.batch(file, OVER, out, executor=Ending(2))
+    lines = out / "results.jsonl"
+    ended = len(lines.read_text().splitlines())
+    assert ended in (1, 2) and not (out / "results.csv").exists()
+    # An incomplete line is of a job that was not finished.
+    with lines.open("a") as stream:
+        stream.write('{"status": "do')
+    before = len(jobs)
+    result = ac.batch(file, OVER, out, workers=0)
+    assert len(jobs) - before == 4 - ended
+    assert result.table() == ac.batch(file, OVER, workers=0).table()
+    keys = [json.loads(x)["key"] for x in lines.read_text().splitlines()]
+    assert len(keys) == len(set(keys)) == 4
+    rows = list(csv.DictReader((out / "results.csv").read_text().splitlines()))
+    assert [x["job"] for x in rows] == ["1", "1", "2", "3", "3", "4"]
+    assert float(rows[0]["duration [s]"]) == result.rows[0].data["duration"].value
+    assert rows[2]["status"] == "refused" and rows[2]["error"] == result.rows[2].error
+    assert json.loads(rows[0]["path.points"]) == REACHED and rows[1]["kept"] == "False"
+
+
+def test_changed_files_and_added_values_are_run_again(file, tmp_path, monkeypatch):
+    out, over = tmp_path / "out", {"limits.speed": ["20 mm/s"]}
+    first = ac.batch(file, over, out, workers=0)
+    jobs = counted(monkeypatch)
+    ac.batch(file, over, out, workers=0)
+    assert not jobs
+    ac.batch(file, {"limits.speed": ["20 mm/s", "50 mm/s"]}, out, workers=0)
+    assert len(jobs) == 1
+    file.write_text(JOB.replace("kp: 25", "kp: 20"))
+    again = ac.batch(file, over, out, workers=0)
+    assert len(jobs) == 2 and again.table() != first.table()
+
+
+def test_invalid_and_failed_jobs_are_run_again(file, tmp_path, monkeypatch):
+    out, over = tmp_path / "out", {"limits.speed": ["20 mm/s", "fast"]}
+    result = ac.batch(file, over, out, workers=0)
+    assert [x.status for x in result.rows] == ["done", "done", "invalid"]
+    assert "limits.speed" in result.rows[2].error
+
+    def fail(job):
+        raise MemoryError("none left")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(module, "run", fail)
+        result = ac.batch(file, OVER, out, workers=0)
+        assert result.counts == {"failed": 4} and result.rows[0].error == "MemoryError: none left"
+    assert ac.batch(file, OVER, out, workers=0).counts == {"done": 2, "refused": 2}
+
+
+def test_wrong_arguments_are_refused(file, tmp_path):
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "notes.txt").write_text("mine")
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "results.jsonl").write_text('{"status": "done"}\n')
+    speeds = {"limits.speed": [0.1]}
+    for over, more, words in (
+        ({"limits.sped": [0.1, 0.2]}, {}, "unknown key limits.sped"),
+        ({"limits.speed": "0.1 m/s"}, {}, "over must be a list of values"),
+        ({"limits.speed": []}, {}, "over has no values for 'limits.speed'"),
+        (speeds, {"out": tmp_path / "other"}, "is not empty and has no results.jsonl"),
+        (speeds, {"out": tmp_path / "broken"}, "line 1 is not a result of a batch"),
+        (speeds, {"out": file}, "Cannot write to the folder"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            ac.batch(file, over, workers=0, **more)
+    assert sorted(x.name for x in (tmp_path / "other").iterdir()) == ["notes.txt"]
