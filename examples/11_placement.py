@@ -24,14 +24,10 @@ job = ac.Job(
     runs=(run,),
 )
 
-# Offsets of the part from its current position [m]: first, last, number of values.
-search = ac.PlaceSearch(over={"x": (-0.1, 0.4, 6), "y": (0.0, 0.3, 4)}, refined=False)
-placed = ac.place(job, search)
+# Displacements of the part from its current position [m].
+placed = ac.place(job, {"x": np.linspace(-0.1, 0.4, 6), "y": np.linspace(0.0, 0.3, 4)})
 print(f"current position: {placed.own.duration:.3f} s")
-print(f"best of the grid: {placed.best}: {placed.best.verdict.duration:.3f} s")
+print(f"best of the grid: {placed.best}: {placed.best.duration:.3f} s")
 for kind, count in placed.refusals.items():
     print(f"  {count} positions refused: {kind}")
-print(
-    f"{placed.planned} of {len(placed.verdicts)} positions were planned, bounds exclude the others"
-)
 best_job = placed.placed()  # the job with the part in its best position

@@ -32,7 +32,6 @@ TOPICS = {
     "kerf": ("soak.kerf:run", 2000),
     "outputs": ("soak.outputs:run", 600),
     "clearance": ("soak.clearance:run", 10_000),
-    "placement": ("soak.placement:run", 50),
     "certificates": ("soak.certificates:run", 100),
     "check": ("soak.check:run", 4000),
     "compensations": ("soak.compensations:run", 50),

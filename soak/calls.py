@@ -51,7 +51,6 @@ servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 4 ms}
 cycle: 10 ms
 runs: {only: {timing: {intervals: 100}, compensation: {method: none}}}
 certificate: {servo_error: 0.1 mm}
-placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
 """,
     "line.csv": "x [mm],y [mm]\n300,200\n330,200\n",
     "log.csv": "\n".join(["t,u1,q1", *ROWS]),
@@ -64,7 +63,6 @@ INNER = {
     *("SecondOrder.usage", "ServoModel.check_orders", "ServoModel.check_gains"),
     *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
     *("Uncertainty.dead_time_of", "Uncertainty.gains_of", "Uncertainty.check_payload"),
-    "PlaceSearch.check",
     *("rates_on_piece", "run", "times"),
     *(
         f"{name}Format.{method}"
@@ -73,7 +71,7 @@ INNER = {
     ),
 }
 # Arguments that start processes, or wait for a server.
-NOT_VARIED = {"cluster", "workers", "processes", "threads"}
+NOT_VARIED = {"workers", "processes", "threads"}
 
 
 class Call(NamedTuple):
@@ -230,14 +228,13 @@ def instances() -> Iterator[Any]:
     yield from (
         ac.ReadOptions(units="mm"),
         ac.ArmOptions(tip="t"),
-        ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}),
     )
     yield from (Recording(t=x["t"], q=x["wave"]), Cell(x["arm"], ac.Scene()))
     contour = ac.Contour(path=x["path"])
     yield from (contour, ac.Program(moves=(contour,)))
-    yield from (x["job"].runs[0], x["job"].runs[0].rounding, x["job"].placement)
+    yield from (x["job"].runs[0], x["job"].runs[0].rounding)
     yield ac.identify(x["log"])
-    yield ac.place(x["job"])
+    yield ac.place(x["job"], {"x": [0.0, 0.005]})
     yield ac.certify(x["job"])
     yield ac.check_clearance(x["trajectory"], x["arm"])
     judged = ac.check(x["trajectory"], x["arm"])

@@ -29,7 +29,6 @@ servo: {kp: 25 1/s, kv: 150 1/s}
 cycle: 10 ms
 runs: {only: {compensation: {method: none}}}
 certificate: {servo_error: 0.1 mm, samples: 100}
-placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
 """,
     "part.csv": "x [mm],y [mm]\n300,200\n330,200\n",
 }

@@ -14,16 +14,13 @@ from tests.public_names import PUBLIC
 import armcontour as ac
 from armcontour.control.identification.fit_options import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.control.learning import Recording
+from armcontour.core.result import Data
 from armcontour.core.text import MAX_LINES, format_table
 from armcontour.files import parse_job
 from armcontour.files.batch import Batch, BatchRow
-from armcontour.jobs import PlaceSearch
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.robot.scene import MARGINS
-from armcontour.studies.placement import Placement
-from armcontour.studies.placement.place_evaluation import Verdict
-from armcontour.studies.placement.placed_job import Moves
-from armcontour.studies.placement.placement import Place
+from armcontour.studies.placement import Place, Placement
 
 SECTIONS = ("Args", "Attributes", "Raises")
 ENTRY = re.compile(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*): *(.*)")
@@ -163,7 +160,6 @@ STATED = [
     ("docs/concepts/clearance.md", r"`own` \| (\S+) (mm)", MARGINS.own),
     ("docs/concepts/clearance.md", r"`tool` \| (\S+) (mm)", MARGINS.tool),
     ("docs/tutorials/placement_and_clearance.md", r"by default (\S+) (mm), 2", MARGINS.environment),
-    ("docs/guides/placement.md", r"`(\w+)` \(default\), `manip", field(PlaceSearch, "objective")),
     ("docs/concepts/programs.md", r"\| `(\w+)` \(default\) \| `inside", field(ac.Process, "order")),
     ("docs/guides/optimal.md", r"The method `(\w+)` is the default", ac.Optimal.method),
     ("src/armcontour/planning/options.py", r"by default (\d+), fewer", DEFAULT_INTERVALS),
@@ -199,14 +195,10 @@ FACTS = {
     "Explanation": ("joint 2 acceleration", "%"),
     "RoundedPath": ("rounded 1 corner",),
     "JobResult": ("only", "2.1855 s"),
-    "Placement": ("best place", "x 10 mm, yaw 90 deg", "1 refused by reach"),
+    "Placement": ("best place", "x 0 mm", "out of reach"),
     "Program": ("2 contours, 0.5 m", "CUT 1, MARK 1"),
     "Limits": ("joint_torque", "28 N m"),
 }
-
-
-class Jobs(list):
-    name = "grid"
 
 
 def results():
@@ -223,13 +215,14 @@ def results():
         x.traced.joint_paths[0],
     )
     yield from (x.path.path, x.set_points, x.trajectory, x.trajectory.sample(0.1))
-    best = Place(values={"x": 0.01, "yaw": np.pi / 2}, verdict=Verdict(bound=1.4, duration=1.5))
+    grid = {"x": np.array([0.0, 0.01])}
+    places = [Place(values={"x": x}, duration=1.5, refusal="") for x in (0.0, 0.01)]
     yield Placement(
-        job=job, run=job.runs[0], axes=(), objective="duration", best=best, refined=best,
-        verdicts=(best.verdict, Verdict(bound=1.6), Verdict(refusal="reach")),
-        own=Verdict(refusal="reach"), moves=Moves(anchor=np.zeros(3)),
+        job=job, run=job.runs[0], axes=grid, moved="part", about=np.zeros(3),
+        places=tuple(places), own=Place(values={}, refusal="reach", why_not="It is out of reach."),
     )  # fmt: skip
-    done, refused = (BatchRow(job=k, values={}, status=x, data=Data("")) for k, x in STATUSES)
+    done = BatchRow(job=1, values={}, status="done", run="only", data=x.to_data())
+    refused = BatchRow(job=2, values={}, status="refused", data=Data(""), error="It is slow.")
     yield Batch(title="job.yaml: 2 jobs", rows=(done, refused))
     square = ac.Path.polyline([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1], [0, 0]])
     line = ac.Path.polyline([[0, 0], [0.1, 0]])

@@ -182,23 +182,17 @@ def draw_10(names: Names) -> Figure:
 
 
 def draw_11(names: Names) -> Figure:
-    """The map of places: durations, bounds where nothing was planned, refusals."""
+    """The map of places: durations and refusals."""
     placed = names["placed"]
     figure, axes = plt.subplots(figsize=SIZE)
-    x, y = (1e3 * a.values for a in placed.axes)
-    durations = np.fmax(placed.values("duration"), placed.values("bound"))
-    refused = np.array([bool(v.refusal) for v in placed.verdicts]).reshape(placed.shape)
-    shown = np.where(refused, np.nan, durations).T
-    image = axes.pcolormesh(x, y, shown, cmap="viridis_r", edgecolors="white", lw=1)
-    figure.colorbar(image, label="duration, or its lower bound [s]")
+    x, y = (1e3 * a for a in placed.axes.values())
+    image = axes.pcolormesh(x, y, placed.durations.T, cmap="viridis_r", edgecolors="white", lw=1)
+    figure.colorbar(image, label="duration [s]")
     axes.set_facecolor("#d0d0d0")
-    for verdict, place in zip(placed.verdicts, np.ndindex(placed.shape), strict=True):
-        if verdict.planned:
-            axes.plot(x[place[0]], y[place[1]], ".", color="white", mec=style.BLACK, ms=9)
     best = placed.best.values
     axes.plot(1e3 * best["x"], 1e3 * best["y"], "*", ms=16, color=style.ORANGE, mec=style.BLACK)
     axes.set(xlabel="offset of the part in x [mm]", ylabel="offset in y [mm]", aspect="equal")
-    axes.set_title("Star: best; dots: planned; grey: out of reach")
+    axes.set_title("Star: best; grey: out of reach")
     axes.grid(visible=False)
     return figure
 

@@ -41,7 +41,7 @@ _HOME = {
     "files.robots.loading": "arm_names load_arm",
     "files.robots.arm_options": "ArmOptions",
     "geometry": "Arc Line Path SegmentLimits",
-    "jobs": "CertificateGoal Job PlaceSearch Rounding Run run",
+    "jobs": "CertificateGoal Job Rounding Run run",
     "motion": "Execution JointPath Log SetPoints Trajectory dwell_law",
     "planning": "Conventional Optimal Paper Shaped explain plan shape",
     "planning.tracing": "trace",

@@ -34,7 +34,6 @@ from armcontour.geometry import Path as Path
 from armcontour.geometry import SegmentLimits as SegmentLimits
 from armcontour.jobs import CertificateGoal as CertificateGoal
 from armcontour.jobs import Job as Job
-from armcontour.jobs import PlaceSearch as PlaceSearch
 from armcontour.jobs import Rounding as Rounding
 from armcontour.jobs import Run as Run
 from armcontour.jobs import run as run

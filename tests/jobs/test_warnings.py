@@ -4,16 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from tests.geometry.tables import arc, line, path_of, refused
+from tests.geometry.tables import arc, line, path_of
 from tests.jobs.making import ARM, a_job, a_run
 
 import armcontour as ac
-from armcontour.jobs import Experiment, PlaceSearch, Rounding, run
-from armcontour.jobs.placement_options import corners_of, read_axes, read_uncertainty
+from armcontour.jobs import Experiment, Rounding, run
 from armcontour.program import Contour, Program, Rapid
-from armcontour.studies.placement import Moves
 
 LINES = [(0.3, 0.1), (0.36, 0.1), (0.36, 0.14)]
 LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
@@ -189,62 +185,3 @@ def test_contours_far_slower_than_assigned_are_warned_of_with_the_slowest():
     for length in (1e-4, 5e-3, 0.05):
         line = ac.Path.polyline([(0.30, 0.20), (0.30 + length, 0.20)])
         assert slow(line) == [], length
-
-
-NUMBERS = st.floats(-2, 2)
-OVER = {"x": (0.0, 0.1, 3), "yaw": (0.0, 0.2, 2)}
-
-
-@given(NUMBERS, NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.lists(NUMBERS, min_size=3, max_size=3))
-def test_angles_turn_about_the_anchor_and_lengths_move_it(x, y, z, yaw, tilt, anchor):
-    a = np.array(anchor)
-    frame = Moves(anchor=a).frame({"x": x, "y": y, "z": z, "yaw": yaw, "tilt": tilt})
-    np.testing.assert_allclose(frame.position + frame.rotation @ a, a + [x, y, z], atol=1e-12)
-    # The z axis leans by the tilt, towards the yaw.
-    lean = [np.sin(tilt) * np.cos(yaw), np.sin(tilt) * np.sin(yaw), np.cos(tilt)]
-    np.testing.assert_allclose(frame.rotation[:, 2], lean, atol=1e-12)
-
-
-def test_absolute_values_corners_and_replaced_axes():
-    moves = Moves(anchor=np.array([0.4, 0.1, 0.2]), absolute=("x",))
-    frame = moves.frame({"x": 0.7, "yaw": np.pi / 2})
-    np.testing.assert_allclose(frame.position + frame.rotation @ moves.anchor, [0.7, 0.1, 0.2])
-    corners = {(c["x"], c["yaw"]) for c in corners_of({"x": 0.1, "yaw": 0.2})}
-    assert corners == {(-0.1, -0.2), (-0.1, 0.2), (0.1, -0.2), (0.1, 0.2)}
-    assert corners_of({}) == []
-    # An axis without uncertainty is as if not named.
-    assert read_uncertainty({"x": 0.0, "yaw": 0.1}, 2) == {"yaw": 0.1}
-
-
-def test_axes_come_in_one_order_and_a_whole_turn_has_no_direction_twice():
-    axes = read_axes({"yaw": (0, 2 * np.pi, 4), "x": (-0.1, 0.1, 5)}, 3)
-    assert [a.name for a in axes] == ["x", "yaw"]
-    assert axes[0].values.tolist() == [-0.1, -0.05, 0.0, 0.05, 0.1]
-    np.testing.assert_allclose(axes[1].values, np.array([0, 1, 2, 3]) * np.pi / 2, atol=1e-11)
-    assert axes[1].whole_turn and not axes[0].whole_turn
-    (half,) = read_axes({"yaw": (0, np.pi, 3)}, 3)
-    np.testing.assert_allclose(half.values, [0, np.pi / 2, np.pi], atol=1e-11)
-
-
-def test_wrong_axes_and_searches_are_refused():
-    axes = (
-        ({}, "over must be a mapping of the axes"),
-        ({"w": (0, 1, 2)}, "no axis 'w'. The axes are x, y, z, yaw, tilt"),
-        ({"x": (0, 0.1, 0)}, "number of places along x"),
-        ({"x": (0, 0.1, 1)}, "1 place from 0 to 0.1 m"),
-        ({"x": (0, 0.1)}, "first value, the last value and the number"),
-        ({"x": (0, 1, 2000), "y": (0, 1, 2000)}, "4,000,000 places, but at most 500,000"),
-    )
-    refused(*((lambda x=x: read_axes(x, 3), word) for x, word in axes))
-    searches = (
-        ({"over": {"w": (0, 1, 2)}}, "over has no axis 'w'"),
-        ({"uncertainty": {"x": -1}}, "uncertainty of x"),
-        ({"what": "table"}, "must be one of part, base"),
-        ({"about": "end"}, "must be one of middle, origin"),
-    )
-    refused(*((lambda x=x: PlaceSearch(**x), word) for x, word in searches))
-    refused(
-        (lambda: read_axes({"z": (0, 1, 2)}, 2), "no axis 'z' for a planar arm"),
-        (lambda: read_uncertainty({"tilt": 0.1}, 2), "uncertainty has no axis 'tilt'"),
-        (lambda: PlaceSearch(over={"z": (0, 1, 2)}).check(2), "over has no axis 'z'"),
-    )

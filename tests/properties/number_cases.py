@@ -268,8 +268,6 @@ _COMMANDS = {
     "joint_lower": -3.0,
     "joint_upper": 3.0,
 }
-_AXIS = {"from": 0.0, "to": 0.01, "places": 2}
-_ASKED: dict[str, Any] = {"over": {"x": _AXIS}, "refine": False}
 # The first base that has a field is the one it is tried in; what no base has is added to the first.
 BASES: list[dict[str, Any]] = [
     PLANE,
@@ -333,14 +331,6 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, limits={key: [x, x] for key, x in _JOINTS.items()}),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED | {"box": {"gains": [[0.01] * 2] * 2}}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [[-99.0, -99.0, -150.0]] * 2}}}),
-    *(
-        _with(base, placement=_ASKED | {"over": {x: _AXIS}, "uncertainty": {x: 1e-3}})
-        for base, names in ((PLANE, ("x", "y", "yaw")), (SPACE, ("z", "tilt")))
-        for x in names
-    ),
-    _with(PLANE, placement=_ASKED | {"about": [0.3, 0.2, 0.0]}),
-    _with(PLANE, export={"formats": ["ros-yaml"], "outputs": {"a": 1}, "tolerances": 2.0,
-                         "points": 9, "point_tolerance": 1e-3, "cycle": 0.01, "derivatives": 1}),
     {**SPACE, "path": _ABOUT},
     {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
     {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},
@@ -464,9 +454,9 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--rate": ("# Hz",),
     "--servo-error": ("# m", "# um"),
     "--set": ("limits.speed=#", "limits.speed=# mm/s", "corners.tolerance=#"),
-    "--over": ("x: # m .. 0 m, 2", "yaw: 0 deg .. # deg, 2", "x: 0 mm .. 1 mm, #"),
-    "--uncertainty": ("x: # m", "yaw: # deg"),
-    "--about": ("# m, 0 m, 0 m", "0 mm, # mm, 0 mm"),
+    "--over": ("limits.speed=[#]", "limits.speed=[# mm/s]"),
+    **dict.fromkeys(("--x", "--y", "--z"), ("# m .. 0 m, 2", "0 mm .. 1 mm, #")),
+    "--yaw": ("0 deg .. # deg, 2",),
     "--drive-cycle": ("# s", "# ms"),
     "--from": ("# s", "# ms"),
     "--to": ("# s", "# ms"),
@@ -476,10 +466,10 @@ FORMS: dict[str, tuple[str, ...]] = {
 TEXTS = {
     # Options of play and of --on are tested in tests/controllers.
     "--address", "--band", "--on", "--reserve", "--speed-factor",
-    "--arm", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
+    "--arm", "--base", "--cell", "--color", "--columns", "--continuity",
     "--contour", "--controller", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
-    "--model", "--move", "--objective", "--only-tool", "--out", "--package", "--path",
+    "--model", "--move", "--only-tool", "--out", "--package", "--path",
     "--validate", "--run", "--scene", "--set-points", "--texts",
     "--tip", "--tool-positions", "--units",
     "--waypoint-columns",

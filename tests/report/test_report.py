@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import json
+from xml.etree import ElementTree
 
 import numpy as np
 import plotly.graph_objects as go
@@ -23,11 +24,10 @@ from armcontour.report import render_report, sections, write_report
 from armcontour.report.figure import Node, make_subplots, make_trace, to_json
 from armcontour.report.sections import clearance
 from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
-from armcontour.report.sections.placement_section import GREYS
 from armcontour.report.style import finish, thin
 from armcontour.robot import scene as cell
 from armcontour.robot.servo import ServoModel
-from armcontour.studies.placement import KINDS, Axis, Moves, Place, Placement, Verdict
+from armcontour.studies.placement import Place, Placement
 
 FIRST_ORDER = """
 name: first
@@ -212,15 +212,9 @@ servo: {kp: 25, kv: 150}
 runs: {plain: {timing: {method: optimal}, compensation: {method: none}}}
 """
 Q = np.array([[0.3, -1.2, 1.4, -1.0, -1.5, 0.2]])
+
+
 # Along x, y and yaw, 2 places each.
-VERDICTS = (
-    Verdict(duration=2.0, bound=1.9, singular=0.3), Verdict(bound=2.5, singular=0.2),
-    Verdict(refusal="reach"), Verdict(bound=2.2, singular=0.4),
-    Verdict(refusal="reach"), Verdict(refusal="clearance"),
-    Verdict(duration=3.0, bound=2.0, singular=0.1), Verdict(refusal="limits"),
-)  # fmt: skip
-
-
 def traces(figure):
     return {x.name: x for x in figure.data}
 
@@ -313,34 +307,37 @@ def test_learning_shows_errors_over_runs_joints_and_time(real):
     assert 0 < np.max(after.y) < np.max(before.y) / 3
 
 
-def placed(names, shape, verdicts):
-    job = parse_job(JERKY)
-    values = np.linspace(0.0, 0.1, 2)
-    axes = tuple(Axis(name=x, values=values[:n]) for x, n in zip(names.split(), shape, strict=True))
-    best = Place(values=dict.fromkeys(names.split(), 0.0), verdict=verdicts[0])
-    return Placement(
-        job=job, run=job.runs[0], axes=axes, moves=Moves(anchor=np.zeros(3)),
-        objective="duration", verdicts=verdicts, best=best, refined=best, own=verdicts[0],
+def test_a_map_shows_the_best_over_other_axes_and_letters_of_refusals():
+    job, yaws = parse_job(JERKY), (0.0, 0.2)
+    known = {
+        (0.0, 0.0): (2.0, 3.0), (0.0, 0.1): (None, 2.5),
+        (0.1, 0.0): (None, None), (0.1, 0.1): (4.0, 5.0),
+    }  # fmt: skip
+    places = [
+        Place(values={"x": x, "y": y, "yaw": yaw}, duration=t, refusal="" if t else "reach")
+        for (x, y), durations in known.items()
+        for yaw, t in zip(yaws, durations, strict=True)
+    ]
+    placement = Placement(
+        job=job, run=job.runs[0], moved="part", about=np.zeros(3), own=places[0],
+        axes={"x": np.array([0.0, 0.1]), "y": np.array([0.0, 0.1]), "yaw": np.array(yaws)},
+        places=tuple(places),
     )  # fmt: skip
-
-
-def test_a_map_shows_the_best_over_other_axes_and_refusals_in_grey():
-    assert tuple(GREYS) == KINDS
-    placement = placed("x y yaw", (2, 2, 2), VERDICTS)
-    section = sections.placement(placement)
-    assert [name for name, _ in section.choices] == ["least singular value"]
-    (figure,) = sections.placed(placement).parts
-    heat = [x for x in figure.data if x.type == "heatmap"]
-    maps = {x.colorbar.title.text if x.colorbar else x.hovertemplate: x for x in heat}
-    values = np.array(maps.pop("motion [s]").z, dtype=float)
-    # Rows are along y.
-    np.testing.assert_array_equal(values, [[2.0, np.nan], [2.2, 3.0]])
-    ((words, grey),) = maps.items()
-    # At x = 0.1, y = 0 both yaws are refused; the farther from the end of the list names it.
-    assert "refused by clearance" in words
-    np.testing.assert_array_equal(np.isfinite(np.array(grey.z, dtype=float)), [[0, 1], [0, 0]])
-    assert "refused by clearance" in traces(figure)
-    (singular,) = section.choices[0][1]
-    (heat,) = [x for x in singular.data if x.colorbar]
-    np.testing.assert_array_equal(np.array(heat.z, dtype=float), [[0.3, np.nan], [0.4, 0.1]])
-    assert ("reach", "2") in section.parts[1].rows
+    drawing = sections.placed(placement).drawing
+    svg = ElementTree.fromstring(drawing.svg)
+    cells = {x.find("title").text: x.attrib for x in svg.iter("rect")}
+    best, other, slow = (
+        next(x for name, x in cells.items() if name.endswith(f": {t} s"))
+        for t in ("2.0000", "2.5000", "4.0000")
+    )
+    refused = next(x for name, x in cells.items() if "s" not in name.rpartition(": ")[2])
+    # Rows are along y, upwards; the frame marks the best place.
+    assert float(best["y"]) > float(other["y"]) and best["x"] == other["x"]
+    assert float(slow["x"]) > float(best["x"]) and slow["y"] == other["y"]
+    assert (refused["x"], refused["y"]) == (slow["x"], best["y"])
+    assert best["stroke"] != other["stroke"] == slow["stroke"]
+    assert len({x["fill"] for x in (best, other, slow, refused)}) == 4
+    assert [x.text for x in svg.iter("text") if len(x.text) == 1] == ["R"]
+    assert ("R", "refused by reach (3)") in drawing.marks
+    (table,) = sections.placement(placement).parts
+    assert len(table.rows) == 8 and table.rows[0][:4] == ("0 mm", "0 mm", "0 deg", "2.0000 s")

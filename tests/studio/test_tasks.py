@@ -11,6 +11,7 @@ from tests.studio.conftest import DRAWINGS
 from tests.studio.session_pages import figure
 
 import armcontour as ac
+from armcontour.core.progress import Step
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.studio.page_frame import PageFrame
@@ -54,8 +55,14 @@ def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
     # Each look at the clock is a second later than the one before.
     monkeypatch.setattr(dispatch, "time", SimpleNamespace(monotonic=count().__next__))
     progress_log = []
-    options = {"key": "limits.speed", "values": [0.1, 0.2]}
-    work(("a", "sweep", {"text": WARMUP_JOB, "options": options}), progress_log.append)
+
+    def steps(request):
+        for k in range(4):
+            request.progress(Step((f"{k}",), k / 4))
+        return PageFrame("result", {})
+
+    monkeypatch.setitem(dispatch.TASKS, "steps", steps)
+    work(("a", "steps", {"text": WARMUP_JOB}), progress_log.append)
     for k, frame in enumerate(map(PageFrame.unpack, progress_log), 1):
         share, eta = frame.header["share"], frame.header["eta"]
         assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1

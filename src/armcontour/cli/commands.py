@@ -232,7 +232,7 @@ def certify(
     raise typer.Exit(certify_file(job, job_options, options))
 
 
-@_command(PREPARE, "place gasket.dxf --cell ur5e --over 'x: -300 mm .. 300 mm, 25' --out place")
+@_command(PREPARE, "place gasket.dxf --cell ur5e --x '-300 mm .. 300 mm, 25' --out place")
 @grouped
 def place(
     job: JobOrDrawing,
@@ -240,10 +240,13 @@ def place(
     job_options: JobOptions,
     options: PlaceOptions,
 ) -> None:
-    """Find the best placement of the part: writes maps, a table, and the placed job."""
+    """Plan a job at every place of a grid of its part: writes a map, a table, and the best job.
+
+    Exit codes: 0 done, 1 done but no place is feasible; others as for errors.
+    """
     from armcontour.cli.place_command import place_file
 
-    place_file(job, out, job_options, options)
+    raise typer.Exit(place_file(job, out, job_options, options))
 
 
 @_command(RUN, "batch job.yaml --over 'corners.tolerance=[0.1 mm, 1 mm]' --out results")

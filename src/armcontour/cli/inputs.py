@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, get_args
 
 from armcontour.cli.options import SHORT
-from armcontour.core.text import plain_number, show
+from armcontour.core.text import plain_number
 
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions
@@ -166,49 +166,9 @@ def to_skip(_: bool) -> str:
     return "skip"
 
 
-def to_axes(texts: list[str]) -> dict[str, dict[str, str | int]]:
-    """Convert texts such as "x: -300 mm .. 300 mm, 25" to ranges by axis."""
-    example, axes = "x: -300 mm .. 300 mm, 25", dict[str, dict[str, str | int]]()
-    for name, text in _named(texts, example).items():
-        span, _, count = text.rpartition(",")
-        low, dots, high = span.partition("..")
-        number = plain_number(count)
-        if not dots or number is None or number != int(number):
-            raise ValueError(
-                f"requires an axis, a range and an integer number of values, such as {example!r}"
-            )
-        axes[name] = {"from": to_quantity(low), "to": to_quantity(high), "places": int(number)}
-    return axes
-
-
-def to_offsets(texts: list[str]) -> dict[str, str | int]:
-    """Convert texts such as "x: 2 mm" to uncertainties of the position by axis."""
-    return {name: to_quantity(text) for name, text in _named(texts, "x: 2 mm").items()}
-
-
-def to_anchor(text: str) -> str | list[str | int]:
-    """Convert text to the coordinates of a point, or return the name of a point."""
-    return to_quantities(text) if "," in text else text
-
-
 def to_formats(texts: list[str]) -> list[str]:
     """Formats of exports; templates are relative to the working folder, not to the job file."""
     return [str(FilePath(x).absolute()) if x.endswith(".j2") else x for x in texts]
-
-
-def _named(texts: list[str], example: str) -> dict[str, str]:
-    """Split texts such as "x: 2 mm" at the colon; returns the values by name."""
-    values: dict[str, str] = {}
-    for text in texts:
-        name, colon, value = (part.strip() for part in text.partition(":"))
-        if not (name and colon and value):
-            raise ValueError(
-                f"requires a name and a value, such as {example!r}, but has {show(text)}"
-            )
-        if name in values:
-            raise ValueError(f"specifies {show(name)} twice, but only one value is allowed")
-        values[name] = value
-    return values
 
 
 def _read(option: str, text: str, kind: Any) -> float:
@@ -239,9 +199,6 @@ READERS: dict[str, Callable[[Any], Any]] = {
         to_quantities,
         to_point,
         to_skip,
-        to_axes,
-        to_offsets,
-        to_anchor,
         to_formats,
     )
 }

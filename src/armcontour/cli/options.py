@@ -33,14 +33,13 @@ TOPICS: dict[str, tuple[str, ...]] = {
     POSITION: ("cell",),
     "Speed, corners and start": ("sets",),
     "Certificate": (),
-    "Places": (),
     "Log and files of numbers": ("log", "set_points", "tool_positions", "start", "end", "columns",
                                  "unwrap", "interpolation"),
     "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
                          "reserve", "excitation", "band"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package"),
     **dict.fromkeys((FILES, POINTS), ()),
-    "Processes": ("workers", "cluster"),
+    "Processes": ("workers",),
     "Results": ("out", "force", "open_report", "open_page", "as_json"),
 }  # fmt: skip
 for _name, _row in SHORT.items():
@@ -452,12 +451,19 @@ class PlaceOptions:
     """Options of the command `place`.
 
     Args:
-        workers: Number of processes on this machine; by default one per processor for 100 places or
-            more. 0 uses only this process.
+        x: Displacements along x of the path, and their number: '-300 mm .. 300 mm, 25'.
+        y: Displacements along y.
+        z: Displacements along z.
+        yaw: Rotations about z: '0 deg .. 360 deg, 8'.
+        move: Moved object: part, about the middle of its path; or base, about its origin.
     """
 
-    keys: Annotated[Set, Keys(("Places",))]
-    workers: Annotated[int | None, typer.Option("--workers", min=0, max=1000)] = None
+    x: Text = None
+    y: Text = None
+    z: Text = None
+    yaw: Text = None
+    move: str = "part"
+    workers: Workers = None
     run_name: Name = None
     force: Force = False
     open_report: Open = False

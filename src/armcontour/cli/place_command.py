@@ -1,8 +1,7 @@
-"""The command `place`: finds the best placement of the part of a job."""
+"""The command `place`: plans a job at every place of a grid of its part or base."""
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -11,56 +10,92 @@ from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, PlaceOptions
+    from armcontour.core.checks import FloatArray
     from armcontour.studies.placement import Placement
 
-# File name of the job in its best placement.
+# File name of the job in its best place.
 JOB = "job.yaml"
 
 
 def place_file(
     file: FilePath, out: FilePath, job_options: JobOptions, options: PlaceOptions
-) -> None:
-    """Place a job, print the best placement, and write maps, a table and the placed job."""
+) -> int:
+    """Plan all places, print and write results; returns 1 if no place is feasible, else 0."""
     from armcontour.cli.inputs import open_job
     from armcontour.cli.progress_bars import share_progress
     from armcontour.core.errors import InvalidInput
-    from armcontour.core.pool import open_executor
-    from armcontour.files import ResultFolder, placement_csv, placement_json
-    from armcontour.studies.placement import place
+    from armcontour.files import ResultFolder, placement_csv
+    from armcontour.files.result_folder import data_json
+    from armcontour.studies.placement import AXES, place
 
-    # By default, `place` uses several processes if there are many placements.
-    by_number = options.workers is None
-    with (
-        nullcontext() if by_number else open_executor(options.workers) as executor,
-        ResultFolder(out, force=options.force) as folder,
-    ):
+    texts = {name: getattr(options, name) for name in AXES}
+    grid = {name: read_axis(name, x) for name, x in texts.items() if x is not None}
+    if not grid:
+        raise InvalidInput(
+            "place requires an axis of the grid, such as --x '-300 mm .. 300 mm, 25'."
+        )
+    with ResultFolder(out, force=options.force) as folder:
         from armcontour.report import render_placement
 
         with share_progress() as progress:
-            job = open_job(file, job_options, subprogress(progress, "reading"), options)
-            if job.placement is None or not job.placement.over:
-                raise InvalidInput(
-                    "place requires --over for each axis of the search, such as 'x: -300 mm .. 300 "
-                    "mm, 25', or the key placement.over of the job."
-                )
-            placement = place(job, run=options.run_name, executor=executor, progress=progress)
+            job = open_job(file, job_options, subprogress(progress, "reading"))
+            placement = place(
+                job,
+                grid,
+                move=options.move,
+                run=options.run_name,
+                processes=1 if options.workers == 0 else options.workers,
+                progress=progress,
+            )
         folder.write("report.html", render_placement(placement))
         folder.write("placement.csv", placement_csv(placement))
-        unwritten = ""
-        try:
-            folder.write(JOB, _job_text(placement, file, out, job_options))
-        except InvalidInput as error:
-            unwritten = str(error)
-        files = [*folder.files, "summary.json"]
-        folder.write("summary.json", placement_json(placement, files))
-    report = (out / "report.html").resolve()
-    _print_placement(placement, report, None if unwritten else out / JOB, unwritten)
+        notes = [*placement.to_data().notes, *job.arm.notes]
+        if placement.best is not None:
+            try:
+                folder.write(JOB, _job_text(placement, file, out, job_options))
+            except InvalidInput as error:
+                notes.append(str(error))
+        data = placement.to_data([*folder.files, "summary.json"])
+        folder.write("summary.json", data_json(data))
+    console, report = Console(), (out / "report.html").resolve()
+    for line in str(placement).splitlines():
+        console.print(line)
+    for note in notes:
+        console.print(f"Note: {note}")
+    if JOB in folder.files:
+        console.print(f"Job: {out / JOB}")
+    console.print(f"Report: {report.as_uri()}")
     if options.open_report:
         open_page(report)
+    return int(placement.best is None)
+
+
+def read_axis(name: str, text: str) -> FloatArray:
+    """Read an axis such as "-300 mm .. 300 mm, 25"; a whole turn omits the last value."""
+    import numpy as np
+
+    from armcontour.cli.inputs import read_option
+    from armcontour.core.errors import InvalidInput
+    from armcontour.core.quantities import Angle, Length
+    from armcontour.core.text import plain_number
+
+    option, kind = f"--{name}", Angle if name == "yaw" else Length
+    span, _, number = text.rpartition(",")
+    low_text, dots, high_text = span.partition("..")
+    count = plain_number(number)
+    if not dots or count is None or count != int(count) or count < 1:
+        raise InvalidInput(
+            f"{option} requires a range and a number of values, such as '-300 mm .. 300 mm, 25', "
+            f"not {text!r}."
+        )
+    low, high = (read_option(option, x, kind) or 0.0 for x in (low_text, high_text))
+    whole = name == "yaw" and abs(abs(high - low) - 2 * np.pi) < 1e-9
+    # Without rounding, steps have rounding errors, for example at 0.
+    return np.round(np.linspace(low, high, int(count), endpoint=not whole), 12) + 0.0
 
 
 def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:
-    """Text of the job file with the part in its best placement."""
+    """Text of the job file with the part in its best place."""
     from armcontour.cli.inputs import is_job, read_patch
     from armcontour.files import placed_job_text
     from armcontour.files.cell import drawing_text
@@ -72,23 +107,3 @@ def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobO
         text, folder = drawing_text(str(options.cell), file, out), out
     patch, _ = read_patch(options)
     return placed_job_text(placement, text, folder=folder, to=out, patch=patch)
-
-
-def _print_placement(
-    placement: Placement, report: FilePath, job: FilePath | None, unwritten: str
-) -> None:
-    """Print the best placement, its comparison with the original one, notes and written files."""
-    from armcontour.core.render import compare, text
-    from armcontour.core.result import TABLE
-
-    console = Console()
-    for line in text(placement.to_data()).splitlines():
-        console.print(line)
-    header, *rows = compare(placement.comparison, TABLE, texts=True)
-    console.show_table(["", *header[1:]], rows)
-    notes = [*placement.notes, *placement.job.arm.notes, *([unwritten] if unwritten else [])]
-    for note in notes:
-        console.print(f"Note: {note}")
-    if job is not None:
-        console.print(f"Job: {job}")
-    console.print(f"Report: {report.as_uri()}")

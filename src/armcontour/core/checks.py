@@ -460,7 +460,6 @@ ORIGINS = {
     "Job": "as read_job returns it",
     "Limits": "such as arm.limits",
     "Payload": "such as Payload(mass=2.0)",
-    "PlaceSearch": "such as PlaceSearch(over={'x': (-0.1, 0.1, 11)})",
     "PlanOptions": "such as Optimal(reserve=0.1)",
     "Plant": "such as ServoPlant(arm, servo)",
     "ReadOptions": "such as ReadOptions(units='mm')",

@@ -12,6 +12,5 @@ from armcontour.files.study_files import certificate_json as certificate_json
 from armcontour.files.study_files import derating_csv as derating_csv
 from armcontour.files.study_files import placed_job_text as placed_job_text
 from armcontour.files.study_files import placement_csv as placement_csv
-from armcontour.files.study_files import placement_json as placement_json
 from armcontour.files.trajectory_file import parse_trajectory as parse_trajectory
 from armcontour.files.trajectory_file import read_trajectory as read_trajectory

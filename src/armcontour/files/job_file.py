@@ -177,8 +177,6 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
     servo = _servo("servo", model.servo, arm)
     if model.certificate is not None and model.certificate.run is not None:
         _check_run_names("certificate.run", [model.certificate.run], model)
-    if model.placement is not None and model.placement.run is not None:
-        _check_run_names("placement.run", [model.placement.run], model)
     return Job(
         name=model.name,
         title=model.title or model.name,
@@ -191,7 +189,6 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
         certificate=model.certificate,
-        placement=model.placement,
         scene=scene,
         ignore_collisions=model.ignore_collisions,
         export=model.export or Exports(),

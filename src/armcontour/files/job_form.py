@@ -30,7 +30,6 @@ TOPICS = {
     "path": "Drawing",
     **dict.fromkeys(("limits", "corners", "process"), "Speed, corners and start"),
     "certificate": "Certificate",
-    "placement": "Places",
 }
 # Help texts omit these parts of a description: "Whether to", units, shapes, backticks, and all
 # sentences after the first.
@@ -120,7 +119,7 @@ GROUPS = {
     "Servo": ("servo", "cycle", "plant"),
     "Run": ("timing", "compensation", "duration", "end_time"),
     "Cell": ("scene", "ignore_collisions"),
-    "Name, certificate, placement": ("name", "title", "certificate", "placement", "experiment"),
+    "Name, certificate": ("name", "title", "certificate", "experiment"),
     "Export": ("export",),
 }
 # The fields of the mappings FLAT_MAPPINGS are shown directly in the group of the mapping. Of these

@@ -29,7 +29,7 @@ from armcontour.files.robots.arm_options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
-from armcontour.jobs import CertificateGoal, Experiment, Exports, PlaceSearch, Rounding
+from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
 from armcontour.planning import METHODS, PlanOptions, Shaped
 from armcontour.planning.options import FASTEST
 from armcontour.program import Process
@@ -379,7 +379,6 @@ class JobModel(SharedModel):
         experiment: Additional simulation of runs on the rigid bodies of the arm.
         runs: The runs to compare, by name.
         certificate: Requirements for `armcontour certify`.
-        placement: Candidate positions and requirements for `armcontour place`.
         scene: Obstacles in the cell, and minimum distances of the arm to them and to itself.
         export: Files for robot controllers that `armcontour run` writes.
         ignore_collisions: Whether to continue runs if the arm violates a minimum distance to itself
@@ -399,7 +398,6 @@ class JobModel(SharedModel):
     experiment: Experiment | None = None
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: CertificateGoal | None = None
-    placement: PlaceSearch | None = None
     scene: SceneModel | None = None
     export: Exports | None = None
     ignore_collisions: Annotated[bool, About("--ignore-collisions", POSITION)] = False

@@ -11,10 +11,6 @@ from pydantic import AfterValidator, Field
 
 from armcontour.control.compensation import PolePlacement
 from armcontour.core.quantities import (
-    Angle,
-    AngularDistance,
-    AtLeast,
-    Choice,
     Distance,
     Inertia,
     Length,
@@ -22,85 +18,10 @@ from armcontour.core.quantities import (
     Ratio,
 )
 from armcontour.geometry import SegmentLimits
-from armcontour.geometry.weave import Weave
-from armcontour.jobs.placement_options import AXES, POINTS, PlaceSearch
 from armcontour.program import Event, Lead, Process
-from armcontour.robot import Limits
 from armcontour.robot.chain import Payload
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation.robustness.uncertainty import Uncertainty
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LengthsModel:
-    """Evenly spaced values of a length.
-
-    Args:
-        start: The first value [m].
-        end: The last value [m].
-        places: Number of values.
-    """
-
-    start: Length
-    end: Length
-    places: Annotated[int, AtLeast(1)]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AnglesModel(LengthsModel):
-    """Evenly spaced values of an angle; a whole turn omits the last value.
-
-    Args:
-        start: The first value [rad].
-        end: The last value [rad].
-    """
-
-    start: Angle
-    end: Angle
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AxesModel:
-    """The axes of a grid of positions, along the coordinates of the path.
-
-    Args:
-        x, y, z: Positions of the part along this axis.
-        yaw: Rotation about z.
-        tilt: Rotation about y of the turned part; the tool has `path.orientation`.
-    """
-
-    x: LengthsModel | None = None
-    y: LengthsModel | None = None
-    z: LengthsModel | None = None
-    yaw: AnglesModel | None = None
-    tilt: AnglesModel | None = None
-
-    def ranges(self) -> dict[str, tuple[float, float, int]]:
-        """First value, last value and number of values of each specified axis."""
-        axes = {name: getattr(self, name) for name in AXES}
-        return {name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PositionErrorModel:
-    """Position error of a part.
-
-    Args:
-        x, y, z: Error to both sides along this axis [m].
-        yaw: Error in both directions about z [rad].
-        tilt: Error in both directions about y of the turned part; does not tilt the tool [rad].
-    """
-
-    x: Distance | None = None
-    y: Distance | None = None
-    z: Distance | None = None
-    yaw: AngularDistance | None = None
-    tilt: AngularDistance | None = None
-
-    def sizes(self) -> dict[str, float]:
-        """Position error of each specified axis [m or rad]."""
-        axes = {name: getattr(self, name) for name in AXES}
-        return {name: x for name, x in axes.items() if x is not None}
 
 
 class PlantModel(ServoModel):
@@ -130,12 +51,8 @@ class KeyOverrides:
     omit: frozenset[str] = frozenset()
 
 
-# Names of the keys for the ends of a range.
-ENDS = {"start": "from", "end": "to"}
 # Dataclasses that are not listed have keys that equal their fields.
 KEY_OVERRIDES: dict[type, KeyOverrides] = {
-    AnglesModel: KeyOverrides(names=ENDS),
-    LengthsModel: KeyOverrides(names=ENDS),
     Uncertainty: KeyOverrides(
         names={"dead_time_shared": "shared"},
         types={"gains": Ratio | list[Ratio] | list[list[Ratio]]},
@@ -166,21 +83,6 @@ KEY_OVERRIDES: dict[type, KeyOverrides] = {
             "tip [kg m²]; a point by default."
         },
     ),
-    PlaceSearch: KeyOverrides(
-        names={"what": "move", "refined": "refine"},
-        types={
-            "over": Annotated[AxesModel, AfterValidator(AxesModel.ranges)],
-            "uncertainty": Annotated[PositionErrorModel, AfterValidator(PositionErrorModel.sizes)],
-            "about": Annotated[str, Choice(POINTS)] | Place,
-        },
-    ),
-    Limits: KeyOverrides(omit=frozenset({"tool_jerk", "path_jerk"})),
-    PlantModel: KeyOverrides(
-        omit=frozenset(
-            {"model_error", "logged_velocity", "logged_acceleration", "contour_ratio", "programs"}
-        )
-    ),
-    Weave: KeyOverrides(omit=frozenset({"tolerance"})),
     PolePlacement: KeyOverrides(types={"poles": Poles | list[Poles] | None}),
     Process: KeyOverrides(
         types={

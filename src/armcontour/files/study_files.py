@@ -11,17 +11,17 @@ import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, quaternions
-from armcontour.core.render import jsonable, plain, units
+from armcontour.core.render import plain, units
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_file import model_of, read_data
 from armcontour.files.job_model import CellModel
-from armcontour.files.job_text_edits import REMOVE, move_files
+from armcontour.files.job_text_edits import move_files
 from armcontour.files.patch import Patch, write_patch
-from armcontour.files.result_folder import data_json, to_json
+from armcontour.files.result_folder import to_json
 from armcontour.robot import SerialArm
 from armcontour.robot.scene import BASE, PART
 from armcontour.studies.certification import Certificate
-from armcontour.studies.placement import Placement
+from armcontour.studies.placement import AXES, Placement
 
 
 def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str:
@@ -55,37 +55,15 @@ def derating_csv(certificate: Certificate) -> str:
     return "\n".join(lines) + "\n"
 
 
-# Titles of the CSV columns of verdicts, by attribute.
-COLUMNS = {
-    "duration": "duration [s]",
-    "bound": "at least [s]",
-    "singular": "least singular value [m/rad]",
-    "clearance": "clearance [m]",
-    "torque_margin": "torque margin [1]",
-    "refusal": "refused by",
-}
-
-
-def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
-    """JSON text of the result of a placement, without the map, which `placement_csv` has.
-
-    Args:
-        placement: The placement.
-        files: The files of the result, relative to its folder.
-    """
-    return data_json(placement.to_data(files))
-
-
 def placement_csv(placement: Placement) -> str:
-    """CSV text of the map: a row per candidate placement. Cells that need a plan may be empty."""
+    """CSV text of a placement: a row per place; refused places have no duration."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow([*(f"{x.name} [{x.unit}]" for x in placement.axes), *COLUMNS.values()])
-    for k, verdict in enumerate(placement.verdicts):
-        values = [getattr(verdict, name) for name in COLUMNS]
-        table.writerow(
-            [*placement.place(k).values(), *("" if x is None else x for x in jsonable(values))]
-        )
+    axes = [f"{x} [{AXES[x]}]" for x in placement.axes]
+    table.writerow([*axes, "duration [s]", "clearance [m]", "refused by", "why not"])
+    for x in placement.places:
+        values = [x.duration, x.clearance, x.refusal, x.why_not]
+        table.writerow([*x.values.values(), *("" if y is None else y for y in values)])
     return text.getvalue()
 
 
@@ -93,8 +71,6 @@ def placed_job_text(
     placement: Placement, text: str, *, folder: FilePath, to: FilePath, patch: Patch | None = None
 ) -> str:
     """Text of the job file with the part or the base at the best placement.
-
-    The key `placement` is removed, because its ranges are relative to the previous placement.
 
     Args:
         placement: The placement.
@@ -104,10 +80,10 @@ def placed_job_text(
         patch: Values by key path that replaced values of the file.
 
     Raises:
+        NotRealizable: No place is feasible.
         InvalidInput: The base moves, and obstacles are fixed to the base.
     """
-    values = {keys: x for keys, x in (patch or {}).items() if keys[0] != "placement"}
-    text = write_patch(move_files(text, folder, to), {**values, ("placement",): REMOVE})
+    text = write_patch(move_files(text, folder, to), patch or {})
     return write_patch(text, _placement_patch(placement, text))
 
 

@@ -10,7 +10,6 @@ _HOME = {
     "goal": "CertificateGoal",
     "improvements": "Advice Improvement",
     "job": "Job Rounding Run",
-    "placement_options": "PlaceSearch",
     "planned_run": "Planned ShapingGain",
     "run_plan": "plan_one prepare_and_round",
     "job_result": "ExperimentResult JobResult RunResult warnings_of",

@@ -13,7 +13,6 @@ from armcontour.jobs.job_result import ExperimentResult as ExperimentResult
 from armcontour.jobs.job_result import JobResult as JobResult
 from armcontour.jobs.job_result import RunResult as RunResult
 from armcontour.jobs.job_result import warnings_of as warnings_of
-from armcontour.jobs.placement_options import PlaceSearch as PlaceSearch
 from armcontour.jobs.planned_run import Planned as Planned
 from armcontour.jobs.planned_run import ShapingGain as ShapingGain
 from armcontour.jobs.run_plan import plan_one as plan_one

@@ -34,7 +34,6 @@ from armcontour.jobs.analog import check_analog
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.exports import Exports
 from armcontour.jobs.goal import CertificateGoal
-from armcontour.jobs.placement_options import PlaceSearch
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
 from armcontour.planning import Optimal, PlanOptions, Shaped, check_duration
 from armcontour.planning.options import DEFAULT_ITERATIONS, FASTEST
@@ -278,7 +277,6 @@ class Job(Checked):
         plant_servo: The simulated servo; by default the nominal one.
         runs: At least one run, with different names.
         certificate: Requirements of a certified plan.
-        placement: Options of a placement.
         scene: Obstacles in the cell; None if they are unknown.
         ignore_collisions: Whether runs continue if the arm comes too near to itself or to its cell;
             results report this.
@@ -288,8 +286,8 @@ class Job(Checked):
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
             a seed for another number of joints, gains too large for a cycle, a speed
-            so low that the motion is endless, an analog output that needs a speed, axes of a
-            placement that the arm has not, or a process that the program cannot have.
+            so low that the motion is endless, an analog output that needs a speed, or a process
+            that the program cannot have.
     """
 
     name: Name
@@ -303,7 +301,6 @@ class Job(Checked):
     seed: FloatArray | None = None
     process: Process = field(default_factory=Process)
     certificate: CertificateGoal | None = None
-    placement: PlaceSearch | None = None
     scene: Scene | None = None
     ignore_collisions: bool = False
     export: Exports = field(default_factory=Exports)
@@ -330,9 +327,6 @@ class Job(Checked):
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job must have at least one run, and runs must differ in name.")
-        if self.placement is not None:
-            with error_context("placement"):
-                self.placement.check(self.arm.dimension)
         if self.seed is not None:
             seed = checks.per_joint("seed", self.seed, self.arm.dof, "rad")
             object.__setattr__(self, "seed", checks.frozen_array(seed))
@@ -349,7 +343,6 @@ class Job(Checked):
                 *((f"run {x.name}", self._words(x)) for x in self.runs),
                 ("obstacles", "" if self.scene is None else f"{len(self.scene.obstacles)}"),
                 ("certificate", "" if self.certificate is None else "requested"),
-                ("placement", "" if self.placement is None else "requested"),
             ],
         )
 

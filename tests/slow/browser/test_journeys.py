@@ -42,17 +42,6 @@ def apply(studio, text):
     return area
 
 
-def place_at_last_cell(studio, cells, fields=None):
-    """Search for a place, and put the part where the last cell of the map is."""
-    studio.do("place", fields)
-    result = studio.find(".task-result[data-task=place]")
-    expect(result).to_have_attribute("data-state", "done", timeout=300_000)
-    cells_shown = studio.find(".task-result[data-task=place] button[title*='mm, ']:enabled")
-    assert cells_shown.count() == cells
-    with studio.changing():
-        cells_shown.last.click()
-
-
 def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
     with studio.changing():
         studio.type("limits.speed", "0.05 m/s")
@@ -77,29 +66,6 @@ def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
     agree(studio, judgement)
     assert judgement.trajectory.duration < slow
     assert studio.figure("contour_error.rms") != error
-
-
-def test_no_sweep_begins_beside_a_slider_that_is_held(studio):
-    studio.page.evaluate(
-        """() => {
-            window.asked = [];
-            const send = WebSocket.prototype.send;
-            WebSocket.prototype.send = function (text) {
-                const { op, task } = JSON.parse(text);
-                if (op === "task") window.asked.push(task);
-                return send.call(this, text);
-            };
-        }"""
-    )
-    with studio.grabbing(studio.slider("limits.speed").locator("input[type=range]")) as (x, y):
-        # A pointer that rests on a slider for half of this asks for one.
-        studio.page.wait_for_timeout(1000)
-        studio.page.mouse.move(x + 3, y)
-        studio.page.wait_for_timeout(1000)
-        assert studio.page.evaluate("() => window.asked") == []
-    studio.page.wait_for_function("() => window.asked.length > 0")
-    assert studio.page.evaluate("() => window.asked") == ["sweep"]
-    assert "speed: 0.05 m/s" not in studio.text
 
 
 def test_j6_two_variants_are_two_runs_in_one_table(studio, judge):
@@ -204,7 +170,7 @@ def test_j10_corners_and_speeds_are_changed_by_keys_alone(studio, judge):
     assert studio.figure("duration") == slower
 
 
-def test_j11_a_dropped_drawing_is_placed_by_the_map_and_played(pages, judge):
+def test_j11_a_dropped_drawing_is_played(pages, judge):
     studio = pages()
     studio.rest()
     content = (DRAWINGS / "gasket.dxf").read_text()
@@ -225,10 +191,6 @@ def test_j11_a_dropped_drawing_is_placed_by_the_map_and_played(pages, judge):
     run = studio.find("#run").input_value()
     first = studio.figure("duration")
     assert first == pytest.approx(judge(studio, run).trajectory.duration, abs=EXACT)
-    place_at_last_cell(studio, 4, {"x": "60", "y": "60", "steps": "2"})
-    moved = studio.figure("duration")
-    assert moved != first
-    assert moved == pytest.approx(judge(studio, run).trajectory.duration, abs=EXACT)
     press(studio, "#viewbar", "Both")
     press(studio, "#playback", "Play")
     studio.wait("#playback", state="playing")
@@ -391,26 +353,6 @@ def test_j14_what_is_not_saved_outlives_its_server(browser, tmp_path, arguments,
 
 def test_j15_a_monkey_breaks_nothing_and_all_it_did_is_undone(studio):
     assert not let_loose(studio, 10.0, seed=1)
-
-
-def test_j16_the_job_asks_where_it_is_placed_and_keeps_the_question(studio, tmp_path):
-    placement = "placement: {over: {x: {from: -20 mm, to: 20 mm, places: 2}}, refine: false}\n"
-    file = tmp_path / "square.yaml"
-    studio.tab("tasks")
-    tick = studio.find("form[data-task=place] input[name=as_job]")
-    expect(tick).to_have_count(0)
-    file.write_text(f"{SQUARE}{placement}")
-    with studio.changing():
-        studio.open(file)
-    expect(tick).to_be_enabled()
-    assert tick.is_checked()
-    steps = studio.find("form[data-task=place] input[name=steps]")
-    expect(steps).to_be_disabled()
-    place_at_last_cell(studio, 2)
-    # The question goes on with the part.
-    assert placement in studio.text
-    tick.uncheck()
-    expect(steps).to_be_enabled()
 
 
 def test_j17_without_webgl_only_the_arm_is_missing(pages, job, judge):

@@ -7,7 +7,6 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
-from armcontour.report.sections.batch import Axis, BatchView
 from tests.browser.axe_faults import faults, load_axe
 from tests.corner_job import CORNER_JOB
 
@@ -16,10 +15,10 @@ from armcontour.files import parse_job
 from armcontour.files.cell import read_cell
 from armcontour.jobs import CertificateGoal
 from armcontour.report import (
-    render_batch,
     render_demo,
     render_placement,
     render_report,
+    render_table,
     sections,
 )
 from armcontour.report.identification import render_identification
@@ -57,21 +56,6 @@ def bend():
     return parse_job(CORNER_JOB)
 
 
-def bends():
-    speeds, errors = np.array([0.01, 0.02, 0.04]), np.array([1e-3, 2e-3, np.nan])
-    return BatchView(
-        name="bends",
-        about="3 jobs",
-        counts={"done": 2, "refused": 1},
-        errors={"Unreachable": 1},
-        axes=(Axis("limits.speed", "m/s", speeds, False),),
-        figures=(Axis("contour_error.max", "m", errors, True),),
-        status=("done", "done", "refused"),
-        done="done",
-        stride=1,
-    )
-
-
 def gasket():
     """Ten contours of a drawing on the UR5e, as of the README."""
     return read_cell("ur5e", DRAWINGS / "gasket.dxf")
@@ -100,8 +84,14 @@ def identified():
 
 
 def placed():
-    over = {"x": (-0.01, 0.01, 2), "y": (-0.01, 0.01, 2)}
-    return render_placement(ac.place(bend(), ac.PlaceSearch(over=over, refined=False)))
+    grid = {"x": [-0.01, 0.01], "y": [-0.01, 1.0]}
+    return render_placement(ac.place(bend(), grid, processes=1))
+
+
+def batched():
+    rows = [(str(k), f"{10 * k} mm/s", "kept", "2.1855 s", "") for k in range(1, 40)]
+    rows.append(("40", "0.4 m/s", "refused", "-", "The path is out of reach. " * 4))
+    return render_table("Batch", "40 jobs", ("job", "limits.speed", "verdict", "motion", ""), rows)
 
 
 def certified():
@@ -115,7 +105,7 @@ PAGES = {
     "certify": certified,
     "identify": identified,
     "place": placed,
-    "batch": lambda: render_batch(bends()),
+    "batch": batched,
     "two jobs": lambda: render_demo([ac.run(bend()), ac.run(parts())]),
 }
 

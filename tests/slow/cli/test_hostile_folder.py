@@ -23,7 +23,7 @@ COMMANDS = {
     "show": ("show", "line.csv"),
     "run": ("run", "job.yaml", "--out", "out"),
     "batch": ("batch", "job.yaml", *OVER, "--out", "out", "--workers", "2"),
-    "place": ("place", "job.yaml", "--out", "out", "--over", "x: -5 mm .. 5 mm, 3", "--no-refine",
+    "place": ("place", "job.yaml", "--out", "out", "--x", "-5 mm .. 5 mm, 13",
               "--workers", "2"),
     "check": ("check", "q.csv", "--arm", "pmk3s"),
 }  # fmt: skip

@@ -12,8 +12,13 @@ from tests.studio.test_workers import Heard
 from armcontour.studio.tasks.dispatch import WARMUP_JOB
 from armcontour.studio.workers import TaskWorker
 
-# Takes far longer than any of these tests.
-LONG = {"text": WARMUP_JOB, "options": {"key": "limits.speed", "values": [0.1] * 100_000}}
+# A zigzag with the shape free takes far longer than any of these tests.
+POINTS = [[0.3 + 0.0002 * k, 0.2 + 0.002 * (k % 2)] for k in range(400)]
+LONG = {
+    "text": WARMUP_JOB.replace("[[0.35, 0.1], [0.4, 0.15], [0.35, 0.2]]", str(POINTS)).replace(
+        "{tolerance: 1 mm}", "{tolerance: 1 mm, shape: free}"
+    )
+}
 
 
 @pytest.fixture(scope="module")
@@ -29,10 +34,10 @@ def slow(heard):
 
 
 def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
-    slow.submit("d", "sweep", LONG)
+    slow.submit("d", "figures", LONG)
     slow.submit("f", "figures", {"text": WARMUP_JOB})
     progress = heard.wait("d", "progress").header
-    assert progress["task"] == "sweep" and 0 <= progress["share"] < 1
+    assert progress["task"] == "figures" and not progress["share"]
     process = next(iter(slow._pool._children))
     begin = time.monotonic()
     slow.cancel("d")
@@ -42,7 +47,7 @@ def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
 
 
 def test_a_process_that_dies_is_reported_and_replaced(slow, heard):
-    slow.submit("g", "sweep", LONG)
+    slow.submit("g", "figures", LONG)
     heard.wait("g", "progress")
     next(iter(slow._pool._children)).kill()
     assert "ended before it returned a result" in heard.wait("g", "failed").header["sentence"]
@@ -55,7 +60,7 @@ import time
 from armcontour.studio.workers import TaskWorker
 from tests.slow.studio.test_workers import LONG
 lane = TaskWorker(lambda frame: print(*[x.pid for x in lane._pool._children], flush=True))
-lane.submit('a', 'sweep', LONG)
+lane.submit('a', 'figures', LONG)
 time.sleep(60)
 """
 

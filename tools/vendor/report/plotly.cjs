@@ -3,10 +3,8 @@ const plotly = require("plotly.js/lib/core");
 
 plotly.register([
   require("plotly.js/lib/bar"),
-  require("plotly.js/lib/heatmap"),
   require("plotly.js/lib/mesh3d"),
   require("plotly.js/lib/scatter3d"),
-  require("plotly.js/lib/scattergl"),
 ]);
 
 module.exports = plotly;
