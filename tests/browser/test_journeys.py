@@ -209,7 +209,7 @@ def test_j39_programs_for_kuka_and_abb_are_those_of_the_library(studio, judge, t
     studio.open(file)
     studio.rest()
     for template, ending in (("kuka", ".src"), ("abb", ".mod")):
-        task_result = studio.do("export", {"format": f"template {template}"})
+        task_result = studio.do("export", {"format": template})
         name, content = studio.save_file(task_result.locator(f"button[data-file$='{ending}']"))
         # The name of the program is that of its file.
         program = TemplateFormat(template=template, name="square set-points")
