@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -77,21 +78,18 @@ def read_axis(name: str, text: str) -> FloatArray:
     from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Angle, Length
-    from armcontour.core.text import plain_number
 
     option, kind = f"--{name}", Angle if name == "yaw" else Length
-    span, _, number = text.rpartition(",")
-    low_text, dots, high_text = span.partition("..")
-    count = plain_number(number)
-    if not dots or count is None or count != int(count) or count < 1:
+    match = re.fullmatch(r"(.+?)\.\.(.+),\s*([1-9]\d{0,5})", text.strip())
+    if match is None:
         raise InvalidInput(
             f"{option} requires a range and a number of values, such as '-300 mm .. 300 mm, 25', "
             f"not {text!r}."
         )
-    low, high = (read_option(option, x, kind) or 0.0 for x in (low_text, high_text))
+    low, high = (read_option(option, x, kind) or 0.0 for x in match.groups()[:2])
     whole = name == "yaw" and abs(abs(high - low) - 2 * np.pi) < 1e-9
     # Without rounding, steps have rounding errors, for example at 0.
-    return np.round(np.linspace(low, high, int(count), endpoint=not whole), 12) + 0.0
+    return np.round(np.linspace(low, high, int(match[3]), endpoint=not whole), 12) + 0.0
 
 
 def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:

@@ -12,14 +12,11 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import plain, units
-from armcontour.files.job_arm import frame_of
-from armcontour.files.job_file import model_of, read_data
-from armcontour.files.job_model import CellModel
 from armcontour.files.job_text_edits import move_files
 from armcontour.files.patch import Patch, write_patch
 from armcontour.files.result_folder import to_json
 from armcontour.robot import SerialArm
-from armcontour.robot.scene import BASE, PART
+from armcontour.robot.scene import BASE
 from armcontour.studies.certification import Certificate
 from armcontour.studies.placement import AXES, Placement
 
@@ -100,11 +97,7 @@ def _placement_patch(placement: Placement, text: str) -> Patch:
         chain = placement.placed().arm.chain
         assert chain is not None
         return {("arm", "work"): _frame_keys(chain.base.inverse)}
-    model = model_of(CellModel, read_data(text, "job"), "job")
-    path_frame = Frame() if model.path.frame is None else frame_of("path.frame", model.path.frame)
-    frame = placement.frame()
-    moved = frame if placement.moved == PART else frame.inverse
-    return {("path", "frame"): _frame_keys(moved @ path_frame)}
+    return {("path", "frame"): _frame_keys(placement.placed().part)}
 
 
 def _frame_keys(frame: Frame) -> dict[str, list[float]]:

@@ -73,8 +73,7 @@ def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]
 
 def render_placement(placement: Placement) -> str:
     """Render the report of a placement as one self-contained HTML page."""
-    front, section = sections.placed(placement), sections.placement(placement)
-    return _page(placement.job, front, [section], source=OF_PLAN)
+    return _page(placement.job, sections.placed(placement), [], source=OF_PLAN)
 
 
 def render_table(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
@@ -12,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._version import __version__
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, NotRealizable
@@ -25,31 +23,16 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row
 from armcontour.core.text import short_repr
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one
 from armcontour.planning import Optimal
 from armcontour.program import Program
 from armcontour.robot import SerialArm
 from armcontour.robot.scene import BASE, PART, Obstacle
-from armcontour.verification.clearance import Clearance
 
 __all__ = ["Place", "Placement", "place"]
 
 # Axes of a grid and their units. The last axis changes fastest. Arms in the plane have no z.
 AXES = {"x": "m", "y": "m", "z": "m", "yaw": "rad"}
-# Largest number of places; each is planned, which takes 0.1 s or more.
-MAX_PLACES = 100_000
-# Largest amount of a coordinate [m, rad]; a larger one is a mistake in a unit.
-FARTHEST = 1e4
-# Reasons of refused places in maps, by the limit of the error.
-KINDS = {
-    "reach": "reach",
-    "joint_lower": "joint range",
-    "joint_upper": "joint range",
-    "singularity": "singularity",
-    "clearance": "clearance",
-}
-LIMITS, OTHER = "limits", "other"
 # Number of points per contour for the middle of a program.
 SAMPLES = 200
 
@@ -61,8 +44,8 @@ class Place:
     Args:
         values: Displacement along the axes of the grid [m, rad].
         duration: Duration of the plan [s]; None if the place is refused.
-        clearance: Smallest distance of the arm from obstacles, or from itself if there are no
-            obstacles [m]; None if it is not known.
+        clearance: Smallest distance of the arm from itself and from obstacles [m], as `run` reports
+            it; None if it is not known.
         refusal: Kind of the refusal, such as "reach"; empty for a feasible place.
         why_not: Message of the refusal.
     """
@@ -76,15 +59,6 @@ class Place:
     def __str__(self) -> str:
         """Displacement along the axes, in mm and degrees."""
         return ", ".join(f"{name} {number(x, AXES[name])}" for name, x in self.values.items())
-
-    def to_data(self) -> Data:
-        """Duration, clearance, and reason of the refusal."""
-        rows = (
-            Row("duration", self.duration, "s", "motion"),
-            Row("clearance", self.clearance, "m", "clearance"),
-            Row("why_not", self.why_not or None, "", "why not"),
-        )
-        return Data(str(self), rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,8 +101,8 @@ class Placement(Result):
         return np.array([x.duration for x in self.places], dtype=float).reshape(shape)
 
     @checked
-    def frame(self, place: Place | None = None) -> Frame:
-        """Displacement of the part or base, in the coordinates of the path.
+    def placed(self, place: Place | None = None) -> Job:
+        """The job with its part or base at a place.
 
         Args:
             place: A place; by default the best one.
@@ -139,19 +113,7 @@ class Placement(Result):
         chosen = place or self.best
         if chosen is None:
             raise NotRealizable("No place of the grid is feasible. Use a larger grid.")
-        return displacement(chosen.values, self.about)
-
-    @checked
-    def placed(self, place: Place | None = None) -> Job:
-        """The job with its part or base at a place.
-
-        Args:
-            place: A place; by default the best one.
-
-        Raises:
-            NotRealizable: No place is feasible.
-        """
-        return place_job(self.job, self.frame(place), self.moved)
+        return place_job(self.job, displacement(chosen.values, self.about), self.moved)
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
@@ -161,54 +123,30 @@ class Placement(Result):
             files: Files of the result, relative to its folder.
         """
         best, rows = self.best, list[Row]()
-        for key, label, x in (
-            ("best", "best place", best),
-            ("own_place", "the job's own place", self.own),
-        ):
+        compared = {"best": ("best place", best), "own_place": ("the job's own place", self.own)}
+        for key, (label, x) in compared.items():
             if x is not None:
-                values = [y for y in x.to_data().rows if y.value is not None]
-                note = str(x)
                 rows += [
-                    replace(y, name=f"{key}.{y.name}", label=f"{y.label}, {label}", note=note)
-                    for y in values
+                    Row(f"{key}.duration", x.duration, "s", f"motion, {label}", str(x)),
+                    Row(f"{key}.clearance", x.clearance, "m", f"clearance, {label}"),
+                    Row(f"{key}.why_not", x.why_not or None, "", f"why not, {label}"),
+                    *(Row(f"{key}.place.{y}", z, AXES[y]) for y, z in x.values.items()),
                 ]
-                rows += [Row(f"{key}.place.{y}", z, AXES[y]) for y, z in x.values.items()]
         if best is not None and best.duration and self.own.duration:
             rows.append(Row("gain", 1 - best.duration / self.own.duration, "1", "time saved"))
         refused = ", ".join(f"{n} refused by {kind}" for kind, n in self.refusals.items())
         rows += [
             Row("places", len(self.places), "", "places", refused),
             Row("refused", self.refusals),
-            Row("armcontour", __version__),
             Row("job", self.job.name),
             Row("run", self.run.name),
             Row("moved", self.moved),
-            Row("about", self.about, "m"),
             *(Row(f"axes.{name}", x, AXES[name]) for name, x in self.axes.items()),
             Row("files", list(files)),
         ]
+        notes = ("No place of the grid is feasible.",) * (best is None)
         title = f"Places of the {self.moved}: {self.job.title}, run {self.run.name}"
-        return Data(title, tuple(replace(x, level=VERDICT) for x in rows), notes=self._notes)
-
-    @property
-    def _notes(self) -> tuple[str, ...]:
-        """Sentence that names the axes with the best place at an end of their range."""
-        if self.best is None:
-            return ("No place of the grid is feasible.",)
-        values = self.best.values
-        # The last value of a whole turn is next to the first one.
-        names = [
-            k
-            for k, x in self.axes.items()
-            if len(x) > 1 and values[k] in (x[0], x[-1])
-            if k != "yaw" or 2 * x[-1] - x[0] - x[-2] < 2 * np.pi - 1e-9
-        ]
-        if not names:
-            return ()
-        ends = " and ".join(names)
-        return (
-            f"The best place is at the end of the range of {ends}. A wider range may be better.",
-        )
+        return Data(title, tuple(replace(x, level=VERDICT) for x in rows), notes=notes)
 
     __repr__ = short_repr
 
@@ -241,15 +179,13 @@ def place(
             its path; or the "base" of the arm, about its origin.
         run: Name of the run; by default the only one, or the only one with the timing optimal.
         processes: Number of processes; by default one per processor if there are many places.
-        executor: Your own executor instead of processes.
+        executor: Your own executor; then `processes` is ignored.
         progress: Called with the completed share.
 
     Raises:
         InvalidInput: The run or an axis does not exist, or the grid is empty.
         ExecutionError: The executor accepts no work, or has lost a worker.
     """
-    if processes is not None and executor is not None:
-        raise InvalidInput("An executor has its own workers. Remove processes.")
     checks.check_choice("move", move, (PART, BASE))
     axes = _read_grid(grid, job.arm.dimension)
     optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
@@ -266,7 +202,6 @@ def place(
     places = map_in_processes(
         planner, grid_values, processes=processes, executor=executor, done=done
     )
-    report(Step((f"{len(places)} of {len(places)}",), 1.0))
     return Placement(
         job=job,
         run=chosen,
@@ -285,47 +220,31 @@ class _Planner:
     job: Job
     moved: str
     about: FloatArray
-    # The rounded path of an arm in space is the same at all places.
-    reuse: Reuse = field(default_factory=lambda: Reuse(1))
 
     def __call__(self, values: Mapping[str, float]) -> Place:
         try:
             job = place_job(self.job, displacement(values, self.about), self.moved)
-            planned = plan_one(job, job.runs[0], self.reuse, first_only=True)
+            planned = plan_one(job, job.runs[0], first_only=True)
         except ArmContourError as error:
-            kind = KINDS.get(error.limit or "")
-            kind = kind or (LIMITS if isinstance(error, NotRealizable) else OTHER)
+            kind = (error.limit or "other").replace("_", " ")
             return Place(values=values, refusal=kind, why_not=str(error))
-        clearance = _least_distance(planned.clearance, job)
-        return Place(
-            values=values, duration=float(planned.trajectory.duration), clearance=clearance
-        )
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Without the cache, because other processes have their own."""
-        return _Planner, (self.job, self.moved, self.about)
+        clearance = None if planned.clearance is None else planned.clearance.low
+        duration = float(planned.trajectory.duration)
+        return Place(values=values, duration=duration, clearance=clearance)
 
 
 def _read_grid(grid: Mapping[str, Any], dimension: int) -> dict[str, FloatArray]:
     """Read the axes of a grid, in the order of AXES."""
-    names = [x for x in AXES if x != "z" or dimension == 3]
+    names, axes = [x for x in AXES if x != "z" or dimension == 3], {}
     if unknown := [x for x in grid if x not in names]:
         raise InvalidInput(f"The grid has no axis {unknown[0]!r}. Its axes are {', '.join(names)}.")
-    axes = {}
     for name in (x for x in names if x in grid):
         values = checks.check_numbers(f"axis {name} of the grid", grid[name], AXES[name])
-        if values.ndim != 1 or not len(values) or np.abs(values).max() > FARTHEST:
-            raise InvalidInput(
-                f"The axis {name} of the grid must be a list of displacements of at most "
-                f"{FARTHEST:g} {AXES[name]}, such as [-0.1, 0.0, 0.1]."
-            )
+        if values.ndim != 1:
+            raise InvalidInput(f"The axis {name} of the grid must be a list, such as [-0.1, 0.1].")
         axes[name] = checks.frozen_array(values)
-    count = math.prod(map(len, axes.values())) if axes else 0
-    if not 0 < count <= MAX_PLACES:
-        raise InvalidInput(
-            f"The grid has {count} places, but must have 1 to {MAX_PLACES}. Specify at least one "
-            f"axis of {', '.join(names)}, or fewer values."
-        )
+    if not axes or not all(map(len, axes.values())):
+        raise InvalidInput(f"The grid has no places. Specify values of {', '.join(names)}.")
     return axes
 
 
@@ -384,12 +303,3 @@ def _place_obstacle(obstacle: Obstacle, job: Job, frame: Frame, moved: str) -> O
         return obstacle
     base = Frame() if job.arm.chain is None else job.arm.chain.base
     return replace(obstacle, place=(frame @ base).inverse @ base @ obstacle.place)
-
-
-def _least_distance(clearance: Clearance | None, job: Job) -> float | None:
-    """Smallest distance to obstacles (to the arm itself if there are none) [m]; None if unknown."""
-    if clearance is None:
-        return None
-    names = set() if job.scene is None else {x.name for x in job.scene.obstacles}
-    pairs = [x for x in clearance.pairs if not names or {x.first, x.second} & names]
-    return min((float(x.low) for x in pairs), default=None)

@@ -37,7 +37,7 @@ def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
     slow.submit("d", "figures", LONG)
     slow.submit("f", "figures", {"text": WARMUP_JOB})
     progress = heard.wait("d", "progress").header
-    assert progress["task"] == "figures" and not progress["share"]
+    assert progress["task"] == "figures" and progress["steps"]
     process = next(iter(slow._pool._children))
     begin = time.monotonic()
     slow.cancel("d")

@@ -15,4 +15,3 @@ from armcontour.report.sections.motion import over_time as over_time
 from armcontour.report.sections.motion import time_stamps as time_stamps
 from armcontour.report.sections.path_section import paths as paths
 from armcontour.report.sections.placement_section import placed as placed
-from armcontour.report.sections.placement_section import placement as placement
