@@ -32,7 +32,7 @@ COMMANDS = {
     "certify": ["certify", "job.yaml", "--out", "out"],
     "place": ["place", "job.yaml", "--out", "out", "--over", "x: -20 mm .. 20 mm, 9"],
     "identify": ["identify", "log.csv", "--out", "out"],
-    "learn": ["learn", "job.yaml", "--log", "log.csv", "--judge-only", "--out", "out"],
+    "learn": ["learn", "job.yaml", "--set-points", "first", "--log", "log.csv", "--out", "out"],
     "export": [
         *("run", "job.yaml", "--out", "out", "--no-simulation"),
         *("--export", "csv", "--export", "ros-yaml"),
@@ -108,6 +108,7 @@ class Bench:
         first = call(self.folder, COMMANDS["run"])
         assert first.code == 0, first.said
         shutil.copy(self.folder / "out/only/planned.csv", self.folder / "planned.csv")
+        shutil.copytree(self.folder / "out", self.folder / "first")
         self._write_log()
         shutil.rmtree(self.folder / "out")
         self.inputs = state(self.folder)

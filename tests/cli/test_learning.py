@@ -1,7 +1,5 @@
 """`armcontour learn`: from log files of a robot."""
 
-import json
-
 import numpy as np
 import pytest
 from tests.cli.helpers import summary
@@ -87,26 +85,12 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
             (log, "--set-points", out, "--out", "a"),
             ["run.csv contains the set-points of run 1 (run.csv)"],
         ),
-        ((log, "--set-points", out, "--judge-only"), ["run.csv contains the set-points of run 1"]),
         (
             (second, "--set-points", shop.first, "--out", "a"),
             ["run2.csv is the log of another run"],
         ),
     ]
     assert refused(tmp_path, rows, codes=(2,), begin=learn) == []
-
-    # The log of the second run, for which those of the job are taken without --set-points.
-    judge = (*learn[:2], "--judge-only", "--json", "--log")
-    for file, options, differs in (
-        (second, (), True),
-        (log, ("--set-points", shop.first), False),
-        (second, ("--set-points", out), False),
-    ):
-        code, shown, _ = command(*judge, file, *options)
-        run = json.loads(shown)["judged"]
-        assert code == 0 and (run["set_points_off"] > 1e-4) is differs
-        assert differs or run["set_points_off"] < 1e-5
-        assert any("executed set-points (--set-points)" in x for x in run["notes"]) is differs
 
 
 def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refused, done):
@@ -129,28 +113,6 @@ def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refus
     assert refused(tmp_path, rows, codes=(2,), begin=("learn",)) == []
 
 
-def test_positions_of_the_tool(shop, tmp_path, refused, done):
-    """A tracker, with a clock of its own, that sees links bend, which the encoders do not."""
-    t, q = shop.table[:, 0] - BEGUN, np.radians(shop.table[:, 3:])
-    bent = q + 1e-3 * np.sin(2 * np.pi * np.clip(t, 0, 2)[:, None] * [1.0, 1.5]) ** 2
-    tool = np.column_stack([1e3 * t, 1e3 * shop.job.arm.tool_position(bent)])
-    file = written(tmp_path, tool, "t [ms],x [mm],y [mm]", "tool.csv")
-    points = shop.job.arm.tool_position(q) + [0.1, 0.0]
-    other = written(tmp_path, np.column_stack([shop.table[:, 0], points]), "t,x,y", "other.csv")
-    log, out = written(tmp_path, shop.table), tmp_path / "out"
-    learn = ("learn", shop.file, "--set-points", shop.first, "--log", log, "--out", out)
-    rows = [((other,), ["frame of the path"])]
-    assert refused(tmp_path, rows, codes=(2,), begin=(*learn, "--tool-positions")) == []
-    done(*learn, "--tool-positions", file)
-    run = summary(out)["learning"]["runs"][0]
-    inside = (t >= 0) & (t <= shop.plan.trajectory.duration)
-    path = shop.plan.path.path
-    distances = path.project(shop.job.arm.tool_position(bent[inside])).distance
-    blind = path.project(shop.job.arm.tool_position(q[inside])).distance
-    assert run["contour_rms"] == pytest.approx(np.sqrt(np.mean(distances**2)), rel=0.1)
-    assert np.sqrt(np.mean(distances**2)) > 2 * np.sqrt(np.mean(blind**2))
-
-
 def test_options_that_do_not_go_together(shop, tmp_path, refused):
     log = written(tmp_path, shop.table)
     rows = [
@@ -165,29 +127,3 @@ def test_options_that_do_not_go_together(shop, tmp_path, refused):
         ),
     ]
     assert refused(tmp_path, rows, codes=(2,), begin=("learn", shop.file)) == []
-
-
-def test_a_log_is_judged_without_learning(shop, tmp_path, done):
-    log, out = written(tmp_path, shop.table), tmp_path / "judged"
-    shown = done("learn", shop.file, "--log", log, "--judge-only", "--out", out)
-    assert "run.csv" in shown and "Continue with" not in shown
-    assert "Set-points of the next run" not in shown
-    assert {x.name for x in out.iterdir()} == {".armcontour.json", "summary.json"}
-    data = summary(out)
-    judged = data["judged"]
-    # What the log has, by the nearest places of its samples.
-    t, q = shop.table[:, 0] - BEGUN, np.radians(shop.table[:, 3:])
-    inside = (t >= 0) & (t <= shop.plan.trajectory.duration)
-    distances = shop.plan.path.path.project(shop.job.arm.tool_position(q[inside])).distance
-    assert judged["contour_error"]["max"] == pytest.approx(distances.max(), rel=0.05)
-    assert judged["contour_error"]["rms"] == pytest.approx(np.sqrt(np.mean(distances**2)), rel=0.05)
-    t_max = judged["contour_error"]["t_max"]
-    assert abs(t_max - t[inside][distances.argmax()]) < 0.1 and data["units"]["tool_rms"] == "m"
-    assert judged["contours"][0]["coverage_error"]["max"] > 0
-
-    # The same as the errors from which it learns.
-    arguments = ("learn", shop.file, "--set-points", shop.first, "--log", log, "--json")
-    shown = done(*arguments, "--judge-only")
-    learned = done(*arguments, "--out", tmp_path / "n")
-    first = json.loads(learned)["learning"]["runs"][0]
-    assert json.loads(shown)["judged"]["contour_rms"] == first["contour_rms"]

@@ -12,7 +12,6 @@ from tests.files.tables import refusals
 
 from armcontour.core.quantities import Quantity
 from armcontour.files.csv_table import Title, read_table
-from armcontour.files.log_file import read_tool_positions
 from armcontour.files.units import (
     MAX_CHARACTERS,
     PERCENT,
@@ -185,45 +184,3 @@ q_deg [rad] => the column 'q_deg [rad]' has two units
 
 def test_titles_that_are_refused():
     refusals(lambda x: titles(*x.split("|")), BAD, "a.csv, line 1: ", without="m" * 300)
-
-
-POSITIONS = np.array([[0.0, 0.4, 0.1, 0.2], [0.008, 0.401, 0.1, 0.2]])
-BAD_FILES = r"""
-t,x,y\n0,1,2 => tool.csv, line 1 ... column z ... t,x,y,z
-x,y,z\n0,1,2 => column t
-t,x,y,z\n0,1,2,many => line 2 ... 'many'
-0,1,2,3\n1,1,2,3 => first line must name the columns
-t,x,y,z\n0,0,0,0\n0,1,0,0 => line 3, column 't': '0' is 0.0 s, but times must increase
-t [ns],x,y,z\n1,0,0,0\n2,1,0 => line 3: the row has 3 values, but must have 4
-"""
-
-
-@pytest.fixture
-def read(tmp_path):
-    def from_text(text, dimension=3):
-        file = tmp_path / "tool.csv"
-        file.write_text(text.replace(r"\n", "\n") + "\n", encoding="utf-8")
-        return read_tool_positions(file, dimension)
-
-    return from_text
-
-
-def test_positions_of_the_tool(read):
-    for text in (
-        "t,x,y,z\n0,0.4,0.1,0.2\n0.008,0.401,0.1,0.2",
-        "# tracker\nt [ms];x [mm];y [mm];z [mm]\n0;400;100;200\n8;401;100;200",
-        "z [mm],frame,tool x [m],tcp_y [mm],time\n200,7,0.4,100,0\n200,8,0.401,100,0.008",
-        "timestamp,tool x,tool y,tool z,speed x\n0,0.4,0.1,0.2,1\n0.008,0.401,0.1,0.2,1",
-    ):
-        np.testing.assert_allclose(np.column_stack(read(text)), POSITIONS, rtol=1e-15)
-    t, points = read("t [ms],x [mm],y [mm]\n8,401,100\n16,402,100", 2)
-    np.testing.assert_allclose(t, [0.008, 0.016])
-    np.testing.assert_allclose(points, [[0.401, 0.1], [0.402, 0.1]])
-    # Rows that repeat the one before.
-    t, points = read("t,x,y\n7.9,1,2\n7.9,1,2\n8.1,1,3", 2)
-    np.testing.assert_allclose(t, [7.9, 8.1])
-    np.testing.assert_allclose(points, [[1, 2], [1, 3]])
-
-
-def test_files_that_are_refused(read):
-    refusals(read, BAD_FILES)

@@ -1,19 +1,19 @@
-"""Logs of the robot in the Studio: kept, compared with the plan, identified, learned from."""
+"""Logs of the robot in the Studio: kept, identified, learned from."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.studio.robot_logs import BEGIN, HEAD, TRUE, write_table
-from tests.studio.session_pages import RecordingTaskWorker, SessionPage, figure, session_of
+from tests.studio.robot_logs import HEAD, TRUE, write_table
+from tests.studio.session_pages import RecordingTaskWorker, SessionPage, session_of
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.core.render import cells
 from armcontour.files import parse_job
 from armcontour.files.log_file import read_log, read_run_log
-from armcontour.jobs.run_learning import judge_log
+from armcontour.jobs.run_learning import learn_logs
 from armcontour.studio.drafts import state_folder
 from armcontour.studio.tasks.dispatch import do
 from armcontour.studio.uploads import MAX_LOGS
@@ -43,30 +43,6 @@ def ask(file):
         return do(task, request, quiet)
 
     return ask_task
-
-
-def test_the_measured_error_is_that_of_the_robot(ask, robot, done, log):
-    frame = ask("measured", log)
-    logged = read_run_log(log, robot.job.arm.joint_names)
-    study = judge_log(robot.job, robot.plan, robot.plan.set_points, logged)
-    true = ac.evaluate(done, robot.plan.path).contour_error
-    for name in ("rms", "max"):
-        shown = figure(frame.header, f"contour_{name}")
-        assert shown == getattr(study.judged.runs[0], f"contour_{name}")
-        # Noise of the encoders is left.
-        assert shown == pytest.approx(getattr(true, name), rel=0.05)
-    contours, joints = frame.header["tables"]
-    assert (contours["title"], joints["title"]) == ("contours", "joints")
-    assert contours["cells"] == cells(study.result.tables[0])
-    # The tool is where it was at the time of the slider.
-    t, base, offset = (frame.arrays[x] for x in ("t", "base", "offset"))
-    tool = robot.job.arm.tool_position(
-        np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
-    )
-    assert np.interp(frame.header["times"], true.t, true.values) > 0.95 * true.max
-    middle = (tool - base - offset).mean(axis=0)
-    np.testing.assert_allclose(base + offset + middle, tool, atol=2e-5)
-    assert frame.arrays["error"].max() == pytest.approx(true.max, rel=0.05)
 
 
 def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
@@ -124,15 +100,18 @@ def test_next_set_points_are_those_of_the_command(ask, robot, file, log, command
     content = frame.arrays["content"].tobytes()
     assert content == (second / "optimal/set_points.csv").read_bytes()
     assert frame.header["label"] == "Download next set-points"
-    # The robot executes them, and the next log is compared with what it was told.
+    # The robot executes them, and the error of the next log is that of its tool.
     learned = np.loadtxt(second / "optimal/set_points.csv", delimiter=",", skiprows=1)
     moved = robot.execute(replace(robot.plan.set_points, q=learned[:, 1:]))
     again = robot.log(robot.folder / "run2.csv", moved, seed=1)
-    frame = ask("measured", log, again)
+    frame = ask("learn", log, again)
     true = ac.evaluate(moved, robot.plan.path).contour_error.rms
-    assert figure(frame.header, "contour_rms") == pytest.approx(true, rel=0.05)
+    logs = [read_run_log(x, robot.job.arm.joint_names) for x in (log, again)]
+    lesson = learn_logs(robot.job, robot.plan, logs)
+    assert lesson.runs[1].contour_rms == pytest.approx(true, rel=0.05)
+    assert frame.header["tables"][0]["cells"] == cells(lesson.to_data().tables[0])
     assert command("learn", file, "--set-points", second, "--log", again, "--out", third)[0] == 0
-    content = ask("learn", log, again).arrays["content"].tobytes()
+    content = frame.arrays["content"].tobytes()
     assert content == (third / "optimal/set_points.csv").read_bytes()
     exported = ask("export", log, format="csv", of="learned").arrays["content"].tobytes()
     rows = np.loadtxt(exported.decode().splitlines(), delimiter=",", skiprows=1)
@@ -145,8 +124,8 @@ def test_logs_that_do_not_fit_the_job_are_refused(ask, robot, done, tmp_path):
     mirrored[:, 1:] = rows[::-1, 1:]
     turned = rows.copy()
     turned[:, 1:] = np.degrees(turned[:, 1:])
-    both = ("measured", "learn")
-    every = (*both, "identify")
+    both = ("learn",)
+    every = ("learn", "identify")
     single = "t [s],command 1 [rad],measured 1 [rad]"
     for tasks, table, head, words in (
         (every, rows[:, [0, 1, 3]], single, "1 joint .* arm has 2"),
@@ -180,14 +159,12 @@ def test_logs_that_do_not_fit_the_job_are_refused(ask, robot, done, tmp_path):
 def test_columns_have_the_names_that_the_page_gives(ask, robot, done, tmp_path):
     log = write_table(tmp_path / "plain.csv", robot.table(done), "time,foo_1,foo_2,bar_1,bar_2")
     with pytest.raises(InvalidInput, match="columns"):
-        ask("measured", log)
+        ask("learn", log)
     columns = "u# [rad]=foo_#,q# [rad]=bar_#"
-    rows = dict.fromkeys(("measured", "identify", "learn"))
+    rows = dict.fromkeys(("identify", "learn"))
     for task in rows:
         rows[task] = ask(task, log, columns=columns).header["rows"]
     assert all(rows.values())
-    begin = figure({"rows": rows["measured"]}, "begin")
-    assert begin == pytest.approx(BEGIN, abs=0.01)
 
 
 def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, home):
@@ -205,13 +182,13 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     assert not session.document.can_undo
     assert all(x.is_relative_to(state_folder()) for x in uploads.logs.values())
     assert all(x.parent.stat().st_mode & 0o077 == 0 for x in uploads.logs.values())
-    tab.say("task", id="t1", task="measured", options={"logs": names[::-1]})
+    tab.say("task", id="t1", task="learn", options={"logs": names[::-1]})
     _, _, request = RecordingTaskWorker.last.given[-1]
     read = [Path(x).read_bytes() for x in request["logs"]]
     assert read == [b"t,q2\n", b"t,q1\n"]
     count = len(RecordingTaskWorker.last.given)
     for names in (["other.csv"], ["../job.yaml"], [str(file)], "run.csv", [["run.csv"]], {}, 5):
-        frames = tab.say("task", id="t2", task="measured", options={"logs": names})
+        frames = tab.say("task", id="t2", task="learn", options={"logs": names})
         # Nothing chosen is what the task itself refuses.
         assert names == {} or frames[-1].kind == "failed", names
     assert len(RecordingTaskWorker.last.given) == count + 1

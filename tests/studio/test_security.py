@@ -219,7 +219,7 @@ def test_s7_logs_are_kept_apart_and_need_the_token(studio, folder):
         shown = page.hear("document").header
         assert shown["text"] == text and not shown["can_undo"]
         for name in ("../job.yaml", str(folder / "job.yaml"), "/etc/passwd", {"a.csv": 1}):
-            page.say("task", id="t", task="measured", options={"logs": [name]})
+            page.say("task", id="t", task="learn", options={"logs": [name]})
             assert "Drop it" in page.hear("failed").header["sentence"]
     assert sorted(folder.rglob("*")) == before
 

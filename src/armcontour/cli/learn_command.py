@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -15,31 +14,26 @@ from armcontour.core.progress import Progress, Step, subprogress
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, LearnOptions
     from armcontour.files import ResultFolder
-    from armcontour.jobs.run_learning import JudgedStudy, LearningStudy
+    from armcontour.jobs.run_learning import LearningStudy
 
 
 def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> None:
-    """Learn a run of a job from a log, or evaluate the log; print and write the result."""
+    """Learn a run of a job from a log; print and write the result."""
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
 
     _refuse_missing(options)
     window = read_window(options.start, options.end)
-
-    with (
-        nullcontext()
-        if options.out is None
-        else ResultFolder(options.out, force=options.force) as folder
-    ):
-        with search_progress("judging" if options.judge_only else "learning") as progress:
-            study = _learn_or_judge(file, job_options, options, window, progress)
-        if folder is not None:
-            write_study(study, folder)
+    assert options.out is not None
+    with ResultFolder(options.out, force=options.force) as folder:
+        with search_progress("learning") as progress:
+            study = _learn_from_log(file, job_options, options, window, progress)
+        write_study(study, folder)
     if options.as_json:
         print(data_json(study.to_data()), end="")
     else:
-        _print_study(study, options)
-    if options.out is not None and options.open_report:
+        _print_study(study, options.out)
+    if options.open_report:
         open_page(options.out / "report.html")
 
 
@@ -51,15 +45,6 @@ def _refuse_missing(options: LearnOptions) -> None:
     refuse_without_controller(options)
     if options.out is None and (options.open_report or options.force):
         raise InvalidInput("--open and --force require --out, the folder for the report.")
-    if options.judge_only:
-        if options.log is None:
-            raise InvalidInput("--judge-only requires the log of the robot. Specify it with --log.")
-        if options.open_report:
-            raise InvalidInput(
-                "--open cannot be combined with --judge-only, which writes no report. Remove "
-                "--open."
-            )
-        return
     if options.set_points is None or options.log is None:
         raise InvalidInput(
             "learn requires the executed set-points and the log. Specify them with --set-points "
@@ -71,27 +56,23 @@ def _refuse_missing(options: LearnOptions) -> None:
         )
 
 
-def _learn_or_judge(
+def _learn_from_log(
     file: FilePath,
     job_options: JobOptions,
     options: LearnOptions,
     window: tuple[float, float],
     progress: Progress,
-) -> LearningStudy | JudgedStudy:
-    """Read the job, plan its run, and learn from the log, or with --judge-only evaluate it."""
-    from armcontour.files.log_file import read_run_log, read_tool_positions
+) -> LearningStudy:
+    """Read the job, plan its run, and learn from the log."""
+    from armcontour.files.log_file import read_run_log
     from armcontour.files.set_point_file import read_set_points
-    from armcontour.jobs.run_learning import LearningStudy, judge_log, learn_run, plan_run
+    from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
 
     job = open_job(file, job_options, subprogress(progress, "reading"))
     plan = plan_run(job, options.run_name, progress=progress)
-    assert options.log is not None
+    assert options.log is not None and options.set_points is not None
     progress(Step(("reading the log",)))
-    set_points = (
-        plan.set_points
-        if options.set_points is None
-        else read_set_points(options.set_points, job, plan)
-    )
+    set_points = read_set_points(options.set_points, job, plan)
     log = read_run_log(
         options.log,
         job.arm.joint_names,
@@ -100,52 +81,35 @@ def _learn_or_judge(
         columns=options.columns,
     )
     show_notes(log.notes)
-    tool = None
-    if options.tool_positions is not None:
-        tool = read_tool_positions(options.tool_positions, job.program.dimension)
-    if options.judge_only:
-        progress(Step(("judging the log",)))
-        return judge_log(job, plan, set_points, log, tool=tool)
-    progress(Step(("learning from the log",)))
-    lesson = learn_run(job, plan, set_points, log, tool=tool)
+    lesson = learn_logs(job, plan, [log], set_points=set_points, progress=progress)
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
-def write_study(study: LearningStudy | JudgedStudy, folder: ResultFolder) -> None:
-    """Write the summary; after learning, also the set-points of the next run and the report."""
+def write_study(study: LearningStudy, folder: ResultFolder) -> None:
+    """Write the set-points of the next run, the report and the summary."""
     import dataclasses
 
     from armcontour.cli.run_command import write_motions
     from armcontour.files.result_folder import data_json
     from armcontour.files.set_point_file import LESSON, write_lesson
-    from armcontour.jobs.run_learning import LearningStudy
     from armcontour.report import render_learning
 
-    if isinstance(study, LearningStudy):
-        name = study.plan.run.name
-        write_motions(
-            folder, study.job, {name: dataclasses.replace(study.plan, set_points=study.lesson)}
-        )
-        folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
-        folder.write("report.html", render_learning(study))
+    name = study.plan.run.name
+    write_motions(
+        folder, study.job, {name: dataclasses.replace(study.plan, set_points=study.lesson)}
+    )
+    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
+    folder.write("report.html", render_learning(study))
     folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 
 
-def _print_study(study: LearningStudy | JudgedStudy, options: LearnOptions) -> None:
+def _print_study(study: LearningStudy, out: FilePath) -> None:
     """Print the errors of the runs, the next step, and the written files."""
-    from armcontour.jobs.run_learning import LearningStudy
-
-    console, name, out = Console(), study.plan.run.name, options.out
-    subject = "the robot by its log" if options.judge_only else "error of the tool"
-    console.print(f"{study.job.title}, run {name}: {subject}")
+    console, name = Console(), study.plan.run.name
+    console.print(f"{study.job.title}, run {name}: error of the tool")
     console.show(study.result)
     for note in study.job.arm.notes:
         console.print(f"Note: {note}")
-    if out is None:
-        return
-    if not isinstance(study, LearningStudy):
-        console.print(f"Summary: {out / 'summary.json'}")
-        return
     console.print(f"Set-points of the next run: {out / name / 'set_points.csv'}")
     if not study.lesson.finished:
         console.print(

@@ -33,7 +33,7 @@ TOPICS: dict[str, tuple[str, ...]] = {
     POSITION: ("cell",),
     "Speed, corners and start": ("sets",),
     "Certificate": (),
-    "Log and files of numbers": ("log", "set_points", "tool_positions", "start", "end", "columns",
+    "Log and files of numbers": ("log", "set_points", "start", "end", "columns",
                                  "unwrap", "interpolation"),
     "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
                          "reserve", "excitation", "band"),
@@ -484,10 +484,6 @@ class LearnOptions(ControllerOptions, WindowOptions):
         set_points: Executed set-points: set_points.csv of run or of the previous learn, or the
             folder of that result.
         log: Log of that run: CSV of positions over time.
-        tool_positions: CSV of measured positions of the tool over the same time: t, x, y,
-            z.
-        judge_only: Report the contour error according to the log, without learning. Without
-            --set-points, the executed set-points are those of the job.
         out: Folder for set-points of the next run, and a report.
     """
 
@@ -498,8 +494,6 @@ class LearnOptions(ControllerOptions, WindowOptions):
     run_name: Name = None
     set_points: File = None
     log: File = None
-    tool_positions: File = None
-    judge_only: bool = False
     out: Annotated[File, typer.Option("--out", "-o")] = None
     force: Force = False
     open_report: Open = False

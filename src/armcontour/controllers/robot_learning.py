@@ -13,13 +13,13 @@ from armcontour.controllers.controller import Controller, PlayedMotion
 from armcontour.controllers.player import ATTEMPTS, Played, Player, plan_played
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.progress import Progress
 from armcontour.core.quantities import AngularDistance, Reserve
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, VERDICT, Data, Row
 from armcontour.jobs.job import Job
 from armcontour.jobs.job_result import RunResult
-from armcontour.jobs.run_learning import LearningStudy, learn_run
+from armcontour.jobs.run_learning import LearningStudy, learn_logs
 from armcontour.motion import Log, SetPoints
 
 # Default of the minimum reserve: learned corrections need additional acceleration, and learning
@@ -164,8 +164,13 @@ class RobotLearner:
     def _learn_from(self, log: Log) -> None:
         """Compute the next set-points from the log of a run."""
         result = self.result
-        subprogress(self.player.progress)(Step((f"learning from {log.source}",)))
-        lesson = learn_run(result.job, result.plan, self.set_points, log)
+        lesson = learn_logs(
+            result.job,
+            result.plan,
+            [log],
+            set_points=self.set_points,
+            progress=self.player.progress,
+        )
         ended = lesson.reason if lesson.finished else ""
         self.result = replace(result, logs=(*result.logs, log), lesson=lesson, ended=ended)
 

@@ -71,19 +71,16 @@ _PATTERNS = [
     for rows in FORMATS.values()
     for kind, role, rank, pattern in rows
 ]
-# Axes of tool positions, and their titles.
-AXES = ("x", "y", "z")
-_TOOL = re.compile(r"(?:(?:tool|tcp)[ _])?([xyz])", re.IGNORECASE)
 # SI units by kind of column.
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 
 
 class Key(NamedTuple):
-    """Quantity in a column of joint motion or tool positions."""
+    """Quantity in a column of joint motion."""
 
-    kind: str  # "t", "q", "dq" or "ddq"; "x", "y" or "z" for the tool
-    role: str = ""  # "command" or "measured"; empty for times and tool positions
-    joint: str = ""  # Number or name of the joint in the file; empty for times and tool positions
+    kind: str  # "t", "q", "dq" or "ddq"
+    role: str = ""  # "command" or "measured"; empty for times
+    joint: str = ""  # Number or name of the joint in the file; empty for times
 
     def __str__(self) -> str:
         """Title of a column with this quantity, for messages."""
@@ -92,7 +89,7 @@ class Key(NamedTuple):
     @property
     def si(self) -> str:
         """SI unit of the quantity."""
-        return SI.get(self.kind, "m")
+        return SI[self.kind]
 
 
 TIME = Key("t")
@@ -115,14 +112,6 @@ def read_joint_title(name: str, joint_names: Sequence[str] = ()) -> Title[Key] |
     if name.strip() in joint_names:
         return Title(Key("q", "measured", name.strip()), SI["q"])
     return None
-
-
-def read_tool_title(name: str) -> Title[Key] | None:
-    """Recognize a title of times or tool positions, as `read_joint_title`; None for others."""
-    if match := _TOOL.fullmatch(name.strip()):
-        return Title(Key(match[1].lower()), "m")
-    title = read_joint_title(name)
-    return title if title is not None and title.key == TIME else None
 
 
 # Names of the kinds of joint columns, for messages.

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.text import list_some, show
 from armcontour.files.csv_table import MAX_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import (
-    AXES,
     FORMATS,
     Key,
     TrajectoryFile,
@@ -27,7 +25,6 @@ from armcontour.files.joint_table import (
     read_csv_text,
     read_joint_title,
     read_samples,
-    read_tool_title,
 )
 from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
 from armcontour.motion.log_checks import arrange_joints
@@ -214,17 +211,3 @@ def _pair_joints(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[li
                 "column for the same joint."
             )
     return pairs, notes
-
-
-def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArray, FloatArray]:
-    """Read times [s], (n,), and tool points [m], (n, dimension), of a tracker from a CSV file."""
-    # Columns are `t`, `x`, `y` and, in space, `z`; `tool x` and `tcp_x` are also recognized. Units
-    # are SI unless the title has a unit. Positions are in the frame of the job's path.
-    axes = AXES[:dimension]
-    example = f"t,{','.join(axes)} or t [ms],{','.join(f'{x} [mm]' for x in axes)}"
-    text = read_csv_text(file, "file of tool positions")
-    table = read_table(text, FilePath(file).name, read_tool_title, example=example)
-    keys = [Key(x) for x in axes]
-    table.require_columns(*keys)
-    samples = read_samples(table, keys)
-    return samples.t, samples.values

@@ -1,32 +1,28 @@
-"""Learning of the set-points of a run from logs of a robot, and evaluation of logs."""
+"""Learning of the set-points of a run from logs of a robot."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from armcontour.control.learning import LearningResult, LearningRun, Recording, judge_run, learn
+from armcontour.control.learning import LearningResult, LearningRun, Recording, learn
 from armcontour.control.learning.alignment import fit_clock
-from armcontour.control.learning.error_estimate import smooth_error
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import number
-from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
+from armcontour.core.result import Data, Row
 from armcontour.core.sampling import interpolate
 from armcontour.jobs.job import Job, choose_run
 from armcontour.jobs.job_result import JobResult, RunResult
 from armcontour.jobs.study import run
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.set_point_check import describe_excess
-from armcontour.program import contour_called
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
-from armcontour.verification.error_profile import Coverage, error_rows
 
 # Minimum relative clock error that is reported.
 REPORTED_RATE = 1e-5
@@ -113,97 +109,6 @@ class LearningStudy:
         return self.plan.trajectory.with_rests(t)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class JudgedStudy:
-    """Run of a job, and its errors according to a log."""
-
-    job: Job
-    plan: RunResult  # Plan and set-points of the run
-    judged: LearningResult  # Result of `judge_run`
-
-    @checked
-    def to_data(self, files: Sequence[str] = ()) -> Data:
-        """Data of the plan and of the errors according to the log, for the summary of a result."""
-        study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
-        return study.to_data(files, {"judged": self.result})
-
-    @property
-    def result(self) -> Data:
-        """Data of the errors according to the log."""
-        name, run = self.plan.run.name, self.judged.runs[0]
-        errors = [
-            Data(
-                name,
-                (
-                    Row("name", name, "", "contour", level=FIRST),
-                    *error_rows("", "contour error", error, FIRST, FIRST),
-                    *error_rows("coverage_error", "path missed", coverage_error, max_level=FIRST),
-                ),
-            )
-            for name, error, coverage_error in self.contours
-        ]
-        columns = ("joint", "", "joint"), ("rms", "rad", "RMS"), ("max", "rad", "largest")
-        joints = Table(
-            "joints",
-            tuple(Row(x, None, y, z) for x, y, z in (*columns, ("noise", "rad", "noise"))),
-            list(
-                zip(
-                    *(self.job.arm.joint_names, run.joint_rms, run.joint_max, run.noise),
-                    strict=True,
-                )
-            ),
-            TABLE,
-        )
-        return Data(
-            f"Run {name}",
-            (
-                Row("run", name),
-                *run.to_data().rows,
-                *error_rows("contour_error", "", self.profile, FILE, FILE),
-                Row("notes", self.notes),
-            ),
-            (Table.from_results("contours", errors), joints),
-            notes=tuple(self.notes),
-        )
-
-    @property
-    def profile(self) -> ErrorProfile:
-        """Contour error over time without noise, until the end of the plan."""
-        return ErrorProfile.join([x for _, x, _ in self.contours])
-
-    @cached_property
-    def contours(self) -> list[tuple[str, ErrorProfile, Coverage]]:
-        """Name, contour error without noise and coverage error of each contour."""
-        names = [contour_called(x, k) for k, x in enumerate(self.plan.path.contours)]
-        pairs = zip(names, self.pieces, strict=True)
-        return [(name, x.contour_error, x.coverage_error) for name, x in pairs]
-
-    @property
-    def worst_times(self) -> list[float]:
-        """Time of the largest error of each contour, on the clock of the set-points [s]."""
-        return [error.t_max for _, error, _ in self.contours]
-
-    @cached_property
-    def pieces(self) -> Sequence[ContourExecution]:
-        """Measured motion along each contour, without noise."""
-        lifted, run = self.judged.lifted, self.judged.runs[0]
-        assert lifted is not None
-        q = lifted.planned + smooth_error(lifted, run.error, run.noise)
-        return measured_pieces(self.job, self.plan, lifted.t, q)
-
-    @property
-    def notes(self) -> list[str]:
-        """Notes about clock and set-points of the log, and what the errors include."""
-        run = self.judged.runs[0]
-        notes = [f"{x}; the errors take this into account." for x in _timing_clauses(run)]
-        notes += _other_set_points(run) + list(run.notes)
-        notes.append(
-            "The errors include only deviations that the encoders measure, or the tracker if its "
-            "file was specified."
-        )
-        return notes
-
-
 def measured_pieces(
     job: Job, plan: RunResult, t: FloatArray, q: FloatArray
 ) -> Sequence[ContourExecution]:
@@ -245,22 +150,12 @@ def _other_set_points(run: LearningRun) -> list[str]:
 
 
 def _corrections(run: LearningRun) -> list[str]:
-    """Notes about saturation, repeats, outliers and encoder offsets in the log of a run."""
+    """Notes about saturation, repeats and outliers in the log of a run."""
     corrections = list(run.notes)
     if run.outliers:
         corrections.append(
             f"{run.source} has {run.outliers} outliers (samples far from their neighbours), which "
             "learning ignores."
-        )
-    if run.encoder_shift is not None and run.encoder_shift.any():
-        shown = ", ".join(
-            f"joint {j + 1} by {run.encoder_shift[j] * 1e3:+.3g} mrad"
-            for j in np.flatnonzero(run.encoder_shift)
-        )
-        corrections.append(
-            f"Positions in {run.source} are shifted relative to the previous runs: {shown}. "
-            "Learning assumes an offset of the encoders. If the arm itself has shifted, restart "
-            "learning."
         )
     return corrections
 
@@ -277,8 +172,6 @@ def learn_run(
     plan: RunResult,
     set_points: SetPoints,
     executed: Execution | Log | Recording,
-    *,
-    tool: tuple[FloatArray, FloatArray] | None = None,
 ) -> LearningResult:
     """Learn from an executed run, with the arm and servo of the job.
 
@@ -291,7 +184,6 @@ def learn_run(
             arm=job.arm,
             servo=job.servo,
             gravity_feedforward=plan.run.feeds_gravity_forward,
-            tool=tool,
         )
     except InvalidInput as error:
         # If the log has the set-points of an earlier run, `check_run` raises a clearer error.
@@ -304,56 +196,23 @@ def learn_run(
 
 
 def learn_logs(
-    job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
-) -> LearningStudy:
-    """Learn from logs of successive runs; each run executes the set-points learned before it."""
-    plan = plan_run(job, run, progress)
-    lesson = _learned(job, plan, logs, progress)
-    assert isinstance(lesson, LearningResult)
-    return LearningStudy(job=job, plan=plan, lesson=lesson)
-
-
-def judge_last(
-    job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
-) -> JudgedStudy:
-    """Determine the errors of the last of successive runs; arguments as in `learn_logs`."""
-    plan = plan_run(job, run, progress)
-    set_points = _learned(job, plan, logs[:-1], progress)
-    subprogress(progress)(Step((f"judging {logs[-1].source}",)))
-    return judge_log(job, plan, set_points, logs[-1])
-
-
-def _learned(
-    job: Job, plan: RunResult, logs: Sequence[Log | Recording], progress: Progress | None
-) -> SetPoints:
-    """Set-points that are learned from logs of successive runs of a plan."""
-    set_points = plan.set_points
-    for log in logs:
-        subprogress(progress)(Step((f"learning from {log.source}",)))
-        set_points = learn_run(job, plan, set_points, log)
-    return set_points
-
-
-def judge_log(
     job: Job,
     plan: RunResult,
-    set_points: SetPoints,
-    log: Log | Recording,
+    logs: Sequence[Log | Recording],
     *,
-    tool: tuple[FloatArray, FloatArray] | None = None,
-) -> JudgedStudy:
-    """Determine the errors of a run from its log, with the arm and servo of the job."""
-    judged = judge_run(
-        set_points,
-        log,
-        arm=job.arm,
-        servo=job.servo,
-        gravity_feedforward=plan.run.feeds_gravity_forward,
-        tool=tool,
-    )
-    if isinstance(log, Log):
-        check_run(set_points, log)
-    return JudgedStudy(job=job, plan=plan, judged=judged)
+    set_points: SetPoints | None = None,
+    progress: Progress | None = None,
+) -> LearningResult:
+    """Learn from logs of successive runs; each run executes the set-points learned before it.
+
+    `set_points`: set-points of the first of these runs; by default those of the plan.
+    """
+    lesson = plan.set_points if set_points is None else set_points
+    for log in logs:
+        subprogress(progress)(Step((f"learning from {log.source}",)))
+        lesson = learn_run(job, plan, lesson, log)
+    assert isinstance(lesson, LearningResult)
+    return lesson
 
 
 def check_run(set_points: SetPoints, log: Log) -> None:

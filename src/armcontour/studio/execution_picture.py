@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from armcontour.robot.limit_use import use_of
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import PreviewExecution
 from armcontour.studio.view import Detail, View, in_space, sample_times, select_points, to_float32
-from armcontour.verification.contour_errors import ContourExecution
 from armcontour.verification.error_profile import error_rows
 from armcontour.verification.evaluation import (
     demand_ratio,
@@ -50,22 +48,13 @@ def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
 def execution_lines(
     executed: PreviewExecution, view: View, detail: Detail | None = None
 ) -> dict[str, Any]:
-    """Arrays of tool deviation and demand (share of acceleration limit) on the visible path."""
-    limits, commanded_acceleration = executed.planned.run.limits, executed.execution.demand
-    commanded_acceleration = signed_shares("joint_acceleration", limits, commanded_acceleration)
-    return tool_lines(executed.pieces, view, detail, demand=commanded_acceleration)
-
-
-def tool_lines(
-    pieces: Sequence[ContourExecution],
-    view: View,
-    detail: Detail | None = None,
-    **columns: FloatArray,
-) -> dict[str, Any]:
-    """Arrays of the tool deviation; `columns` are further values per sample, (n, k).
+    """Arrays of tool deviation and demand (share of acceleration limit) on the visible path.
 
     Deviations are computed with 64 bits, because the page magnifies them.
     """
+    limits, commanded_acceleration = executed.planned.run.limits, executed.execution.demand
+    commanded_acceleration = signed_shares("joint_acceleration", limits, commanded_acceleration)
+    pieces = executed.pieces
     base = np.concatenate([x.on_path for x in pieces])
     detail = detail or Detail.for_points(view.uv(base))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
@@ -73,17 +62,13 @@ def tool_lines(
     samples = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[visible]
     base, tool = base[visible], np.concatenate([x.tool for x in pieces])[visible]
     distance = np.concatenate([x.followed.distance for x in pieces])[visible]
-    visible_columns = {name: values[samples] for name, values in columns.items()}
+    demand = commanded_acceleration[samples]
     offset = view.screen_vectors(tool - base)
     indices = np.arange(len(samples))
     if len(indices) > MAX_SAMPLES:
         weight = np.where(detail.essential_points(base, ends), np.inf, 0.0)
         weight[np.argmax(distance)] = np.inf
-        shown = [
-            *offset.T.astype(np.float64),
-            distance,
-            *(y for x in visible_columns.values() for y in x.T),
-        ]
+        shown = [*offset.T.astype(np.float64), distance, *demand.T]
         indices = select_points(weight, shown, MAX_SAMPLES)
     return {
         "base": view.screen_points(base[indices]),
@@ -91,7 +76,7 @@ def tool_lines(
         "breaks": np.searchsorted(indices, ends[:-1]).astype(np.uint32),
         "t": to_float32(np.concatenate([x.t for x in pieces])[visible][indices]),
         "error": to_float32(distance[indices]),
-        **{name: to_float32(values[indices]) for name, values in visible_columns.items()},
+        "demand": to_float32(demand[indices]),
     }
 
 

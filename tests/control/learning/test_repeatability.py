@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.control.learning import judge_run
 
 from .robots import GAINS, SERVO, gentle_plan, rods, rounded
 
@@ -80,15 +79,13 @@ def test_one_log_of_each_run_shows_no_noise():
 
 
 def test_several_logs_of_the_same_set_points():
-    """Their mean repeats, and what differs is stated before anything is learned."""
+    """Their mean repeats, and what differs is stated."""
     robot = Robot(4)
     logs = [robot.run(robot.set_points)[0] for _ in range(5)]
-    judged = judge_run(robot.set_points, logs, arm=robot.arm, servo=SERVO)
-    np.testing.assert_array_equal(judged.q, robot.set_points.q)
     lesson = robot.learn(robot.set_points, logs)
-    assert lesson.noise == pytest.approx(judged.noise) and len(lesson.runs) == 5
-    assert judged.noise / robot.tool(SIZE) == pytest.approx(0.7, abs=0.25)
-    assert judged.repeats > 3 * judged.noise
+    assert len(lesson.runs) == 5
+    assert lesson.noise / robot.tool(SIZE) == pytest.approx(0.7, abs=0.25)
+    assert lesson.repeats > 3 * lesson.noise
     assert robot.run(lesson)[1] < 0.8 * SIZE
 
 
@@ -110,8 +107,6 @@ class BadLogs(Robot):
             mask = self.random.random(len(q)) > 0.05
         elif k >= 1 and kind == "gap":
             mask = ~((execution.t > 0.3) & (execution.t < 0.36))
-        elif k >= 2 and kind == "offset":
-            q += [1e-3, -1e-3]
         command = np.stack(
             [np.interp(execution.t, set_points.t, x) for x in set_points.q.T], axis=1
         )
@@ -130,7 +125,7 @@ class BadLogs(Robot):
         ).contour_error.rms, set_points
 
 
-@pytest.mark.parametrize("kind", ["outliers", "lost", "gap", "offset"])
+@pytest.mark.parametrize("kind", ["outliers", "lost", "gap"])
 def test_bad_logs_cost_little(kind):
     clean, bad = (BadLogs(2).best(x)[0] for x in ("none", kind))
     assert bad < 1.5 * clean + 2e-7
@@ -139,10 +134,6 @@ def test_bad_logs_cost_little(kind):
 def test_what_is_wrong_with_a_log_is_known():
     lesson = BadLogs(2).best("outliers")[1]
     assert min(x.outliers for x in lesson.runs) > 3
-    lesson = BadLogs(2).best("offset")[1]
-    shifts = [x.encoder_shift for x in lesson.runs]
-    np.testing.assert_array_equal(shifts[:2], 0.0)
-    np.testing.assert_allclose(shifts[2:], [[1e-3, -1e-3]] * 2, atol=2e-5)
 
 
 def test_a_log_that_misses_much_is_refused(refuses):

@@ -1,4 +1,4 @@
-"""Alignment of a recording with the plan: clock, outliers and tool positions, with checks."""
+"""Alignment of a recording with the plan: clock and outliers, with checks."""
 
 from __future__ import annotations
 
@@ -6,16 +6,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
 from armcontour.control.learning.learning_result import LearningRun, Recording
 from armcontour.control.learning.lifted_model import REST_TIME, Lifted, rms
-from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampling import DEVIATION_PER_MEDIAN, interpolate, white_noise
+from armcontour.core.sampling import interpolate, white_noise
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_completeness, find_misreading
 
@@ -38,10 +36,6 @@ INTERVAL_TOLERANCE = 0.01
 # exceeds SET_POINT_TOLERANCE [rad], the share ERROR_SHARE of the RMS error, and NOISE_MULTIPLE
 # times the noise.
 SET_POINT_TOLERANCE, ERROR_SHARE, NOISE_MULTIPLE = 1e-4, 0.05, 10.0
-# If measured tool positions differ by more than this from the tool positions that follow from the
-# encoders [m], the tracker measures another point or in another frame, because elastic joints
-# deflect less.
-MAX_TOOL_DIFFERENCE = 0.05
 # The distance of an outlier from its neighbours exceeds OUTLIER_NOISE times the noise,
 # OUTLIER_SHARE times the range of the samples between the quantiles QUANTILES, and OUTLIER_MOTION
 # times the largest second difference of the expected motion, which no joint can exceed by much.
@@ -50,9 +44,6 @@ OUTLIER_NOISE, OUTLIER_SHARE, QUANTILES, PASSES, MAX_OUTLIERS = 10.0, 0.1, (0.05
 OUTLIER_MOTION = 4.0
 # A joint rests if it has moved by at most REST_SIGMAS times the noise or REST_MOTION [rad].
 REST_SIGMAS, REST_MOTION = 6.0, 1e-6
-# An encoder has a new offset if its median deviation from the expected motion exceeds SHIFT_SIGMAS
-# standard deviations and LEAST_SHIFT [rad].
-SHIFT_SIGMAS, LEAST_SHIFT = 6.0, 1e-4
 
 
 def replace_outliers(
@@ -89,11 +80,8 @@ class AlignedRecording(NamedTuple):
 
     offset: float  # Time of the plan at which the clock of the recording is 0 [s]
     rate: float  # Time of the plan per time of the recording
-    expected: FloatArray  # Expected joint positions at the model's times [rad], (n, dof)
-    measured: FloatArray  # Measured joint positions at these times [rad], (n, dof)
+    measured: FloatArray  # Measured joint positions at the model's times [rad], (n, dof)
     noise: FloatArray  # Standard deviation of the white noise of the samples [rad], (dof,)
-    # shift: change of each encoder's offset, which `measured` does not include [rad], (dof,).
-    shift: FloatArray
     outliers: int  # Number of samples that were ignored
 
 
@@ -103,7 +91,7 @@ def align(
     """Align a recording with the plan by its set-points; if it has none, by the expected motion."""
     # If the expected motion is used, dead time that the servo model lacks becomes part of the
     # offset. expected: joint positions at the model's times that follow from an earlier run [rad],
-    # (n, dof). By default they are those of the model. Then offsets of encoders are not estimated.
+    # (n, dof). By default they are those of the model.
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo
     loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
@@ -119,7 +107,6 @@ def align(
             needed=recording.interval,
             allowed=allowed,
         )
-    has_forerunner = expected is not None
     expected = lifted.expected(set_points.q) if expected is None else expected
     offset, rate = 0.0, 1.0
     if not recording.in_plan_time:
@@ -162,17 +149,12 @@ def align(
     check_completeness(source, t, duration, 2 * recording.interval)
     apart = recording.q - lifted.interpolate_at(t, expected)
     noise = white_noise(apart, order=4)
-    shift, outliers = np.zeros(lifted.dof), 0
+    outliers = 0
     if not recording.exact:
         motion = lifted.interpolate_at(t, expected)
         apart, outliers = replace_outliers(apart, noise, np.abs(np.diff(motion, 2, 0)).max(axis=0))
-    if has_forerunner:
-        middle = np.median(apart, axis=0)
-        spread = DEVIATION_PER_MEDIAN * np.median(np.abs(apart - middle), axis=0)
-        sure = np.maximum(SHIFT_SIGMAS * np.maximum(spread, noise), LEAST_SHIFT)
-        shift = np.where(np.abs(middle) > sure, middle, 0.0)
-    measured = expected + lifted.fill_gaps(t, apart - shift, noise)
-    return AlignedRecording(offset, rate, expected, measured, noise, shift, outliers)
+    measured = expected + lifted.fill_gaps(t, apart, noise)
+    return AlignedRecording(offset, rate, measured, noise, outliers)
 
 
 def find_rest(recording: Recording, lifted: Lifted, set_points: SetPoints) -> float:
@@ -264,60 +246,3 @@ def approximate_offset(
     power = squares[len(short) :] - squares[: len(product)]
     k = int(np.argmin(power - 2 * product))
     return float(short[0] - long[k])
-
-
-def add_tool(
-    tool: tuple[npt.ArrayLike, npt.ArrayLike],
-    lifted: Lifted,
-    error: FloatArray,
-    clock: tuple[float, float] | None,
-) -> tuple[FloatArray, FloatArray]:
-    """Joint errors by encoders and a tracker [rad], (n, dof), and the added noise, (dof,)."""
-    # Deviations that only the tracker measures, such as deflections of links, are converted to
-    # joint errors by damped least squares, with damping from the noise. tool: times (m,) [s] and
-    # tool points in the frame of the path (m, dimension) [m]. error: joint errors by the encoders
-    # [rad], (n, dof). clock: offset and rate of the tracker's clock; if None, they are fitted.
-    arm = lifted.nominal.arm
-    t, points = checks.check_numbers("tool times", tool[0], "s"), checks.points("tool", tool[1])
-    form = t.ndim == 1 and len(t) >= 5 and points.shape == (len(t), arm.dimension)
-    if not form or (np.diff(t) <= 0).any():
-        raise InvalidInput(
-            f"tool must have at least five increasing times and a point with {arm.dimension} "
-            f"coordinates at each time, but has points of the shape {points.shape} at {t.size} "
-            "times."
-        )
-    encoded = arm.tool_position(lifted.planned + error)
-    offset, rate = clock or fit_clock(t, points, lifted.t, encoded)
-    plan_times = offset + rate * t
-    check_completeness(
-        "The file of tool positions",
-        plan_times,
-        lifted.plan.duration,
-        2 * np.diff(plan_times).max(),
-    )
-    offsets = lifted.resample(plan_times, points, encoded) - encoded
-    largest = float(np.linalg.norm(offsets, axis=1).max())
-    if largest > MAX_TOOL_DIFFERENCE:
-        raise InvalidInput(
-            f"The measured tool positions may differ from the positions by the encoders by at most "
-            f"{1e3 * MAX_TOOL_DIFFERENCE:g} mm (compliance), but differ by {1e3 * largest:.4g} mm. "
-            "Specify positions of the tool point in the frame of the path, in metres.",
-            needed=largest,
-            allowed=MAX_TOOL_DIFFERENCE,
-        )
-    noise = float(
-        np.mean(white_noise(points - lifted.interpolate_at(plan_times, encoded), order=4) ** 2)
-    )
-    # likely: prior variance of joint deflections, from the mean square of the tool's deviations.
-    jacobian = arm.tool_jacobian(lifted.planned)
-    transposed = np.swapaxes(jacobian, 1, 2)
-    product = jacobian @ transposed
-    reach = float(np.trace(product, axis1=1, axis2=2).mean())
-    likely = max(float(np.mean((offsets**2).sum(axis=1))) / reach, 1e-300)
-    damped = product + noise / likely * np.eye(offsets.shape[1])
-    inverse = transposed @ np.linalg.pinv(damped, hermitian=True)
-    correction = np.einsum("njd,nd->nj", inverse, offsets)
-    spread = np.sqrt(noise * (inverse**2).sum(axis=2).mean(axis=0))
-    return error + correction, spread * np.sqrt(
-        max(np.median(np.diff(plan_times)) / lifted.step, 1.0)
-    )

@@ -1,4 +1,4 @@
-"""`learn` computes the set-points of the next run, `judge_run` only the errors of a run."""
+"""`learn` computes the set-points of the next run from the log of the last run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour.control.learning import alignment
 from armcontour.control.learning.error_estimate import (
@@ -22,7 +21,6 @@ from armcontour.control.learning.learning_result import (
     record,
 )
 from armcontour.control.learning.lifted_model import Lifted, Nominal
-from armcontour.core import checks
 from armcontour.core.bounded_differences import differences
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
@@ -44,8 +42,6 @@ from armcontour.robot.servo.model import LONGEST_DEAD_TIME
 Executed: TypeAlias = Execution | Log | Recording
 # Motion of one or several runs of the same set-points.
 Runs: TypeAlias = Executed | Sequence[Executed]
-# Times and measured positions of the tool; None without a tracker.
-Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 
 # Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
 TYPICAL_GAIN = 25.0
@@ -77,7 +73,6 @@ def learn(
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
     controller: Arm | None = None,
-    tool: Tool = None,
 ) -> LearningResult:
     """Compute set-points for the next run from the set-points of the last run and their log.
 
@@ -102,18 +97,13 @@ def learn(
         gravity_feedforward: True if the controller adds the torque against gravity.
         controller: The arm model of the controller if it differs from `arm`, for example because
             the payload of `arm` was identified later.
-        tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
-            [m], (m, dimension), from a tracker. With an execution, the times are those of its plan.
-            Otherwise the tracker has its own clock, and a constant delay of the tool cannot be
-            distinguished from an offset of this clock. Specify `tool` for every run, with one log
-            each, or for no run.
 
     Raises:
         InvalidInput: The log does not belong to these set-points or is not suitable for learning.
         CompensationError: The set-points of the last run exceed the limits.
     """
     result, lifted = _evaluate_runs(
-        set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
+        set_points, executed, Nominal(arm, servo, gravity_feedforward, controller)
     )
     for run in result.runs:
         alignment.require_same_set_points(run)
@@ -122,43 +112,13 @@ def learn(
     )
 
 
-def judge_run(
-    set_points: SetPoints,
-    executed: Runs,
-    *,
-    arm: Arm,
-    servo: ServoModel,
-    gravity_feedforward: bool = True,
-    controller: Arm | None = None,
-    tool: Tool = None,
-) -> LearningResult:
-    """Determine the errors of runs from their logs as `learn` does, without learning.
-
-    Returns:
-        A finished learning result of only these runs, with the set-points of `set_points`.
-
-    Raises:
-        InvalidInput: The log does not belong to these set-points or is not suitable.
-    """
-    result, lifted = _evaluate_runs(
-        set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
-    )
-    estimate = ErrorEstimate(lifted, result.runs)
-    return replace(result, noise=estimate.noise, best=estimate.best, repeats=estimate.repeats)
-
-
 def _evaluate_runs(
-    set_points: SetPoints, executed: Runs, nominal: Nominal, tool: Tool
+    set_points: SetPoints, executed: Runs, nominal: Nominal
 ) -> tuple[LearningResult, Lifted]:
     """Measure the errors of the runs; returns a result with estimates of zero, and the model."""
-    if tool is not None:
-        tool = checks.check_sequence("tool", tool, object, "times and positions of the tool", 2)
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
-    if not logs or (tool is not None and len(logs) > 1):
-        raise InvalidInput(
-            "The number of logs must be one if tool is specified, otherwise at least one, but is "
-            f"{len(logs)}."
-        )
+    if not logs:
+        raise InvalidInput("The number of logs must be at least one, but is 0.")
     recordings = [record(x, set_points) for x in logs]
     if isinstance(set_points, LearningResult):
         nominal = nominal._replace(servo=set_points.servo)
@@ -174,8 +134,8 @@ def _evaluate_runs(
         cycle=set_points.cycle, q=set_points.q, trajectory=set_points.trajectory,
         method=set_points.method, start_time=set_points.start_time,
         command_limits=set_points.command_limits, servo=lifted.nominal.servo, lifted=lifted,
-        runs=tuple(_measure_errors(lifted, set_points, x, tool) for x in recordings),
-        best=0, repeats=0.0, finished=True, reason="learned nothing",
+        runs=tuple(_measure_errors(lifted, set_points, x) for x in recordings),
+        best=0, repeats=0.0,
     )  # fmt: skip
     return result, lifted
 
@@ -199,9 +159,7 @@ def _linearize(servo: ServoModel, arm: Arm) -> ServoModel:
     )
 
 
-def _measure_errors(
-    lifted: Lifted, set_points: SetPoints, recording: Recording, tool: Tool
-) -> LearningRun:
+def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording) -> LearningRun:
     """Align the recording of a run with the plan, and determine its errors."""
     expected = None
     if isinstance(set_points, LearningResult) and not recording.exact:
@@ -209,22 +167,18 @@ def _measure_errors(
         added = lifted.respond(set_points.q - before.q)
         expected = lifted.planned + smooth_error(lifted, before.error, before.noise) + added
     aligned = alignment.align(recording, lifted, set_points, expected)
-    offset, rate, expected, measured, noise, shift, outliers = aligned
+    offset, rate, measured, noise, outliers = aligned
     error = measured - lifted.planned
     # If the sample interval is longer than the model's time step, the noise of a sample affects
     # several times of the model.
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
-    if tool is not None:
-        clock = (offset, rate) if recording.in_plan_time else None
-        error, added = alignment.add_tool(tool, lifted, error, clock)
-        noise = np.hypot(noise, added)
     smooth, plan_times = smooth_error(lifted, error, noise), offset + rate * recording.t
     return LearningRun(
         q=set_points.q, error=error, noise=noise,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source, notes=recording.notes,
         set_points_off=alignment.set_points_off(plan_times, recording.command, set_points),
-        encoder_shift=shift, outliers=outliers,
+        outliers=outliers,
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip
 

@@ -182,8 +182,6 @@ class LearningRun(Result, Checked):
         set_points_off: RMS difference of the set-points in the log from those of the run [rad]; 0
             if the log has no set-points.
         source: Source of the log, for messages.
-        encoder_shift: Change of each encoder's offset since the best earlier run, which `error`
-            does not include [rad], (dof,); None if it was not estimated.
         outliers: Number of samples of the log that were ignored.
         notes: Sentences on the log, such as joints that saturate.
     """
@@ -201,7 +199,6 @@ class LearningRun(Result, Checked):
     rate: float = 1.0
     set_points_off: float = 0.0
     source: str = "the execution"
-    encoder_shift: FloatArray | None = None
     outliers: int = 0
     notes: tuple[str, ...] = ()
 
@@ -226,7 +223,6 @@ class LearningRun(Result, Checked):
                 Row("joint_max", self.joint_max, "rad", "joint error, largest"),
                 Row("noise", self.noise, "rad", "noise"),
                 Row("set_points_off", self.set_points_off, "rad"),
-                Row("encoder_shift", self.encoder_shift, "rad"),
                 Row("outliers", self.outliers),
                 Row("notes", self.notes),
             ),

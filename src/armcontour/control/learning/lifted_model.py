@@ -295,13 +295,6 @@ class Lifted:
         """Values at the times t, (m, dof), from values at the model's times; constant outside."""
         return np.asarray(CubicSpline(self.t, values)(np.clip(t, self.t[0], self.t[-1])))
 
-    def resample(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
-        """Positions at the model's times, (n, dof), from positions q at the times t."""
-        # The difference from the expected motion is interpolated, because it is smoother than the
-        # motion. The difference is constant before and after the samples.
-        difference = q - self.interpolate_at(t, expected)
-        return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
-
     def fill_gaps(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
         """Deviations at the model's times [rad], (n, dof), from those at the times t of a log."""
         # In gaps of the log, deviations are estimated by expectation maximization with the model.

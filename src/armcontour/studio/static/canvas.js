@@ -80,13 +80,12 @@ export class Painter {
         dash.map((d) => d * px),
       );
     }
-    if (executed && store.options.executed) this.executed(context, view, executed, "--executed");
-    if (store.measured) this.executed(context, view, store.measured, "--measured", [6 * px, 3 * px]);
+    if (executed && store.options.executed) this.executed(context, view, executed);
   }
 
-  /** @param {Context} context @param {Viewport} view @param {Frame} moved @param {string} name of its colour @param {number[]} [dash] */
-  executed(context, view, moved, name, dash) {
-    const colour = themed(name);
+  /** @param {Context} context @param {Viewport} view @param {Frame} moved */
+  executed(context, view, moved) {
+    const colour = themed("--executed");
     const factor = this.layers.magnification(view.scale);
     const px = 1 / view.scale;
     const { tool, errors } = this.layers.executed(moved, factor);
@@ -94,7 +93,7 @@ export class Painter {
     context.globalAlpha = 0.35 * alpha;
     stroke(context, errors, colour, 0.8 * px);
     context.globalAlpha = alpha;
-    stroke(context, tool, colour, 1.3 * px, dash);
+    stroke(context, tool, colour, 1.3 * px);
   }
 
   /** @param {Context} context @param {Viewport} view @param {Frame} picture */

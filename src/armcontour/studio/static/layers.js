@@ -112,7 +112,7 @@ export class Layers {
     return this.keep("labels", [picture], () => labelsOf(picture));
   }
 
-  /** The tool of an executed or a measured motion. @param {Frame} moved @param {number} factor */
+  /** The tool of an executed motion. @param {Frame} moved @param {number} factor */
   executed(moved, factor) {
     return this.keep(moved.kind, [moved, factor], () => magnified(moved, factor));
   }
@@ -124,14 +124,13 @@ export class Layers {
   }
 
   /**
-   * Factor by which errors are magnified: as wished, or such that the largest is well seen, be it a measured one.
+   * Factor by which errors are magnified: as wished, or such that the largest is well seen.
    * @param {number} scale px per m @returns {number}
    */
   magnification(scale) {
     const wished = this.store.options.magnify;
     if (wished > 0) return wished;
-    const { measured } = this.store;
-    const most = Math.max(this.most("executed", "error"), measured ? this.most("measured", "error") : 0) * scale;
+    const most = this.most("executed", "error") * scale;
     if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
       this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
     }

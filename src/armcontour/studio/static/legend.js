@@ -52,7 +52,6 @@ function colouringOf(store, layers) {
 export function legendOf(store, layers, picture, magnify) {
   const found = colouringOf(store, layers);
   if (magnify) found.push(sample(themed("--executed"), [], 1.5, `executed tool, error ×${magnify}`));
-  if (store.measured) found.push(sample(themed("--measured"), [6, 3], 1.5, "measured tool, by the log"));
   found.push(sample(themed("--faint"), [5, 4], 1, "objective"));
   if (picture.head.kerfs.length) {
     found.push(sample(themed("--ink"), [2, 2], 1, "as drawn"), sample(themed("--kerf"), [], 8, "kerf"));

@@ -25,8 +25,8 @@ export async function isLog(file) {
   return /[,;\t]/.test(first) && TIMES.test(first);
 }
 
-/** Listen to new logs. @param {Store} store @param {() => void} compare */
-export function init(store, compare) {
+/** Listen to new logs. @param {Store} store */
+export function init(store) {
   /** True if set-points were learned since the last log: the next one is of their run. */
   let learned = false;
   const update = () => (all.value = store.document?.logs ?? []);
@@ -41,7 +41,6 @@ export function init(store, compare) {
     store.setView({ tab: "tasks", dock: true });
     // Tasks on logs appear with the first one.
     requestAnimationFrame(() => find(".logs").scrollIntoView());
-    compare();
   });
 }
 

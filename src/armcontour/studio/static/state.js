@@ -17,7 +17,6 @@
 //   command                 a key such as Ctrl+Z or Ctrl+S follows: gestures end
 //   open                    a file is to be opened: listener({file, log})
 //   log                     a log of the robot is kept: listener(its name)
-//   measured                the measured motion of a log: listener(frame)
 //   layout                  listener()                a region may have another size
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
@@ -158,7 +157,7 @@ export class Store {
 
   /** Another job or drawing is opened: nothing of the one before is shown any more. */
   reset() {
-    for (const kind of [...OF_A_RUN, "measured"]) this.frames.delete(kind);
+    for (const kind of OF_A_RUN) this.frames.delete(kind);
     this.setTime(0);
     this.setRefusal(null);
     for (const event of [...OF_A_RUN, "reset"]) this.tell(event, null);
@@ -186,12 +185,6 @@ export class Store {
     if (!frame || !picture || this.refusal?.head.tier === 1) return false;
     const now = this.latest("document")?.rev ?? picture.rev;
     return picture.rev === now && frame.rev === now && (frame.seq ?? -1) >= (picture.seq ?? -1);
-  }
-
-  /** The measured motion of a log, if it is of the plan that is shown. @returns {Frame | null} */
-  get measured() {
-    const [frame, picture] = [this.latest("measured"), this.latest("picture")];
-    return frame && picture && frame.rev === picture.rev && frame.head.run === picture.head.run ? frame : null;
   }
 
   /** Show a time. @param {number} time [s] */

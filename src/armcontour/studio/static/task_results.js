@@ -3,14 +3,12 @@
 import { RUN_COLOURS, themed } from "./colours.js";
 import { withGaps } from "./chart.js";
 import { rowOf, textOf } from "./format.js";
-import { errorsOf } from "./motion.js";
-import { along } from "./state.js";
 import { largest } from "./polylines.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./chart.js").Axes} Axes */
 /** @typedef {import("./chart.js").Content} Content */
-/** @typedef {{title?: string, columns: string[], rows: string[][], times?: number[]}} Table `times` [s] of its rows */
+/** @typedef {{title?: string, columns: string[], rows: string[][]}} Table */
 /** @typedef {{name: string, axes: Axes, content: Content, time: boolean, along?: boolean}} Graph `time`: whether its x is time; `along`: arc length */
 /** @typedef {{sentences: string[], tables?: Table[], graphs?: Graph[]}} Answer */
 
@@ -22,16 +20,15 @@ const KINDS = /** @type {Record<string, string>} */ ({
  * Content of a result.
  * @param {string} task
  * @param {Frame} frame
- * @param {import("./state.js").Store} store
  * @returns {Answer}
  */
-export function answerOf(task, frame, store) {
-  const found = ANSWERS[task]?.(frame, store) ?? { sentences: [] };
+export function answerOf(task, frame) {
+  const found = ANSWERS[task]?.(frame) ?? { sentences: [] };
   const notes = [...(frame.head.notes ?? []), ...(frame.head.warnings ?? [])];
   return { ...found, sentences: [...found.sentences, ...notes] };
 }
 
-/** @type {Record<string, (frame: Frame, store: import("./state.js").Store) => Answer>} */
+/** @type {Record<string, (frame: Frame) => Answer>} */
 const ANSWERS = {
   check: ({ head }) => ({
     sentences: [head.sentence, ...(head.not_judged ?? []).map((/** @type {string} */ x) => `Not judged: ${x}.`)],
@@ -42,7 +39,6 @@ const ANSWERS = {
   export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
   report: () => ({ sentences: ["The report is ready."] }),
   clearance: clearanceAnswer,
-  measured: measuredAnswer,
   identify: ({ head }) => ({ sentences: [head.sentence], tables: tablesOf(head) }),
   learn: ({ head }) => ({ sentences: [], tables: [figuresOf(head), ...tablesOf(head)] }),
 };
@@ -52,31 +48,6 @@ const tablesOf = (head) => head.tables.map((/** @type {any} */ { title, cells })
 
 /** @param {any} head @returns {Table} */
 const figuresOf = (head) => ({ title: "figures", columns: ["figure", "value"], rows: head.rows.map((/** @type {any} */ x) => [x.label, textOf(x)]) });
-
-/**
- * @param {Frame} frame
- * @param {import("./state.js").Store} store
- * @returns {Answer}
- */
-function measuredAnswer(frame, store) {
-  const { t, error } = errorsOf(frame);
-  const [factor, unit] = largest(error) >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
-  const curves = [{ label: "measured", colour: themed("--measured"), dash: [6, 3], y: withGaps(error, factor) }];
-  const executed = store.latest("executed");
-  if (executed) {
-    const simulated = errorsOf(executed);
-    const y = withGaps(t.map((at) => along(simulated.t, simulated.error, at)[0]), factor);
-    curves.unshift({ label: "simulated", colour: themed("--executed"), dash: [], y });
-  }
-  const [rms, most] = ["rms", "max"].map((name) => textOf(rowOf(frame.head, `contour_${name}`)));
-  const [contours, ...more] = tablesOf(frame.head);
-  const axes = { title: "Contour error", x: "Time [s]", xUnit: "s", y: "Error", unit };
-  return {
-    sentences: [`The measured contour error is ${rms} RMS, ${most} at most.`],
-    tables: [{ ...contours, times: frame.head.times }, figuresOf(frame.head), ...more],
-    graphs: [{ name: "measured", time: true, axes, content: { x: t, curves, range: [0, 0], summary: "measured and simulated" } }],
-  };
-}
 
 /**
  * @param {Frame} frame

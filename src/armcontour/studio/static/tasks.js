@@ -26,8 +26,6 @@ import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSigna
 
 /** Numbers of kept results, and of shown table rows. */
 const [MAX_RESULTS, MAX_ROWS] = [12, 200];
-/** @type {Task} */
-const COMPARE = { task: "measured", title: "Compare", what: "Plan against the last log: contour errors, and the measured tool in the drawing.", onLogs: true, options: logOptions };
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
 const others = signal(/** @type {string[]} */ ([]));
@@ -58,7 +56,6 @@ const tasks = () => [
     options: ({ format, of }) => ({ format, of, ...(of === "learned" && logOptions()) }),
   },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print." },
-  COMPARE,
   { task: "identify", title: "Identify", what: "Finds the servo of every joint from the logs.", onLogs: true, options: logOptions },
   { task: "learn", title: "Learn", what: "Makes the set-points of the next run, with a smaller error.", onLogs: true, options: logOptions },
 ];
@@ -88,7 +85,7 @@ function Form({ start, ...task }) {
 /** @param {{result: Result, store: Store, link: Link}} props */
 function Outcome({ result: { id, task, title, time, state, told, frame, sentence }, store, link }) {
   const { steps = [], share, eta } = told ?? {};
-  const { sentences, tables = [], graphs = [] } = useMemo(() => (frame ? answerOf(task, frame, store) : { sentences: sentence ? [sentence] : [] }), [frame, sentence]);
+  const { sentences, tables = [], graphs = [] } = useMemo(() => (frame ? answerOf(task, frame) : { sentences: sentence ? [sentence] : [] }), [frame, sentence]);
   const step = told ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
   return html`<article class="task-result" data-task=${task} data-id=${id} data-state=${state} data-share=${share ?? ""}>
     <h3>${title} <span class="quiet">${time}</span></h3>
@@ -99,8 +96,8 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
       ${frame?.head.edits?.length > 0 && html`<p class="task-file"><button type="button" onClick=${() => link.edit(frame?.head.edits)}>${frame?.head.label}</button></p>`}
       ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
       ${graphs.filter((x) => x.content.x.length).map((x) => html`<${Graph} key=${x.name} graph=${x} store=${store} />`)}
-      ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all, times }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
-        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS).map((row, k) => (times ? [html`<button type="button" title="Show the time of its largest error" onClick=${() => store.setTime(times[k])}>${row[0]}</button>`, ...row.slice(1)] : row))} /></table>
+      ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
+        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
         ${all.length > MAX_ROWS && html`<p class="quiet">And ${all.length - MAX_ROWS} more rows.</p>`}</div>`)}
     </div>
   </article>`;
@@ -166,10 +163,7 @@ export function init(store, link) {
   };
   store.on("progress", (/** @type {Frame} */ { head }) => renew(head.id, { told: /** @type {any} */ (head) }));
   store.on("result", (/** @type {Frame} */ frame) => {
-    const { id, task, kept, verdict } = frame.head;
-    const asked = results.value.find((x) => x.id === id);
-    // It is drawn as long as the document is the one that it was requested.
-    if (task === "measured" && asked) store.put({ ...frame, kind: "measured", rev: asked.rev ?? -1 });
+    const { id, kept, verdict } = frame.head;
     renew(id, { state: kept === false || verdict === "violated" ? "refused" : "done", frame });
   });
   store.on("cancelled", (/** @type {Frame} */ x) => renew(x.head.id, { state: "cancelled", sentence: "Cancelled." }));
@@ -187,11 +181,11 @@ export function init(store, link) {
   for (const event of ["document", "arm", "link"]) store.on(event, update);
   update();
   known.then((form) => (formats.value = form.formats));
-  hear(store, () => start(COMPARE, logOptions()));
+  hear(store);
   render(html`<${Page} store=${store} link=${link} start=${start} />`, region);
 }
 
 /** @param {{store: Store, link: Link, start: (task: Task, options: object) => void}} props */
-const Page = ({ start, ...more }) => html`<div class="task-list" role="group" aria-label="Tasks">${tasks().map((x) => html`${x === COMPARE && html`<${Logs} ...${more} />`}${(!x.onLogs || logs().length > 0) && html`<${Form} key=${x.task} ...${x} start=${start} />`}`)}</div>
+const Page = ({ start, ...more }) => html`<div class="task-list" role="group" aria-label="Tasks">${tasks().map((x) => html`${x.task === "identify" && html`<${Logs} ...${more} />`}${(!x.onLogs || logs().length > 0) && html`<${Form} key=${x.task} ...${x} start=${start} />`}`)}</div>
   <div class="task-results" role="log" aria-label="Results">${results.value.map((x) => html`<${Outcome} key=${x.id} result=${x} ...${more} />`)}
     ${!results.value.length && html`<p class="quiet">Results of tasks appear here: sentences, tables, and files to download.</p>`}</div>`;

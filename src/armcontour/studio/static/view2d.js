@@ -67,7 +67,7 @@ export class View2d {
     });
     store.on("refusal", () => this.follow());
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
-    for (const event of ["detail", "refusal", "theme", "view", "measured"]) store.on(event, () => this.rest());
+    for (const event of ["detail", "refusal", "theme", "view"]) store.on(event, () => this.rest());
     new ResizeObserver(() => this.resize()).observe(this.region);
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
@@ -253,7 +253,6 @@ export class View2d {
       "executed-seq": executed?.seq ?? "",
       magnify: executed ? this.layers.magnification(this.view.scale) : "",
       stale: store.refusal?.head.tier === 1,
-      measured: store.measured?.head.run ?? "",
       scale: this.view.scale,
     };
     for (const [name, value] of Object.entries(told)) mark(region, `data-${name}`, String(value));

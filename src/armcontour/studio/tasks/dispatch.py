@@ -17,7 +17,7 @@ from armcontour.core.progress import Progress, Step
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.figures import changes, check, clearance, compare, figures
 from armcontour.studio.tasks.files import certify, export, report
-from armcontour.studio.tasks.logs import identify, learn, measured
+from armcontour.studio.tasks.logs import identify, learn
 from armcontour.studio.tasks.request import Request
 
 Listener: TypeAlias = Callable[[bytes], None]
@@ -43,7 +43,6 @@ TASKS: dict[str, Callable[[Request], PageFrame]] = {
     "clearance": clearance,
     "export": export,
     "report": report,
-    "measured": measured,
     "identify": identify,
     "learn": learn,
 }

@@ -1,4 +1,4 @@
-"""Tasks that read logs of the robot: comparison with the plan, identification, learning.
+"""Tasks that read logs of the robot: identification and learning.
 
 Options: `logs`, the names of the logs of successive runs, and `columns` as in `read_log`.
 """
@@ -18,18 +18,6 @@ from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
     from armcontour.jobs.run_learning import LearningStudy
-
-
-def measured(request: Request) -> PageFrame:
-    """Compare the plan with the last log: contour errors and measured tool path."""
-    from armcontour.jobs.run_learning import judge_last
-    from armcontour.studio.execution_picture import tool_lines
-
-    logs = read_logs(request)
-    study = judge_last(request.whole_job, request.run, logs, request.progress)
-    arrays = tool_lines(study.pieces, request.view)
-    facts = {"run": study.plan.run.name, "times": study.worst_times}
-    return PageFrame("result", {**facts, **_shown(study.result, logs[-1:])}, arrays)
 
 
 def identify(request: Request) -> PageFrame:
@@ -64,9 +52,12 @@ def learn(request: Request) -> PageFrame:
 
 def learn_from_logs(request: Request) -> LearningStudy:
     """Learn from the logs of successive runs; returns the learning study."""
-    from armcontour.jobs.run_learning import learn_logs
+    from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
 
-    return learn_logs(request.whole_job, request.run, read_logs(request), request.progress)
+    job, progress = request.whole_job, request.progress
+    plan = plan_run(job, request.run, progress)
+    lesson = learn_logs(job, plan, read_logs(request), progress=progress)
+    return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
 def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
