@@ -149,7 +149,6 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.export, {"data": x["set_points"], "file": "a.csv"}),
         (fastest_poles, {"trajectory": x["slow"], "servo": x["servo"], "limits": x["limits"]}),
         (ac.identify, {"logs": x["log"]}),
-        (ac.identify_bodies, {"logs": x["rest"], "arm": x["arm"]}),
         (ac.learn, learned | {"servo": x["servo"]}),
         (ac.load_arm, {"name": "pmk3s"}),
         (ac.place, {"job": x["job"]}),
@@ -224,7 +223,7 @@ def instances() -> Iterator[Any]:
     yield from (URScriptFormat(), TemplateFormat(template="krl"))
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
     yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())
-    yield from (ac.ServoFit(), ac.BodyFit())
+    yield ac.ServoFit()
     yield from (
         ac.ReadOptions(units="mm"),
         ac.ArmOptions(tip="t"),

@@ -1,8 +1,7 @@
 """Identification of simulated joints and robots: do intervals of 95 % contain the true values?
 
 The logs come from a simulation that shares nothing with the estimator: Runge and Kutta's steps, far
-below a sample, with white noise. Another program of the same joint is predicted, too. Robots are
-those of the plant of MuJoCo.
+below a sample, with white noise. Another program of the same joint is predicted, too.
 """
 
 from __future__ import annotations
@@ -13,8 +12,7 @@ import numpy as np
 from numba import njit
 
 import armcontour as ac
-from armcontour.control.identification import BodyIdentification
-from armcontour.motion import Log, SetPoints
+from armcontour.motion import Log
 from soak import Outcome
 
 # Names of the parameters of `move` in results.
@@ -28,11 +26,6 @@ NAMES = {
 LIMIT = 20.0  # rad/s²
 # Noise [rad], and times of a sample of the kinds of logs and of drawn ones [s].
 NOISE, INTERVAL, SAMPLE = 1e-5, 1e-3, 2e-3
-# Of robots: time of a set-point [s], duration [s], noise [rad].
-CYCLE, DURATION, OF_ROBOTS = 4e-3, 8.0, 1e-5
-HOME = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
-COULOMB = np.array([6.0, 6.0, 4.0, 1.5, 1.5, 1.5])
-VISCOUS = np.array([8.0, 8.0, 5.0, 2.0, 2.0, 2.0])
 
 
 @njit(cache=True)
@@ -146,83 +139,9 @@ def draw(seed):
     return logs, servo
 
 
-def examine(seed: int, every: int) -> dict[str, bool]:
-    """Whether the true values of a drawn robot lie in their 95 % intervals, by name."""
-    rng = np.random.default_rng(seed)
-    nominal = ac.load_arm("ur5e").with_dynamics(armature=0.1)
-    scale, mass = rng.uniform(0.8, 1.2), rng.uniform(0.0, 4.0)
-    center = rng.uniform(-0.05, 0.05, 3) + [0, 0, 0.05]
-    coulomb, viscous = COULOMB * rng.uniform(0, 2, 6), VISCOUS * rng.uniform(0, 2, 6)
-    true = nominal.with_dynamics(
-        payload=ac.Payload(mass=mass, center=center),
-        coulomb=coulomb,
-        viscous=viscous,
-        armature=0.1 * scale,
-    )
-    kp, delay = 25.0 * rng.uniform(0.9, 1.1, 6), rng.uniform(0, 10e-3)
-    servo = ac.ServoModel(kp=25.0, kv=150.0)
-    log = record(true, servo.replace(kp=kp, dead_time=delay), nominal, seed, every)
-    identification = ac.identify_bodies(log, nominal, servo, ac.BodyFit(gravity="nominal"))
-    return _inside(identification, kp, viscous, coulomb, mass, center, scale, delay)
-
-
-def _inside(
-    identification: BodyIdentification,
-    kp: np.ndarray,
-    viscous: np.ndarray,
-    coulomb: np.ndarray,
-    mass: float,
-    center: np.ndarray,
-    scale: float,
-    delay: float,
-) -> dict[str, bool]:
-    """Whether true values lie in the intervals of the parameters that are determined."""
-    true = {"payload_mass": mass, "armature": scale, "dead_time": delay}
-    true |= {f"payload_center_{x}": c for x, c in zip("xyz", center, strict=True)}
-    pairs = [(x.name, x, true[x.name]) for x in identification.estimates]
-    for j, joint in enumerate(identification.joints):
-        joint_values = {"kp": kp[j], "viscous": viscous[j], "coulomb": coulomb[j]}
-        pairs += [(f"{n} {j + 1}", getattr(joint, n), value) for n, value in joint_values.items()]
-    return {name: bool(x.low <= value <= x.high) for name, x, value in pairs if x.determined}
-
-
-def record(
-    true: ac.SerialArm, servo: ac.ServoModel, model: ac.SerialArm, seed: int, every: int
-) -> Log:
-    """A log of a smooth motion; the controller holds the nominal arm against gravity."""
-    rng = np.random.default_rng(1000 + seed)
-    t = np.arange(0, DURATION, CYCLE)
-    window = np.clip(np.minimum(t, DURATION - t) / 0.5, 0, 1)
-    window = (window**3 * (10 - 15 * window + 6 * window**2))[:, None]
-    lines = np.arange(1, int(DURATION) + 1)[:, None] / DURATION
-    phase = rng.uniform(0, 2 * np.pi, (len(lines), len(HOME)))
-    size = rng.normal(size=(len(lines), len(HOME))) / np.sqrt(len(lines))
-    waves = np.sin(2 * np.pi * lines * t[:, None, None] + phase)
-    q = HOME + 0.4 * window * np.einsum("kj,tkj->tj", size, waves)
-    plan = ac.plan(ac.JointPath.spline(np.stack([HOME, HOME + 0.1])), model)
-    set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
-    limits = ac.Limits.only(joint_torque=np.full(len(HOME), 1e4))
-    plant = ac.RigidBodyPlant(true, servo, limits, noise=OF_ROBOTS, seed=seed, controller=model)
-    execution = ac.simulate(set_points, plant)
-    n = int((len(q) - 1) * CYCLE / 1e-3) + 1
-    times = execution.t[:n:every]
-    command = np.stack([np.interp(times, set_points.t, x) for x in q.T], axis=1)
-    return Log(
-        t=times,
-        command=command,
-        measured=execution.q[:n:every] + rng.normal(0, OF_ROBOTS, command.shape),
-    )
-
-
 def run(seed: int) -> Outcome:
-    """Identify a joint or a robot of a sort that depends on the seed."""
-    number = seed // 2
-    if seed % 2:
-        every = (1, 8)[number % 2]
-        covered = examine(number, every)
-        names = {f"robot, every {every} ms, {x.split()[0]}": y for x, y in covered.items()}
-        return Outcome(kind="robot", result="identified", covered=names)
-    (one, other), truth = draw(number)
+    """Identify a random joint."""
+    (one, other), truth = draw(seed)
     identification = ac.identify(one)
     joint, notes = identification.joints[0], []
     if not joint.written:

@@ -7,7 +7,7 @@ import armcontour as ac
 # Results, formats of exports, parts of a process, and base classes.
 OWNED = {
     "control.compensation": "CompensationOptions fastest_poles",
-    "control.identification": "BodyIdentification Identification",
+    "control.identification": "Identification",
     "control.learning": "LearningResult LearningRun Recording",
     "controllers": "LinuxCNC Motion Played PlayedMotion Stop",
     "files.exports": "CsvFormat RosYamlFormat TemplateFormat URScriptFormat interpolate_set_points",

@@ -12,7 +12,6 @@ from tests.corner_job import CORNER_JOB
 from tests.public_names import PUBLIC
 
 import armcontour as ac
-from armcontour.control.identification.fit_options import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.control.learning import Recording
 from armcontour.core.result import Data
 from armcontour.core.text import MAX_LINES, format_table
@@ -143,8 +142,11 @@ def field(cls, name):
 
 # A file, a pattern with the value and maybe its unit, and the value in use.
 STATED = [
-    ("docs/guides/identify.md", r"dead time of the search, (\S+) (ms) by default", LONGEST_DELAY),
-    ("docs/guides/identify.md", r"hold a torque, (\S+) (ms) by default", DRIVE_CYCLE),
+    (
+        "docs/guides/identify.md",
+        r"dead time of the search, (\S+) (ms) by default",
+        field(ac.ServoFit, "longest_dead_time"),
+    ),
     (
         "docs/guides/gcode.md",
         r"tolerance \((\S+) (um) by default\)",

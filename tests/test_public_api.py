@@ -130,7 +130,6 @@ NOT_MADE = {
     *("Arm", "Plant", "Batch", "Certificate", "Check", "Clearance", "Evaluation", "Explanation"),
     "InterpolationCheck",
     *(
-        "BodyIdentification",
         "Identification",
         "LearningRun",
         "LearningResult",

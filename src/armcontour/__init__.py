@@ -26,7 +26,7 @@ from armcontour.core.lazy import lazy_names
 # The public names by their modules; `tools/stubs.py` writes them for type checkers.
 _HOME = {
     "control.compensation": "Inverse InverseDynamics NoCompensation PolePlacement compensate",
-    "control.identification": "BodyFit ServoFit identify identify_bodies",
+    "control.identification": "ServoFit identify",
     "control.learning": "learn",
     "controllers": "play",
     "core.errors": "ArmContourError Collision CompensationError ExecutionError InvalidInput "

@@ -4,10 +4,8 @@ from armcontour.control.compensation import InverseDynamics as InverseDynamics
 from armcontour.control.compensation import NoCompensation as NoCompensation
 from armcontour.control.compensation import PolePlacement as PolePlacement
 from armcontour.control.compensation import compensate as compensate
-from armcontour.control.identification import BodyFit as BodyFit
 from armcontour.control.identification import ServoFit as ServoFit
 from armcontour.control.identification import identify as identify
-from armcontour.control.identification import identify_bodies as identify_bodies
 from armcontour.control.learning import learn as learn
 from armcontour.controllers import play as play
 from armcontour.core.errors import ArmContourError as ArmContourError

@@ -320,3 +320,18 @@ def test_of_very_many_contours_the_worst_is_found():
     job = parse_job(yaml.safe_dump(PLANE | {"corners": "sharp"}))
     with pytest.raises(ac.Unreachable, match="Contour 300 is out of reach"):
         run(dataclasses.replace(job, path=ac.Program(moves=moves)), simulate=False)
+
+
+def test_masses_are_named_where_a_torque_limit_uses_them():
+    text = """
+name: t
+arm: ur5e
+path: {orientation: {axis: [0, 0, -1]}, points: [[0.45, 0, 0.2], [0.6, 0, 0.2]]}
+limits: {speed: 3 m/s, joint_acceleration: 100, joint_torque: TORQUE}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs:
+  only: {compensation: {method: inverse}}
+"""
+    for torque, named in (("60", True), ("1000", False)):
+        result = ac.run(parse_job(text.replace("TORQUE", torque))).runs["only"]
+        assert named == any("masses of UR5e (source: " in x for x in result.remarks)

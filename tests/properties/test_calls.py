@@ -11,7 +11,7 @@ from armcontour.planning.constraints import SecondOrder
 
 # Base classes, errors, and what is identified from logs of a whole arm.
 NOT_MADE = {
-    "Arm", "BodyIdentification", "CompensationOptions", "PlanOptions", "Plant",
+    "Arm", "CompensationOptions", "PlanOptions", "Plant",
     # What moves a robot is tested in tests/controllers.
     "LinuxCNC", "Motion", "Played", "PlayedMotion", "Stop", "play",
 }  # fmt: skip

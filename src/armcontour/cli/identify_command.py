@@ -1,4 +1,4 @@
-"""The command `identify`: identifies servos or an arm with masses; prints and writes the result."""
+"""The command `identify`: identifies servos; prints and writes the result."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ if TYPE_CHECKING:
     from armcontour.motion import Log
     from armcontour.robot import Arm
 
-# Exit codes. DONE: every joint has a valid model and the compensation is trusted; with masses: all
-# parameters are determined. PROVISIONAL: trusted for one program only. DOUBTFUL: otherwise. No
-# error has the exit code 9.
+# Exit codes. DONE: every joint has a valid model and the compensation is trusted. PROVISIONAL:
+# trusted for one program only. DOUBTFUL: otherwise. No error has the exit code 9.
 DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
 STOPPED_EARLY = "nothing was identified."
 
 
 def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
-    """Identify servos or an arm with masses, print the result, and return the exit code."""
+    """Identify servos, print the result, and return the exit code."""
     from armcontour.cli.check_command import ARM_OPTIONS, named_arm
     from armcontour.cli.play_command import refuse_without_controller
     from armcontour.core.checks import raise_if
@@ -35,27 +34,11 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     others = {"run_name": "--run", "sets": "--set", "excitation": "--excitation"}
     refuse_without_controller(options, others)
     if options.arm is None:
-        for name in ("servo", "gravity", *ARM_OPTIONS):
+        for name in ARM_OPTIONS:
             message = f"--{name.replace('_', '-')} requires --arm. Specify the arm too."
             raise_if(getattr(options, name) is not None, message)
         return _identify_servos(logs, options, None)
-    raise_if(
-        options.out is not None and bool(options.package),
-        "robot.yaml cannot contain folders of packages. Remove --package or --out.",
-    )
-    arm = named_arm(options.arm, options)
-    if not arm.has_bodies and options.servo is None and options.gravity is None:
-        return _identify_servos(logs, options, arm)
-    for option, is_set in (
-        ("--validate", bool(options.validate)),
-        ("--model", options.model != "auto"),
-    ):
-        raise_if(
-            is_set,
-            f"{option} applies only to the identification of servos, but the options request an "
-            f"identification of masses. Remove {option}, or remove --arm.",
-        )
-    return _identify_bodies(logs, options, options.arm, arm)
+    return _identify_servos(logs, options, named_arm(options.arm, options))
 
 
 def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | None) -> int:
@@ -99,7 +82,7 @@ def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
     from armcontour.files.robot_file import servo_yaml
 
     raise_if(len(jobs) != 1, f"--on requires exactly one job, but {len(jobs)} files are given.")
-    for name in ("arm", "servo", "gravity", "validate", "columns", "start", "end"):
+    for name in ("arm", "validate", "columns", "start", "end"):
         option = {"start": "from", "end": "to"}.get(name, name)
         raise_if(
             getattr(command, name) is not None,
@@ -126,38 +109,8 @@ def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
     return _verdict(fit)
 
 
-def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, arm: Arm) -> int:
-    """Identify an arm with masses from logs, and return the exit code."""
-    from armcontour.cli.progress_bars import search_progress
-    from armcontour.control.identification import BodyFit, identify_bodies
-    from armcontour.core.errors import InvalidInput
-    from armcontour.files.robot_file import read_servo, robot_servo_yaml, robot_yaml
-    from armcontour.files.robots.loading import arm_names
-
-    servo = None if command.servo is None else read_servo(command.servo, arm.dof)
-    options = BodyFit(gravity=command.gravity, **_shared_options(command))
-    samples = [_read(log, command) for log in logs]
-    with search_progress("identifying") as progress:
-        fit = identify_bodies(samples, arm, servo, options, progress=progress)
-    if command.out is None:
-        _conclude(fit, command, {})
-    else:
-        base: str | dict[str, str] = name
-        if name not in arm_names():
-            keys = {x: getattr(command, x) for x in ("tip", "base", "joint_limits")}
-            base = {x: str(y) for x, y in {"file": name, **keys}.items() if y is not None}
-        files, remark = {"robot.yaml": robot_yaml(fit, base, command.out)}, ""
-        try:
-            files["servo.yaml"] = robot_servo_yaml(fit)
-        except InvalidInput as error:
-            # A missing servo.yaml is not an error, because the other results are valid.
-            remark = f", but no servo.yaml: {error}"
-        _conclude(fit, command, files, remark=remark)
-    return DONE if fit.determined else DOUBTFUL
-
-
 def _shared_options(command: IdentifyOptions) -> dict[str, Any]:
-    """Specified options that both kinds of identification support, by name."""
+    """Specified options of the fit, by name."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.quantities import Interval
 

@@ -396,14 +396,10 @@ class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
         excitation: With --on, always excite all joints, so that servos are judged with two
             programs.
         sets: With --on, any key of the job with its value; may be repeated.
-        arm: Nominal arm. If it has masses, payload, friction and drive inertias are identified too;
-            otherwise errors at the tool are reported too. Built-in arm, or an arm file (.yaml,
+        arm: Arm with whose tool the errors are also reported. Built-in arm, or an arm file (.yaml,
             .urdf).
-        servo: Nominal servo of that arm: a job file, or a servo.yaml.
-        gravity: Gravity compensation of the controller of that arm: nominal, loaded or none; by
-            default determined from the logs.
-        drive_cycle: Cycle of the drives' loops; by default continuous, with --arm 0.25 ms.
-        out: Folder for servo file, robot file and report; by default none is written.
+        drive_cycle: Cycle of the drives' loops; by default continuous.
+        out: Folder for servo file and report; by default none is written.
         model: Model of the servo: auto, second or first.
         interpolation: Command between set-points: linear or step; by default determined from
             the log.
@@ -417,8 +413,6 @@ class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
     excitation: bool = False
     sets: Annotated[Texts, typer.Option("--set")] = None
     arm: Text = None
-    servo: File = None
-    gravity: Text = None
     drive_cycle: Text = None
     out: Annotated[File, typer.Option("--out", "-o")] = None
     model: str = "auto"

@@ -1,22 +1,18 @@
-"""Files of limits, of an identified arm, and of an identified servo."""
+"""Files of limits and of an identified servo."""
 
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
-import yaml
-
 from armcontour._version import __version__
-from armcontour.control.identification import BodyIdentification, Estimate, Identification
+from armcontour.control.identification import Estimate, Identification
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import Angle, Length
-from armcontour.core.render import figure, jsonable
+from armcontour.core.render import figure
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import MappingKeys, SpecifiedKeys, read_keys
 from armcontour.robot import Arm, Limits, resolve_limits
@@ -66,58 +62,6 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
     return limits, *deviations
 
 
-def robot_yaml(
-    identification: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath
-) -> str:
-    """Arm file of the nominal arm with identified payload, friction and armature."""
-    chain = identification.arm.dynamics.chain
-    base: Any = arm if isinstance(arm, str) else _relative_files(arm, folder)
-    page: dict[str, Any] = {
-        "name": identification.arm.name,
-        "kind": "derived",
-        "source": f"identified from {identification.source} by armcontour {__version__}",
-        "arm": base,
-    }
-    load_of = chain.payload
-    if load_of is not None:
-        x, y, z = identification.payload_center
-        page["payload_mass"] = _quantity(load_of.mass, "kg", [identification.payload_mass])
-        page["payload_center"] = _quantity(load_of.center, "m", [x, y, z])
-        if load_of.inertia.any():
-            six = load_of.inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-            page["payload_inertia"] = _quantity(six, "kg m^2", [])
-    factor = identification.parameters.get("armature")
-    inertias = [x.armature for x in identification.joints] if factor is None else [factor]
-    page["armature"] = _quantity(chain.armature, "kg m^2", inertias)
-    if factor is not None:
-        page["armature"]["source"] += " times those of the nominal arm" * factor.determined
-    page["viscous"] = _quantity(
-        chain.viscous, "N m s/rad", [x.viscous for x in identification.joints]
-    )
-    page["coulomb"] = _quantity(chain.coulomb, "N m", [x.coulomb for x in identification.joints])
-    return yaml.safe_dump(page, sort_keys=False, width=96, allow_unicode=True)
-
-
-def robot_servo_yaml(identification: BodyIdentification) -> str:
-    """YAML text of the key `servo`; its values were identified together with the arm's bodies."""
-    servo = identification.servo_model()
-    lines = [
-        f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "
-        "job file whose arm is robot.yaml.",
-        "# inertia is J, by which the controller scales its loops. A log determines only products "
-        "of J and gains.",
-        *(f"# {joint.name}: {_ranges((joint.kp, joint.kv))}" for joint in identification.joints),
-        "servo:",
-        "  order: second",
-        f"  kp: {_yaml_list(servo.kp)}    # 1/s",
-        f"  kv: {_yaml_list(servo.kv)}    # 1/s",
-        f"  inertia: {_yaml_list(servo.inertia)}    # kg m^2",
-        f"  dead_time: {_yaml_list(servo.for_joints(len(identification.joints)).dead_time)}    # s",
-        f"  interpolation: {servo.interpolation}",
-    ]
-    return "\n".join(lines) + "\n"
-
-
 def read_servo(file: FilePath, dof: int) -> ServoModel:
     """Read the key `servo` of a YAML file, such as a job file or an identified servo.yaml."""
     data = load(read_text(file, "servo file"), file.name)
@@ -128,34 +72,6 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
         )
     servo: ServoModel = read_keys(MappingKeys(ServoModel), data["servo"], f"{file.name}: servo")
     return servo.for_joints(dof)
-
-
-def _relative_files(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
-    """Keys of an arm with its file names converted to be relative to a folder."""
-    files = ("file", "joint_limits")
-    return {
-        key: FilePath(os.path.relpath(value, folder)).as_posix() if key in files else value
-        for key, value in arm.items()
-    }
-
-
-def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """Quantity of an arm file; its source contains the confidence interval of each estimate."""
-    source = "nominal"
-    if any(x.determined for x in estimates):
-        source = f"identified, 95 % intervals: {_ranges(estimates)}"
-    return {"value": jsonable(values), "unit": unit, "source": source}
-
-
-def _yaml_list(values: Any) -> str:
-    """Text of numbers as a list in YAML."""
-    return "[" + ", ".join(f"{float(x):.9g}" for x in values) + "]"
-
-
-def _ranges(estimates: Sequence[Estimate]) -> str:
-    return "; ".join(
-        f"{x.low:.5g} to {x.high:.5g}" if x.determined else "nominal" for x in estimates
-    )
 
 
 # Parameters with one value per joint in a servo file, and their comments (unit and meaning).

@@ -179,6 +179,11 @@ class RunResult(Planned, Result):
         remarks += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
         if self.advice is not None and self.advice.note:
             remarks.append(f"Run {self.run.name}: {self.advice.note}")
+        if self.explanation is not None and "torque" in self.explanation.kinds:
+            remarks.append(
+                f"Run {self.run.name}: torque limits restrict the speed. They use the masses of "
+                f"{self.arm.name} (source: {self.arm.source})."
+            )
         e = self.evaluation
         if e is not None and e.model_error is not None:
             along, across = (number(x, "m") for x in e.model_error)

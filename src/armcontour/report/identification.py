@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.control.identification import BodyIdentification, Identification
+from armcontour.control.identification import Identification
 from armcontour.core.render import figure
 from armcontour.core.result import TABLE, VERDICT, Data
 from armcontour.core.text import capitalise
@@ -26,7 +26,7 @@ from armcontour.report.style import (
 APART, HEIGHT = 1.0, 90
 
 
-def render_identification(identification: Identification | BodyIdentification) -> str:
+def render_identification(identification: Identification) -> str:
     """Render the report of an identification as one self-contained HTML page."""
     data = identification.to_data()
     chapter = Chapter(front=_front(identification, data), sections=_sections(identification, data))
@@ -38,7 +38,7 @@ def render_identification(identification: Identification | BodyIdentification) -
     )
 
 
-def _front(result: Identification | BodyIdentification, data: Data) -> Front:
+def _front(result: Identification, data: Data) -> Front:
     """First screen: the verdict, and a table of all joints with advice on further recordings."""
     first, *rows = data.shown(VERDICT)
     notes = [*data.warnings, *data.notes]
@@ -60,7 +60,7 @@ def _front(result: Identification | BodyIdentification, data: Data) -> Front:
         value=f"{sum(determined)} of {len(determined)}",
     )
     words = [first.label if first.value else f"not {first.label}", first.note]
-    sure = not isinstance(result, Identification) or result.judgement.programs > 1
+    sure = result.judgement.programs > 1
     clauses = [f"{x.label} {figure(x)}" + f" ({x.note})" * bool(x.note) for x in rows]
     return Front(
         verdict=capitalise("; ".join([": ".join(filter(None, words)), *clauses])) + ".",
@@ -82,7 +82,7 @@ def _next(joint: Any) -> str:
     return f"{words} {', '.join(unknown)}" if unknown else "-"
 
 
-def _sections(identification: Identification | BodyIdentification, data: Data) -> list[Section]:
+def _sections(identification: Identification, data: Data) -> list[Section]:
     """Sections with the parameters and notes of the joints, and with the motion and residuals."""
     tables = [x for x in data.tables if x.level <= TABLE][1:]
     of_joints = (
@@ -112,12 +112,10 @@ def _sections(identification: Identification | BodyIdentification, data: Data) -
     return sections
 
 
-def _figure(identification: Identification | BodyIdentification) -> Any:
+def _figure(identification: Identification) -> Any:
     """Figure with measured and predicted position, and residual, of each joint with a model."""
     joints = [(j, x) for j, x in enumerate(identification.joints) if x.rests]
-    source = "simulated"
-    if isinstance(identification, Identification):
-        source = "predicted from the other parts, where not fitted"
+    source = "predicted from the other parts, where not fitted"
     drawn = make_subplots(
         rows=len(joints),
         cols=2,

@@ -1,12 +1,7 @@
-"""Identification of independent joint servos, or of an arm with masses (`bodies`), from logs."""
+"""Identification of independent joint servos from logs."""
 
-from armcontour.control.identification.bodies.body_identification import (
-    BodyIdentification,
-    BodyJoint,
-)
-from armcontour.control.identification.bodies.rigid_bodies import identify_bodies
 from armcontour.control.identification.estimates import Estimate
-from armcontour.control.identification.fit_options import BodyFit, FitOptions, ServoFit
+from armcontour.control.identification.fit_options import ServoFit
 from armcontour.control.identification.identification_result import (
     Identification,
     JointIdentification,
@@ -18,11 +13,7 @@ from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
 
 __all__ = [
     "INTERPOLATIONS",
-    "BodyFit",
-    "BodyIdentification",
-    "BodyJoint",
     "Estimate",
-    "FitOptions",
     "Identification",
     "JointIdentification",
     "Judgement",
@@ -31,5 +22,4 @@ __all__ = [
     "ServoFit",
     "cut_log",
     "identify",
-    "identify_bodies",
 ]

@@ -1,4 +1,4 @@
-"""Estimates of parameters, and base classes of the results of both identifications."""
+"""Estimates of parameters, and base classes of the results of identification."""
 
 from __future__ import annotations
 
@@ -21,13 +21,8 @@ UNITS = {
     "kp": "1/s",
     "kv": "1/s",
     "ki": "1/s",
-    "viscous": "N m s/rad",
-    "coulomb": "N m",
     "velocity_feedforward": "",
     "acceleration_feedforward": "",
-    "payload_mass": "kg",
-    **dict.fromkeys(("payload_center_x", "payload_center_y", "payload_center_z"), "m"),
-    "armature": "kg m²",
     "dead_time": "s",
     "friction": "rad",
     "acceleration_limit": "rad/s²",
@@ -50,8 +45,7 @@ class Estimate(Result):
             value.
         low, high: Ends of the 95 % interval.
         determined: True if the logs determine the parameter: `sd` is at most 10 % of the value, at
-            most 0.5 ms for a dead time, or at most 0.05 for feed-forward. For rigid bodies, small
-            frictions, masses and inertias may have a larger `sd`.
+            most 0.5 ms for a dead time, or at most 0.05 for feed-forward.
     """
 
     name: str
@@ -159,7 +153,7 @@ class JointEstimates(Estimates):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IdentifiedJoints(Estimates):
-    """Base of the results of both identifications.
+    """Base of the result of an identification.
 
     Args:
         logs: The logs.

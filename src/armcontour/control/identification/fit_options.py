@@ -1,4 +1,4 @@
-"""Options of identification: a class for joint servos and a class for arms with masses."""
+"""Options of identification, and checks of its logs."""
 
 from __future__ import annotations
 
@@ -15,43 +15,23 @@ from armcontour.robot import Arm
 
 # Orders of the candidate models for each value of the option `model`.
 MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": ("first",)}
-# Gravity feed-forward of the controller: torque of the nominal arm, torque of the arm with its true
-# load, or none.
-GRAVITIES = ("nominal", "loaded", "none")
-# LONGEST_DELAY: default of the longest dead time of the search [s]. NEGATIVE_DELAY: for arms with
-# masses, the search includes dead times down to minus this value [s].
-LONGEST_DELAY, NEGATIVE_DELAY = 0.25, 10e-3
-# Default of the drive cycle for arms with masses [s]; 4 kHz is usual.
-DRIVE_CYCLE = 2.5e-4
 # Shortest and longest sample interval for identification [s]. No robot controller samples faster
 # than 20 kHz. Below 10 Hz, the loops settle between two samples.
 INTERVALS = (5e-5, 0.1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FitOptions(Options):
-    """Options of both kinds of identification; base of `ServoFit` and `BodyFit`.
-
-    Args:
-        interpolation: Interpolation of set-points in the controller, "linear" or "step"; by default
-            as stated in the log, otherwise linear.
-        longest_dead_time: Longest dead time of the search [s].
-    """
-
-    method: ClassVar[str]
-    interpolation: Annotated[str, Choice(INTERPOLATIONS)] | None = None
-    longest_dead_time: Interval = LONGEST_DELAY
-
-
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ServoFit(FitOptions):
-    """Options of `identify` for independent joint servos, in addition to those of `FitOptions`.
+class ServoFit(Options):
+    """Options of `identify` for independent joint servos.
 
     >>> ac.ServoFit(model="first", longest_dead_time=0.05).model
     'first'
 
     Args:
+        interpolation: Interpolation of set-points in the controller, "linear" or "step"; by default
+            as stated in the log, otherwise linear.
+        longest_dead_time: Longest dead time of the search [s].
         model: "second" or "first" allows only models of this order, "auto" allows all models.
         drive_cycle: Time between two computations of the drives' loops, from 0.25 to 8 ms [s]; by
             default the loops are continuous.
@@ -59,30 +39,12 @@ class ServoFit(FitOptions):
             is computed in joint space.
     """
 
-    method = "servo"
+    method: ClassVar[str] = "servo"
+    interpolation: Annotated[str, Choice(INTERPOLATIONS)] | None = None
+    longest_dead_time: Interval = 0.25
     model: Annotated[str, Choice(tuple(MODELS))] = "auto"
     drive_cycle: Annotated[float, Quantity("s", "1 ms", within=(2.5e-4, 8e-3))] | None = None
     kinematics: Arm | None = None
-
-
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BodyFit(FitOptions):
-    """Options of `identify_bodies` for an arm with masses, in addition to those of `FitOptions`.
-
-    >>> ac.BodyFit(gravity="nominal").drive_cycle
-    0.00025
-
-    Args:
-        gravity: Gravity feed-forward of the controller: torque of the "nominal" arm, of the arm
-            with its true load ("loaded"), or "none"; by default the kind that fits the logs best.
-        drive_cycle: Time for which the drives hold their torque, up to 2 ms [s]. Half of the drive
-            cycle must be small compared with the time constant of a velocity loop.
-    """
-
-    method = "bodies"
-    gravity: Annotated[str, Choice(GRAVITIES)] | None = None
-    drive_cycle: Annotated[float, Quantity("s", "1 ms", within=(0.0, 2e-3))] = DRIVE_CYCLE
 
 
 def list_logs(logs: Log | Sequence[Log]) -> tuple[Log, ...]:
@@ -119,9 +81,3 @@ def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
             "ones. Identify each log separately."
         )
     return kinds.pop()
-
-
-def dead_time_range(logs: Sequence[Log], longest: float) -> tuple[float, float]:
-    """Smallest (negative) and largest dead time of the search [s]; closer to 0 for short logs."""
-    duration = min(float(x.t[-1] - x.t[0]) for x in logs)
-    return -min(NEGATIVE_DELAY, duration / 50), min(longest, duration / 4)

@@ -13,7 +13,6 @@ from armcontour.control.identification.fit_options import (
     MODELS,
     ServoFit,
     choose_interpolation,
-    dead_time_range,
     list_logs,
 )
 from armcontour.control.identification.identification_result import (
@@ -125,7 +124,9 @@ def identify(
             check_distance(log, arm)
         check_speeds(log)
     report, joints = subprogress(progress), []
-    longest, orders = dead_time_range(every, options.longest_dead_time)[1], MODELS[options.model]
+    # The dead time must be short compared with the logs.
+    shortest = min(float(x.t[-1] - x.t[0]) for x in every)
+    longest, orders = min(options.longest_dead_time, shortest / 4), MODELS[options.model]
     search = Search(longest, options.drive_cycle or 0.0, orders)
     for j, name in enumerate(first.joint_names):
         report(Step((name,)))

@@ -31,13 +31,6 @@ def test_standstill_changes_nothing():
     assert joints[1].share == pytest.approx(joints[0].share, rel=0.2)
 
 
-def test_a_ramp_of_an_arm_determines_nothing():
-    t, rate = np.arange(2001) * 0.004, np.array([0.1, 0.05])
-    command, measured = (np.round(x, 9) for x in (t[:, None] * rate, (t[:, None] - 0.04) * rate))
-    log = Log(t=t, command=command, measured=measured)
-    assert not ac.identify_bodies(log, ac.load_arm("pmk3s")).determined
-
-
 def test_columns_that_have_nothing_to_do_with_each_other():
     t = np.arange(2000) * 1e-3
     u, y = 3e-3 * multisine(t, 25.0, 1), 3e-3 * multisine(t, 10.0, 7)

@@ -1,1 +1,0 @@
-"""Identification of an arm with masses and of its drives; simulates with `robot.drives`."""
