@@ -49,7 +49,7 @@ limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 4 ms}
 cycle: 10 ms
-runs: {only: {timing: {intervals: 100}, compensation: {method: none}}}
+runs: {only: {compensation: {method: none}}}
 certificate: {servo_error: 0.1 mm}
 """,
     "line.csv": "x [mm],y [mm]\n300,200\n330,200\n",

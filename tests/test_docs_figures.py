@@ -142,7 +142,6 @@ def test_the_durations_of_the_guides():
     corners = {
         "arcs": ac.round_corners(path, tolerance=2e-3),
         "smooth": ac.round_corners(path, tolerance=2e-3, continuity="curvature"),
-        "exact": ac.round_corners(path, tolerance=[0.0, 2e-3]),
         "sharp": path,
     }
     durations = {x.split("`")[1]: x.split("|")[3].strip() for x in lines}

@@ -23,7 +23,7 @@ READY = {"panda": [0.3, 0.2, 0.1, -1.8, 0.2, 2.0, 0.3], "ur5e": HOME, "ur5e.urdf
 def write_urdf(arm, file):
     """Write the links and the joints of an arm without armatures as a robot description."""
     chain = arm.chain
-    lines, names = [], ["base", *(f"link{k}" for k in range(1, arm.dof + 1)), "tool"]
+    lines, names = [], ["base", *(f"link{k}" for k in range(1, arm.dof + 1)), "tool0"]
 
     def text(numbers):
         return " ".join(map(repr, np.asarray(numbers).tolist()))
@@ -45,7 +45,7 @@ def write_urdf(arm, file):
         more = f'<axis xyz="{text(chain.axes[k])}"/><limit lower="-6" upper="6" velocity="3"/>'
         add(name, "revolute", k, chain.positions[k], chain.rotations[k], more)
     add("tip", "fixed", arm.dof, chain.tip.position, chain.tip.rotation)
-    lines += ['<link name="base"/>', '<link name="tool"/>']
+    lines += ['<link name="base"/>', '<link name="tool0"/>']
     file.write_text(f'<robot name="written">{"".join(lines)}</robot>')
 
 

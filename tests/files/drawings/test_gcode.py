@@ -244,6 +244,7 @@ O100 sub => 'O100SUB'
 o<pocket> call [1] => 'O<POCKET>CALL[1]'
 IF[#1EQ2]GOTO3 => 'IF[#1EQ2]GOTO3'
 M98 P100 => M98
+M72 => M72
 M99 => M99
 #1=5 => '#1=5'
 X-#<a> => 'X-#<A>'

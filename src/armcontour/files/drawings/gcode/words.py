@@ -128,8 +128,8 @@ M_GROUP: dict[int, str] = {
     **dict.fromkeys((7, 8, 9), "coolant"),
 }
 UNDERSTOOD_M = frozenset((*range(10), 30, 62, 63, 64, 65, 67, 68))
-# M codes that call subprograms or return from them.
-CALLS = frozenset((97, 98, 99))
+# M codes that call subprograms or return from them, or restore modes.
+CALLS = frozenset((72, 97, 98, 99))
 # Matches a line that begins with an M code. The text after an unknown M code belongs to this code,
 # as in M117 Hello, M862.3 P "MK3S" and M84 X Y.
 LEADING_M = re.compile(r"(?:N[0-9]+)?M([0-9]+(?:\.[0-9]*)?)")
