@@ -28,7 +28,7 @@ corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 cycle: 10 ms
 runs: {only: {compensation: {method: none}}}
-certificate: {servo_error: 0.1 mm, samples: 100}
+certificate: {servo_error: 0.1 mm}
 """,
     "part.csv": "x [mm],y [mm]\n300,200\n330,200\n",
 }

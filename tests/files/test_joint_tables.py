@@ -97,15 +97,15 @@ def test_names_of_programs_and_controllers():
 
 
 def test_other_names_are_renamed_by_the_option_of_the_message():
-    for time, command, measured, *others in OTHERS:
-        titles = [time, *map(command.format, (1, 2)), *map(measured.format, (1, 2)), *others]
+    for header, command, measured, *others in OTHERS:
+        titles = [header, *map(command.format, (1, 2)), *map(measured.format, (1, 2)), *others]
         text = table(titles, *U.T, *Q.T)
         option = f"u#={command.format('#')},q#={measured.format('#')}"
         with pytest.raises(InvalidInput) as refused:
             parse_log(text)
-        if time.lower() in ("t", "time"):
+        if header.lower() in ("t", "time"):
             assert f"--columns '{option}'" in str(refused.value)
-        log = parse_log(text, columns=f"t={time},{option}")
+        log = parse_log(text, columns=f"t={header},{option}")
         np.testing.assert_allclose(log.command, U, atol=1e-8)
         np.testing.assert_allclose(log.measured, Q, atol=1e-8)
 

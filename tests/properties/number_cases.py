@@ -217,8 +217,6 @@ _CERTIFIED = {
     "servo_error": 1e-4,
     "rms": 1e-4,
     "box": {"gains": 0.01, "dead_time": 1e-4, "payload": 0.0, "jitter": 1e-5},
-    "samples": 20,
-    "seed": 0,
     "slowest": 2.0,
 }
 _FREE = {"shape": "free"}
@@ -332,6 +330,8 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED | {"box": {"gains": [[0.01] * 2] * 2}}),
     _with(PLANE, certificate=_CERTIFIED | {"box": {"payload": [0.0, 0.1]}}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [[-99.0, -99.0, -150.0]] * 2}}}),
+    _with(PLANE, export={"formats": ["ros-yaml"], "outputs": {"a": 1}, "tolerances": 2.0,
+                         "points": 9, "point_tolerance": 1e-3, "cycle": 0.01, "derivatives": 1}),
     {**SPACE, "path": _ABOUT},
     {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
     {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},

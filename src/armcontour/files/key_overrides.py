@@ -18,7 +18,10 @@ from armcontour.core.quantities import (
     Ratio,
 )
 from armcontour.geometry import SegmentLimits
+from armcontour.geometry.weave import Weave
+from armcontour.jobs import CertificateGoal
 from armcontour.program import Event, Lead, Process
+from armcontour.robot import Limits
 from armcontour.robot.chain import Payload
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation.robustness.uncertainty import Uncertainty
@@ -83,6 +86,14 @@ KEY_OVERRIDES: dict[type, KeyOverrides] = {
             "tip [kg m²]; a point by default."
         },
     ),
+    CertificateGoal: KeyOverrides(omit=frozenset({"samples", "seed"})),
+    Limits: KeyOverrides(omit=frozenset({"tool_jerk", "path_jerk"})),
+    PlantModel: KeyOverrides(
+        omit=frozenset(
+            {"model_error", "logged_velocity", "logged_acceleration", "contour_ratio", "programs"}
+        )
+    ),
+    Weave: KeyOverrides(omit=frozenset({"tolerance"})),
     PolePlacement: KeyOverrides(types={"poles": Poles | list[Poles] | None}),
     Process: KeyOverrides(
         types={

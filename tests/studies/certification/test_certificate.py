@@ -372,13 +372,10 @@ def test_it_comes_out_the_same_again():
 
 
 def test_goals_of_job_files(refuses):
-    keys = (
-        "certificate: {tolerance: 5 mm, servo_error: 2 um, run: only, samples: 50, seed: 3, box: {"
-    )
+    keys = "certificate: {tolerance: 5 mm, servo_error: 2 um, run: only, box: {"
     text = LINE + keys + "gains: 10 %, dead_time: 2 ms, shared: false, jitter: 0.1 ms}}\n"
     goal = parse_job(text).certificate
     assert (goal.tolerance, goal.servo_error, goal.run) == (5e-3, pytest.approx(2e-6), "only")
-    assert (goal.samples, goal.seed) == (50, 3)
     box = goal.box
     assert float(box.gains) == pytest.approx(0.1) and not box.dead_time_shared
     assert (float(box.dead_time), box.jitter) == (2e-3, pytest.approx(1e-4))
