@@ -1,9 +1,8 @@
 // Results of tasks: sentences, tables and charts from the headers and arrays of the server.
 
-import { RUN_COLOURS, themed } from "./colours.js";
+import { RUN_COLOURS } from "./colours.js";
 import { withGaps } from "./chart.js";
 import { rowOf, textOf } from "./format.js";
-import { largest } from "./polylines.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./chart.js").Axes} Axes */
