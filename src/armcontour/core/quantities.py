@@ -187,8 +187,6 @@ JerkLimit = Annotated[float, Quantity("m/s^3", "40 m/s^3", "positive", endless=T
 JointArmatures = Annotated[FloatArray, Quantity("kg m^2", "0.1 kg m^2", "not negative")]
 ViscousFrictions = Annotated[FloatArray, Quantity("N m s/rad", "8 N m s/rad", "not negative")]
 CoulombFrictions = Annotated[FloatArray, Quantity("N m", "6 N m", "not negative")]
-JointStiffnesses = Annotated[FloatArray, STIFFNESS]
-JointDampings = Annotated[FloatArray, DAMPING]
 OwnAccelerations = Annotated[
     FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True)
 ]

@@ -19,13 +19,6 @@ from armcontour.robot import Arm
 
 # Largest number of names in one message.
 MAX_NAMED = 8
-# Shortest log [s] and longest sample interval [s] for identification. With a longer interval, the
-# command between samples is too uncertain.
-SHORTEST = 2.0
-COARSEST = 20e-3
-# Longest total time of all logs [s]. The limit saves memory, because derivatives take 2 kB per
-# sample and joint.
-LONGEST = 240.0
 # Largest distance of a measured position from the range of its joint [rad].
 RANGE_MARGIN = 0.1
 # Largest speed of a joint [rad/s]. The last joint of a fast delta robot turns at 60 rad/s.
@@ -34,13 +27,6 @@ FASTEST = 100.0
 NOISE_SHARE = 0.05
 # Smallest number of sample intervals over which velocities are averaged.
 MIN_INTERVALS = 5
-# Smallest range of positions of a joint that moves [rad].
-MIN_MOTION = 1e-3
-# A joint follows its command if the command with a lag explains at least this fraction of the
-# variance of its position.
-MIN_EXPLAINED = 0.5
-# Longest dead time of a joint that follows the command of another joint [s].
-LONGEST_DEAD_TIME = 0.25
 
 # Another unit, sign or order explains the columns only if the remaining difference is at most this
 # fraction of the original difference.
@@ -142,37 +128,6 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
     )
 
 
-def check_logs(logs: Sequence[Log], arm: Arm) -> None:
-    """Raise InvalidInput for logs from which the arm cannot be identified."""
-    # `logs`: logs with as many joints as the arm.
-    for log in logs:
-        duration = float(log.t[-1] - log.t[0])
-        if duration < SHORTEST:
-            raise InvalidInput(
-                f"{log.source} covers {duration:.3g} s, but identification needs at least "
-                f"{SHORTEST:g} s. Record a longer motion.",
-                needed=SHORTEST,
-                allowed=duration,
-            )
-        if log.interval > COARSEST * (1 + 1e-6):
-            raise InvalidInput(
-                f"{log.source} has a sample every {log.interval * 1e3:.3g} ms, but identification "
-                f"needs a sample at least every {COARSEST * 1e3:g} ms. Record at a higher rate.",
-                needed=log.interval,
-                allowed=COARSEST,
-            )
-        check_distance(log, arm)
-        check_columns(log)
-    total = sum(float(x.t[-1] - x.t[0]) for x in logs)
-    if total > LONGEST:
-        raise InvalidInput(
-            f"The logs cover {total:.4g} s, but at most {LONGEST:g} s are supported. Select a part "
-            "with --from and --to, or with Log.between.",
-            needed=total,
-            allowed=LONGEST,
-        )
-
-
 def check_distance(log: Log, arm: Arm) -> None:
     """Raise InvalidInput if positions of a log are outside the joint ranges."""
     # `log`: the log, with as many joints as the arm.
@@ -237,25 +192,10 @@ def check_speeds(log: Log) -> None:
             )
 
 
-def check_columns(log: Log) -> None:
-    """Raise InvalidInput if only another order, unit or sign of the columns explains a log."""
-    for j, (command, measured) in enumerate(zip(log.command.T, log.measured.T, strict=True)):
-        rate, residual = np.gradient(command), measured - command
-        a = np.stack([rate, np.ones_like(rate)], axis=1)
-        residual = residual - a @ np.linalg.lstsq(a, residual, rcond=None)[0]
-        moves = max(np.ptp(command), np.ptp(measured)) >= MIN_MOTION
-        if not moves or np.sum(residual**2) < (1 - MIN_EXPLAINED) * np.sum(
-            (measured - measured.mean()) ** 2
-        ):
-            continue
-        check_units(log, LONGEST_DEAD_TIME, j, single=False)
-
-
-def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> None:
+def check_units(log: Log, longest: float, j: int) -> None:
     """Raise InvalidInput if another order, unit or sign of columns explains joint j."""
-    # `longest`: largest dead time [s]; `single`: true to also test joint j alone for another unit
-    # or sign.
-    for some in (slice(None), slice(j, j + 1))[: 1 + single]:
+    # `longest`: largest dead time [s]. Joint j is also tested alone for another unit or sign.
+    for some in (slice(None), slice(j, j + 1)):
         q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
         if reading := find_misreading(log.t, q, u, names=names, longest_delay=longest):
             raise InvalidInput(

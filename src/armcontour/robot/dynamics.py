@@ -96,31 +96,6 @@ class Dynamics:
         shape = (*np.shape(q), len(unit))
         return position.reshape(shape), change(1, 1.0).reshape(shape), self.mass_matrix(q)
 
-    def last_body_regressor(
-        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
-    ) -> FloatArray:
-        """Joint torques per inertial parameter of the last body, (n, dof, 10).
-
-        The parameters are mass, first moments, and moments of inertia xx, xy, yy, xz, yz and zz
-        about the origin, all in the frame of the last joint.
-        """
-        from armcontour.robot import kernels
-
-        states, weight = self._rows(q, dq, ddq), self._gravity * gravity
-        turn = joint_frames(self.chain)[-1]
-        links, regressor = self._links.copy(), np.empty((*np.shape(q), 10))
-        for k, unit in enumerate(np.eye(10)):
-            # Only the last link has mass, and one of its inertial parameters is 1.
-            links[:, 12:] = 0.0
-            links[:, 22] = links[-1, 12] = unit[0]
-            links[-1, 13:16] = unit[1:4] @ turn
-            xx, xy, yy, xz, yz, zz = unit[4:]
-            about = turn.T @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ turn
-            links[-1, 16:22] = about[np.triu_indices(3)]
-            _, moving, still = kernels.path_terms(links, weight, *states)
-            regressor[..., k] = (moving + still).reshape(np.shape(q))
-        return regressor
-
     def _rows(self, *states: npt.ArrayLike) -> list[FloatArray]:
         """Check states, and return each as rows, (n, dof)."""
         # The shapes are checked because compiled code would read past the end of a short row.

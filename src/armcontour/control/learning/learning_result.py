@@ -23,8 +23,6 @@ from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.repeated_positions import renew_positions
 from armcontour.robot.servo import ServoModel
 
-# Largest number of runs that are listed in a summary.
-MAX_LISTED = 10
 # Largest difference of an execution's set-points from the set-points of the run [rad].
 SET_POINT_TOLERANCE = 1e-9
 # Consequence of saturation.

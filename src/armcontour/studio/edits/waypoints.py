@@ -27,9 +27,6 @@ from armcontour.studio.handles import (
     uv_of,
 )
 
-# Upper bound of waypoint indices in messages.
-MAX_WAYPOINT = 10_000_000
-
 TO = "to"
 # A drawn shape continues the path if it starts within this distance of the path's end [m].
 NEAR = 1e-9
