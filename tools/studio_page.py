@@ -201,9 +201,15 @@ class Studio:
 
         self.begin()
         try:
-            self.wait("body", busy="false")
-            self.wait("#view2d", rev=self.told("body", "rev"), stale="false")
-            self.wait("#figures", exact="true")
+            rev = ""
+            # Keys that were pressed before may still change the document.
+            while rev != self.told("body", "rev"):
+                rev = self.told("body", "rev")
+                self.wait_for(
+                    f'body:not([data-rev="{rev}"]), '
+                    f'body[data-busy=false]:has(#view2d[data-rev="{rev}"][data-stale=false])'
+                    ":has(#figures[data-exact=true])"
+                )
         except LateError as error:
             selectors = ("body", "#view2d", "#figures")
             state = [self.find(x).evaluate("e => JSON.stringify(e.dataset)") for x in selectors]
