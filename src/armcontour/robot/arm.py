@@ -160,7 +160,7 @@ class Arm(Immutable, ABC):
     notes: tuple[str, ...] = ()
     assumed_limits: Limits | None = None
     _read_shapes: Callable[[], ArmShapes] | None = None
-    _instead = "Use with_limits, with_name, with_tool, with_work or with_dynamics instead"
+    _instead = "Use with_limits, with_tool, with_work or with_dynamics instead"
 
     def __str__(self) -> str:
         """Name and number of joints."""
@@ -196,17 +196,6 @@ class Arm(Immutable, ABC):
         """
         resolved = resolve_limits("with_limits", self, limits)
         return self if resolved is self.limits else self._copy(limits=resolved)
-
-    def with_name(self, name: str) -> Self:
-        """Return the arm under another name.
-
-        Args:
-            name: Name for messages and reports.
-
-        Raises:
-            InvalidInput: The name is not a short text.
-        """
-        return self._copy(name=checks.check_name("name of an arm", name))
 
     @cached_property
     def shapes(self) -> ArmShapes | None:

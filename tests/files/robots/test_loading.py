@@ -188,64 +188,6 @@ def test_arm_files_are_read_without_the_traps_of_yaml(tmp_path):
     refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(joint_limits=x)), twice)
 
 
-HEAD = "name: loaded\nkind: derived\nsource: a test\narm: ur5e\n"
-PAYLOAD = (
-    "payload_mass: {value: 2.5, unit: kg, source: scales}\n"
-    "payload_center: {value: [0.01, 0, 0.05], unit: m, source: ruler}\n"
-)
-FRICTION = (
-    "armature: {value: [0.1, 0.1, 0.1, 0.1, 0.1, 0.1], unit: kg m^2, source: a}\n"
-    "viscous: {value: [1, 2, 3, 4, 5, 6], unit: N m s/rad, source: b}\n"
-    "coulomb: {value: [6, 5, 4, 3, 2, 1], unit: N m, source: c}\n"
-)
-
-
-@pytest.fixture
-def put(tmp_path):
-    def to(text, name="robot.yaml"):
-        (tmp_path / name).write_text(text)
-        return tmp_path / name
-
-    return to
-
-
-def test_payload_and_friction_replace_those_of_the_named_arm(put):
-    file, base = put(HEAD + PAYLOAD + FRICTION), ac.load_arm("ur5e")
-    arm = ac.load_arm(file)
-    chain = arm.chain
-    assert arm.name == "loaded" and arm.joint_names == base.joint_names
-    assert chain.payload.mass == 2.5 and chain.payload.center.tolist() == [0.01, 0, 0.05]
-    np.testing.assert_array_equal(chain.viscous, [1, 2, 3, 4, 5, 6])
-    np.testing.assert_array_equal(chain.coulomb, [6, 5, 4, 3, 2, 1])
-    np.testing.assert_array_equal(chain.armature, np.full(6, 0.1))
-    q = np.full(6, 0.3)
-    np.testing.assert_array_equal(arm.tool_position(q), base.tool_position(q))
-    # A payload that is asked for replaces that of the file.
-    assert ac.load_arm(file, payload=Payload(mass=1.0)).chain.payload.mass == 1.0
-    # The named arm may be a file beside it.
-    put(HEAD + PAYLOAD, "first.yaml")
-    chain = ac.load_arm(put(HEAD.replace("ur5e", "{file: first.yaml}") + FRICTION)).chain
-    assert chain.payload.mass == 2.5 and chain.coulomb[0] == 6.0
-    # What the file does not give stays.
-    chain = ac.load_arm(put(HEAD.replace("ur5e", "panda"))).chain
-    np.testing.assert_array_equal(chain.coulomb, ac.load_arm("panda").chain.coulomb)
-    assert chain.payload is None
-
-
-BAD_DERIVED = [
-    (HEAD.replace("arm: ur5e\n", ""), "arm must be the name of a built-in arm"),
-    (HEAD.replace("ur5e", "{name: ur5e, file: a.urdf}"), "either name, the name of a built-in arm"),
-    (HEAD.replace("ur5e", "{name: ur5e, tip: tool0}"), "no option tip"),
-    (HEAD.replace("ur5e", "{file: robot.yaml}"), "derived from itself"),
-    (HEAD + PAYLOAD.splitlines()[1], "payload_center requires the key payload_mass"),
-    (HEAD + "coulomb: {value: [1, 2], unit: N m, source: c}", "6 numbers"),
-]
-
-
-def test_files_of_no_derived_arm_are_refused(put):
-    refusals(lambda x: ac.load_arm(put(x)), BAD_DERIVED)
-
-
 # a [m], d [m], alpha [rad]: support article 45257 of Universal Robots, classic convention.
 UR = {
     "ur5e": ([0, -0.425, -0.3922, 0, 0, 0], [0.1625, 0, 0, 0.1333, 0.0997, 0.0996]),
@@ -382,7 +324,7 @@ def test_shapes_are_read_once_and_when_asked_for():
         return ArmShapes(shapes=(LinkShape(name="end", link=link, shape=Sphere(radius=0.1)),))
 
     arm = ac.load_arm("ur5e").with_shapes(read)
-    other = arm.with_tool(ac.Frame(position=(0, 0, 0.1))).with_name("other")
+    other = arm.with_tool(ac.Frame(position=(0, 0, 0.1)))
     assert not calls
     assert other.shapes is other.shapes and other.shapes is not None
     assert len(calls) == 1

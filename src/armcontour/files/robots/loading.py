@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache, partial
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -32,8 +32,6 @@ from armcontour.robot.planar import LinkTube, PlanarTwoLink
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 from armcontour.robot.serial import SerialArm
 
-# Maximum number of nested derived arm files; a longer sequence is probably circular.
-MAX_DERIVED = 16
 # Required units of the quantities in arm files, by key.
 UNITS = {
     "base": "m",
@@ -54,9 +52,6 @@ UNITS = {
     "viscous": "N m s/rad",
     "coulomb": "N m",
     "gravity": "m/s^2",
-    "payload_mass": "kg",
-    "payload_center": "m",
-    "payload_inertia": "kg m^2",
 }
 # Required units of limits; in arm files powers are written as ^2 and ^3.
 LIMITS = {
@@ -122,9 +117,7 @@ def load_arm(
     return arm if options.srdf is None else with_more_shapes(arm, srdf=FilePath(options.srdf))
 
 
-def _load(
-    name: str | FilePath, options: ArmOptions, payload: Payload | None, depth: int = 0
-) -> Arm:
+def _load(name: str | FilePath, options: ArmOptions, payload: Payload | None) -> Arm:
     """Load an arm without the tool, the work frame and the SRDF that `load_arm` adds."""
     file_access.refuse_ending(name, "robot description")
     if str(name).lower().endswith(DESCRIPTION):
@@ -132,8 +125,7 @@ def _load(
 
         return read_arm(FilePath(name), options)
     check_options(options, f"The arm {name}")
-    derive = partial(_load, payload=payload, depth=depth + 1)
-    arm = _read_arm(str(name), payload, derive if depth < MAX_DERIVED else None)
+    arm = _read_arm(str(name), payload)
     if options.limits_file is None:
         return arm
     from armcontour.files.robots.moveit_limits import limits_of, override_limits, table_of
@@ -183,11 +175,11 @@ def _calibrated_arm(arm: Arm, name: str, file: FilePath) -> SerialArm:
     return calibrated
 
 
-def _read_arm(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
-    """Read a built-in arm or an arm file; the other arguments are those of `arm_of`."""
+def _read_arm(name: str, payload: Payload | None) -> Arm:
+    """Read a built-in arm or an arm file."""
     if name.lower().endswith((".yaml", ".yml")):
         content = file_access.read_bytes(name, "arm file")
-        return arm_of(name, yaml_loader.load(content, name, yaml_loader.AngleLoader), payload, load)
+        return arm_of(name, yaml_loader.load(content, name, yaml_loader.AngleLoader), payload)
     built_in = name.lower().replace("-", "")
     if built_in not in arm_names():
         raise InvalidInput(
@@ -220,12 +212,8 @@ PLANAR = COMMON | {"base", "links", "tubes"}
 BODIES = ("masses", "centers", "inertias")
 OPTIONAL = ("tip", "tip_angles", "inertia_angles", "armature", "viscous", "coulomb", "gravity")
 SERIAL = COMMON | {"joints", "positions", "angles", "axes", *BODIES, *OPTIONAL}
-PAYLOAD = ("payload_mass", "payload_center", "payload_inertia")
 PER_JOINT = ("armature", "viscous", "coulomb")
-DERIVED = {"name", "kind", "source", "arm", *PAYLOAD, *PER_JOINT}
-KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, "derived": DERIVED}
-# Keys of the original arm of a derived arm: a built-in name or a file, and options.
-ORIGINAL_KEYS = ("name", "file", "tip", "base", "joint_limits")
+KINDS = {"planar_two_link": PLANAR, "serial": SERIAL}
 
 
 @cache
@@ -236,10 +224,8 @@ def _built_in(name: str) -> Any:
     return yaml_loader.load(content, file, yaml_loader.AngleLoader)
 
 
-def arm_of(
-    file: str, data: Any, payload: Payload | None = None, load: Callable[..., Arm] | None = None
-) -> Arm:
-    """Make the arm from the data of an arm file; `load` loads the original arm of a derived arm."""
+def arm_of(file: str, data: Any, payload: Payload | None = None) -> Arm:
+    """Make the arm from the data of an arm file."""
     kind = data.get("kind") if isinstance(data, Mapping) else None
     keys = KINDS.get(kind) if isinstance(kind, str) else None
     if keys is None:
@@ -252,13 +238,6 @@ def arm_of(
             f"{file} has the unknown keys {', '.join(str(x) for x in set(data) - keys)}. An arm of "
             f"the kind {kind} has the keys {', '.join(sorted(keys))}."
         )
-    if kind == "derived":
-        if load is None:
-            raise InvalidInput(
-                f"{file} is derived from itself, directly or through other files. Change its key "
-                "arm to another arm."
-            )
-        return _derived_arm(file, data, load)
     return _serial(file, data) if kind == "serial" else _planar(file, data, payload)
 
 
@@ -316,60 +295,6 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
             **values,
         ),
     )
-
-
-def _derived_arm(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Arm:
-    """Make the arm of a file that is derived from another arm."""
-
-    def values(key: str, shape: tuple[int, ...]) -> FloatArray:
-        return _array(file, key, data, shape)
-
-    arm = load(*_original_arm(file, data))
-    payload_keys = [x for x in PAYLOAD if x in data]
-    changes: dict[str, Any] = {x: values(x, (arm.dof,)) for x in PER_JOINT if x in data}
-    if payload_keys:
-        if "payload_mass" not in data:
-            raise InvalidInput(f"{file}: {payload_keys[0]} requires the key payload_mass.")
-        inertia = np.zeros((3, 3))
-        if "payload_inertia" in data:
-            inertia = values("payload_inertia", (6,))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(3, 3)
-        changes["payload"] = Payload(
-            mass=float(values("payload_mass", ())),
-            center=values("payload_center", (3,)) if "payload_center" in data else np.zeros(3),
-            inertia=inertia,
-        )
-    arm = arm.with_dynamics(**changes)
-    if "name" in data:
-        name = str(data["name"])
-        checks.check_name(f"name of the arm of {file}", name, longest=MAX_CHARACTERS)
-        arm = arm.with_name(name)
-    return arm
-
-
-def _original_arm(file: str, data: Mapping[str, Any]) -> tuple[str | FilePath, ArmOptions]:
-    """Name or file, and options, of the original arm of a derived arm."""
-    origin = data.get("arm")
-    if isinstance(origin, str):
-        return origin, ArmOptions()
-    if not isinstance(origin, Mapping) or not set(origin) <= set(ORIGINAL_KEYS):
-        raise InvalidInput(
-            f"{file}: arm must be the name of a built-in arm, or a mapping with some of the keys "
-            f"{', '.join(ORIGINAL_KEYS)}, but is {show(origin)}."
-        )
-    if ("name" in origin) == ("file" in origin) or not all(
-        isinstance(x, str) for x in origin.values()
-    ):
-        raise InvalidInput(
-            f"{file}: arm must have either name, the name of a built-in arm, or file, and all its "
-            "values must be texts."
-        )
-    folder, limits = FilePath(file).parent, origin.get("joint_limits")
-    options = ArmOptions(
-        tip=origin.get("tip"),
-        base=origin.get("base"),
-        joint_limits=None if limits is None else folder / limits,
-    )
-    return folder / origin["file"] if "file" in origin else origin["name"], options
 
 
 def _bodies(file: str, data: Mapping[str, Any], n: int) -> dict[str, Any]:
