@@ -4,7 +4,6 @@ import math
 import re
 import shlex
 import socket
-import sys
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -60,12 +59,11 @@ URDF = "".join(
 
 @dataclass
 class Trouble:
-    """What provokes a trouble; libraries in `without` are not installed."""
+    """What provokes a trouble."""
 
     command: str = RUN
     files: dict = field(default_factory=dict)
     job: dict = field(default_factory=lambda: BEND)
-    without: tuple = ()
 
 
 def drawn(words, more="", cell="pmk3s"):
@@ -74,8 +72,8 @@ def drawn(words, more="", cell="pmk3s"):
     return Trouble(command, {"part.ngc": GCODE.format(words)})
 
 
-def gasket(command, content=GASKET, **more):
-    return Trouble(command, {"part.dxf": content}, **more)
+def gasket(command, content=GASKET):
+    return Trouble(command, {"part.dxf": content})
 
 
 def changed(job=BEND, command=RUN, files=None, **keys):
@@ -116,21 +114,15 @@ TROUBLES = {
     ),
     "A number without a unit": drawn("", "--speed 50"),
     "A drawing without a unit": gasket(SHOW, GASKET.replace(b"INSUNITS", b"INSUNITZ")),
-    "A drawing that was cut off": gasket(SHOW, GASKET[:14500]),
     "No contour on that layer": gasket("armcontour run part.dxf --cell pmk3s --layer cut --out o"),
     "Words of G-code that are not read": drawn("G1 X50 Y40 A10"),
     "Another coordinate system": drawn("G55"),
     "A drawing in space, an arm in the plane": drawn("G1 Z-5"),
-    "An unknown key": changed(limits={"speed": "0.1 m/s", "centripetal": 0.09}),
-    "A number that is refused": changed(servo={"kp": 1e9, "kv": "150 1/s"}),
     "The tool never reaches its speed": changed(
         SEAM, RUN, {"bead.csv": BEAD}, path={"file": "bead.csv"}, limits={"speed": "0.15 m/s"},
         corners={"tolerance": "0.3 mm", "angular_tolerance": "2 deg"},
     ),
     "The folder is not empty": Trouble(files={"out/notes.txt": "mine"}),
-    "A file of another format is refused": changed(SEAM, RUN, {}, arm="robot.xacro"),
-    "A library is missing": gasket(SHOW, without=("ezdxf",)),
-    "An export that does not fit": Trouble(RUN + " --export urscript"),
     "The Studio does not start": Trouble("armcontour studio --no-open --port 8765"),
     "The servo is not determined": Trouble("armcontour identify log.csv", {"log.csv": STEPS}),
     "Cannot tell": Trouble("armcontour check log.csv --arm pmk3s", {"log.csv": LINE}),
@@ -158,8 +150,6 @@ def test_the_page_quotes_the_messages_of_the_commands(name, tmp_path, monkeypatc
     for file, content in (trouble.files | {"job.yaml": yaml.safe_dump(trouble.job)}).items():
         Path(file).parent.mkdir(exist_ok=True)
         Path(file).write_bytes(content if isinstance(content, bytes) else content.encode())
-    for library in trouble.without:
-        monkeypatch.setitem(sys.modules, library, None)
     _, *arguments = shlex.split(trouble.command)
     monkeypatch.setenv("COLUMNS", "200")
     with ExitStack() as held:
