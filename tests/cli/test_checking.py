@@ -276,7 +276,8 @@ SWEEP = """t,q1,q2,q3,q4,q5,q6
 def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     (tmp_path / "sweep.csv").write_text(SWEEP)
     position = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
-    boxes = f"scene: {{boxes: [{{name: wall, size: [0.001, 0.3, 0.3], at: {position}}}]}}\n"
+    wall = f"{{type: box, name: wall, size: [0.001, 0.3, 0.3], at: {position}}}"
+    boxes = f"scene: {{obstacles: [{wall}]}}\n"
     (tmp_path / "scene.yaml").write_text(boxes)
     (tmp_path / "cell.yaml").write_text(f"arm: ur5e\n{boxes}")
     arm = ("--arm", "ur5e", "--scene")

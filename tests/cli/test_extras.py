@@ -28,7 +28,7 @@ servo: {kp: 25 1/s, kv: 150 1/s}
 cycle: 20 ms
 runs: {plain: {compensation: {method: none}}}
 """
-SCENE = "{spheres: [{name: ball, radius: 10 mm, at: [1, 1, 0]}]}"
+SCENE = "{obstacles: [{type: sphere, name: ball, radius: 10 mm, at: [1, 1, 0]}]}"
 # By extra: a library that it brings, and command lines that need it.
 NEEDS = {
     "dynamics": (

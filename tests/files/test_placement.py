@@ -109,7 +109,8 @@ def test_a_base_that_moves_among_obstacles_writes_no_job():
 @needs_dynamics
 def test_a_part_in_the_plane_takes_its_obstacles_along():
     text = PLANE + (
-        "scene: {spheres: [{name: pin, radius: 1 mm, at: [0.3, 0.3, 0], fixed_to: part}]}\n"
+        "scene: {obstacles: [{type: sphere, name: pin, radius: 1 mm, at: [0.3, 0.3, 0],"
+        " fixed_to: part}]}\n"
     )
     job = parse_job(text)
     placement = ac.place(job, {"x": [0.0, 0.05], "yaw": [0.1]})

@@ -34,12 +34,14 @@ def job(scene="", arm="ur5e", folder=None):
 
 SCENE = """
 scene:
-  boxes: [{name: vise, size: [100 mm, 0.2, 5 cm], at: [0.4, 0, 10 mm], rpy: [0, 0, 90 deg]}]
-  cylinders: [{name: post, radius: 20 mm, length: 0.5, margin: 1 cm, allow: [tool, wrist_3_link]}]
-  spheres: [{name: ball, radius: 3 cm, quaternion: [0, 0, 0, 1]}]
-  capsules: [{name: hose, radius: 1 cm, length: 10 cm, fixed_to: part}]
-  halfspaces: [{name: table}, {name: wall, at: [0, 1, 0], normal: [0, -2, 0]}]
-  meshes: [{name: clamp, file: clamp.obj, unit: mm}]
+  obstacles:
+    - {type: box, name: vise, size: [0.1, 0.2, 5 cm], at: [0.4, 0, 10 mm], rpy: [0, 0, 90 deg]}
+    - {type: cylinder, name: post, radius: 20 mm, length: 0.5, margin: 1 cm, allow: [tool, forearm]}
+    - {type: sphere, name: ball, radius: 3 cm, quaternion: [0, 0, 0, 1]}
+    - {type: capsule, name: hose, radius: 1 cm, length: 10 cm, fixed_to: part}
+    - {type: halfspace, name: table}
+    - {type: halfspace, name: wall, at: [0, 1, 0], normal: [0, -2, 0]}
+    - {type: mesh, name: clamp, file: clamp.obj, unit: mm}
   margins: {environment: 8 mm}
 """
 
@@ -54,7 +56,7 @@ def test_every_kind_of_obstacle_is_read(tmp_path):
     np.testing.assert_allclose(vise.place.position, [0.4, 0, 0.01])
     np.testing.assert_allclose(vise.place.rotation[:, 0], [0, 1, 0], atol=1e-15)
     np.testing.assert_allclose(wall.place.rotation[:, 2], [0, -1, 0], atol=1e-15)
-    assert post.margin == 0.01 and post.allow == ("tool", "wrist_3_link")
+    assert post.margin == 0.01 and post.allow == ("tool", "forearm")
     assert hose.fixed_to == "part" and vise.fixed_to == "base"
     assert clamp.name == "clamp" and clamp.shape.size == pytest.approx(0.1)
     assert (scene.margins.environment, scene.margins.own) == (0.008, 0.002)
@@ -62,8 +64,8 @@ def test_every_kind_of_obstacle_is_read(tmp_path):
 
 def test_what_is_fixed_to_the_part_moves_with_the_drawing(tmp_path):
     (tmp_path / "line.csv").write_text("x,y,z\n0,0,0\n0.05,0,0\n")
-    sheet = "{name: sheet, size: [0.1, 0.1, 0.01], at: [0.05, 0, 0], fixed_to: part}"
-    text = JOB.format(arm="ur5e", scene=f"scene: {{boxes: [{sheet}]}}")
+    sheet = "{type: box, name: sheet, size: [0.1, 0.1, 0.01], at: [0.05, 0, 0], fixed_to: part}"
+    text = JOB.format(arm="ur5e", scene=f"scene: {{obstacles: [{sheet}]}}")
     points = text[text.index("  points:") : text.index("  orientation")]
     frame = "  frame: {position: [0.4, 0, 0.1], rpy: [0, 0, 90 deg]}\n"
     (tmp_path / "cell.yaml").write_text(text.replace(points, frame))
@@ -75,8 +77,8 @@ def test_what_is_fixed_to_the_part_moves_with_the_drawing(tmp_path):
 
 def test_links_of_an_arm_and_its_tool_get_shapes():
     arm = job(
-        arm="{name: ur5e, tool: {shapes: {cylinders: "
-        "[{name: torch, radius: 1 cm, length: 20 cm, at: [0, 0, 0.1]}]}}}"
+        arm="{name: ur5e, tool: {shapes: "
+        "[{type: cylinder, name: torch, radius: 1 cm, length: 20 cm, at: [0, 0, 0.1]}]}}"
     ).arm
     torch = arm.shapes.shapes[-1]
     assert torch.tool and torch.link == 6 and torch.name == "torch"
@@ -88,8 +90,9 @@ def test_links_of_an_arm_and_its_tool_get_shapes():
     np.testing.assert_allclose(middle, point[0] + turned[0] @ [0, 0, 0.1], atol=1e-12)
     assert len(arm.shapes.shapes) == 8
     arm = job(
-        arm="{name: ur5e, shapes: {spheres: [{name: camera, link: wrist_1_link, radius: 4 cm},"
-        "{name: plug, link: base, radius: 2 cm}, {name: hose, link: elbow_joint, radius: 1 cm}]}}"
+        arm="{name: ur5e, shapes: [{type: sphere, name: camera, link: wrist_1_link, radius: 4 cm},"
+        "{type: sphere, name: plug, link: base, radius: 2 cm},"
+        "{type: sphere, name: hose, link: elbow_joint, radius: 1 cm}]}"
     ).arm
     more = {x.name: x for x in arm.shapes.shapes[-3:]}
     assert [more[x].link for x in ("camera", "plug", "hose")] == [4, 0, 3]
@@ -97,21 +100,24 @@ def test_links_of_an_arm_and_its_tool_get_shapes():
 
 
 BAD = """
-scene => boxes: [{name: a, size: [1, 0, 1]}] => scene.boxes: a ... size
-scene => spheres: [{name: a, radius: 0}] => scene.spheres: a ... radius
-scene => halfspaces: [{name: w, normal: [0, 0, 0]}] => scene.halfspaces: w ... must not be zero
-scene => meshes: [{name: m, file: no.stl}] => scene.meshes: m ... no.stl
-scene => spheres: [{name: a, radius: 1}, {name: a, radius: 2}] => Two obstacles ... 'a'
-tool => halfspaces: [{name: a}] => arm.tool.shapes.halfspaces: a ... half-space
-arm => spheres: [{name: a, radius: 1, link: wrist}] => arm.shapes.spheres: a ... wrist_1_link ... 'w
+scene => {type: box, name: a, size: [1, 0, 1]} => scene.obstacles: a ... size
+scene => {type: box, name: a} => scene.obstacles: a ... box requires ... size
+scene => {type: box, name: a, size: [1, 1, 1], length: 1} => scene.obstacles: a ... no key length
+scene => {type: cone, name: a} => scene.obstacles ... cylinder ... cone
+scene => {type: sphere, name: a, radius: 0} => scene.obstacles ... radius
+scene => {type: halfspace, name: w, normal: [0, 0, 0]} => scene.obstacles: w ... must not be zero
+scene => {type: mesh, name: m, file: no.stl} => scene.obstacles: m ... no.stl
+scene => {type: sphere, name: a, radius: 1}, {type: halfspace, name: a} => Two obstacles ... 'a'
+tool => {type: halfspace, name: a} => arm.tool.shapes: a ... half-space
+arm => {type: sphere, name: a, radius: 1, link: wrist} => arm.shapes: a ... wrist_1_link ... 'w
 """
 
 
 def test_a_wrong_body_is_named_in_one_sentence():
     keys = {
-        "scene": ("scene", "scene: {%s}"),
-        "tool": ("arm", "{name: ur5e, tool: {shapes: {%s}}}"),
-        "arm": ("arm", "{name: ur5e, shapes: {%s}}"),
+        "scene": ("scene", "scene: {obstacles: [%s]}"),
+        "tool": ("arm", "{name: ur5e, tool: {shapes: [%s]}}"),
+        "arm": ("arm", "{name: ur5e, shapes: [%s]}"),
     }
 
     def shapes(row):

@@ -214,7 +214,7 @@ arm: {name: ur5e, tool: {position: [0, 0, 180 mm]SHAPES}}
 path: {points: [[0.40, 0.1, 0.15], [0.45, 0.1, 0.15]], orientation: {axis: [0, 0, -1]}}
 limits: {speed: 0.1, joint_acceleration: 5}
 servo: {kp: 25, kv: 150}
-scene: {boxes: [{name: clamp, at: [0.43, 0.1, 0.26], size: [10 mm, 200 mm, 40 mm]}]}
+scene: {obstacles: [{type: box, name: clamp, at: [0.43, 0.1, 0.26], size: [10 mm, 200 mm, 40 mm]}]}
 runs: {compensated: {}}
 """
 
@@ -229,9 +229,9 @@ def test_a_tool_without_shapes_is_a_capsule_from_the_flange():
     clear = clamped(far, "")
     assert clear.clearance.satisfied and any("capsule" in x for x in clear.avoided)
     # Own shapes, or none at all, take its place.
-    tip = ", shapes: {spheres: [{name: tip, at: [0, 0, 150 mm], radius: 5 mm}]}"
+    tip = ", shapes: [{type: sphere, name: tip, at: [0, 0, 150 mm], radius: 5 mm}]"
     assert not [x for x in clamped(far, tip).avoided if "tool" in x]
-    thin = clamped(CLAMPED, ", shapes: {}")
+    thin = clamped(CLAMPED, ", shapes: []")
     assert ["no shape" in x for x in thin.avoided if "tool" in x] == [True]
     assert "clearance of the tool is not checked" in str(thin.clearance_note)
 

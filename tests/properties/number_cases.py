@@ -224,12 +224,9 @@ _POLED = {"method": "pole_placement"}
 _INVERSE = {"one": {"compensation": {"method": "inverse_dynamics"}}}
 _PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
 _SIZES: dict[str, dict[str, Any]] = {
-    "boxes": {"size": [0.1, 0.1, 0.1]},
-    "cylinders": {"radius": 0.05, "length": 0.1},
-    "spheres": {"radius": 0.05},
-    "capsules": {"radius": 0.05, "length": 0.1},
-    "halfspaces": {},
-    "meshes": {"file": "body.obj"},
+    "box": {"size": [0.1, 0.1, 0.1]},
+    "capsule": {"radius": 0.05, "length": 0.1},
+    "halfspace": {},
 }
 _BODY_TURNS: tuple[dict[str, Any], ...] = (
     {"rpy": [0.0, 0.0, 0.0]},
@@ -237,13 +234,12 @@ _BODY_TURNS: tuple[dict[str, Any], ...] = (
 )
 
 
-def _bodies(*kinds: str, **more: Any) -> dict[str, Any]:
-    """Bodies of some kinds below everything, one of each."""
-    position = [0.0, 0.0, -2.0]
-    return {x: [{"name": f"a {x}", "at": position, **_SIZES[x], **more}] for x in kinds}
+def _body(kind: str, **more: Any) -> list[dict[str, Any]]:
+    """A body below everything."""
+    return [{"type": kind, "name": "a", "at": [0.0, 0.0, -2.0], **_SIZES[kind], **more}]
 
 
-_MOVING = tuple(x for x in _SIZES if x != "halfspaces")
+_MOVING = ("box", "capsule")
 # The schema allows them, but what they stand in is refused whatever the number is.
 NEVER: set[Place] = {
     # The drawing has no colour.
@@ -251,13 +247,9 @@ NEVER: set[Place] = {
     ("path", "orientation", 0, "follow_tangent", "rpy", 0),
     ("path", "orientation", 0, "follow_tangent", "quaternion", 0),
     ("path", "orientation", 0, "follow_tangent", "up", 0),
-    # Obstacles have margins, and half-spaces stand still.
-    *(("arm", *x, kind, 0, "margin") for x in (("shapes",), ("tool", "shapes")) for kind in _SIZES),
-    *(
-        ("arm", *x, "halfspaces", 0, key, 0)
-        for x in (("shapes",), ("tool", "shapes"))
-        for key in ("at", "rpy", "quaternion", "normal")
-    ),
+    # Half-spaces stand still.
+    ("arm", "shapes", 0, "normal", 0),
+    ("arm", "tool", "shapes", 0, "normal", 0),
 }
 _COMMANDS = {
     "joint_velocity": 2.0,
@@ -335,17 +327,25 @@ BASES: list[dict[str, Any]] = [
     {**SPACE, "path": _ABOUT},
     {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
     {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},
-    *(_with(SPACE, scene=_bodies(*_SIZES, margin=0.01, **x)) for x in _BODY_TURNS),
-    _with(SPACE, scene=_bodies("halfspaces", normal=[0.0, 0.0, 1.0])),
+    *(
+        _with(SPACE, scene={"obstacles": _body(kind, margin=0.01, **x)})
+        for kind in _SIZES
+        for x in _BODY_TURNS
+    ),
+    _with(SPACE, scene={"obstacles": _body("halfspace", normal=[0.0, 0.0, 1.0])}),
     _with(SPACE, scene={"margins": {"environment": 0.01, "own": 0.001, "tool": 0.001}}),
     _with(SPACE, scene={"floor": -0.4}),
-    *(_with(SPACE, arm={"tool": {"shapes": _bodies(*_MOVING, **x)}}) for x in _BODY_TURNS),
-    *(_with(SPACE, arm={"shapes": _bodies(*_MOVING, link="base", **x)}) for x in _BODY_TURNS),
     *(
-        _with(SPACE, arm=arm_of(_bodies(*_SIZES, margin=0.01, **x)))
-        for arm_of in (lambda x: {"tool": {"shapes": x}}, lambda x: {"shapes": x})
-        for x in (*_BODY_TURNS, {"normal": [0.0, 0.0, 1.0]})
+        _with(SPACE, arm=arm)
+        for kind in _MOVING
+        for x in _BODY_TURNS
+        for arm in (
+            {"tool": {"shapes": _body(kind, **x)}},
+            {"shapes": _body(kind, link="base", **x)},
+        )
     ),
+    _with(SPACE, arm={"tool": {"shapes": _body("halfspace", normal=[0.0, 0.0, 1.0])}}),
+    _with(SPACE, arm={"shapes": _body("halfspace", link="base", normal=[0.0, 0.0, 1.0])}),
 ]  # fmt: skip
 
 

@@ -191,8 +191,9 @@ runs: {{compensated: {{}}}}
 """
 OBSTACLES = """
 scene:
-  halfspaces: [{name: table}]
-  boxes: [{name: block, fixed_to: part, at: [0.1, 0, 0], size: [0.02, 0.02, 0.02]}]
+  obstacles:
+    - {type: halfspace, name: table}
+    - {type: box, name: block, fixed_to: part, at: [0.1, 0, 0], size: [0.02, 0.02, 0.02]}
 """
 SEAM = """
 name: seam

@@ -178,8 +178,9 @@ name: cell
 arm: {name: ur5e, work: {position: [0.4, 0, 0.1]}}
 path: {points: [[0, 0, 0], [0.1, 0, 0]], orientation: {axis: [0, 0, -1]}}
 scene:
-  boxes: [{name: vice, size: [100 mm, 100 mm, 50 mm], at: [0, 0, 50 mm], fixed_to: part}]
-  halfspaces: [{name: table, at: [0.2, 0, -20 mm]}]
+  obstacles:
+    - {type: box, name: vice, size: [0.1, 0.1, 0.05], at: [0, 0, 50 mm], fixed_to: part}
+    - {type: halfspace, name: table, at: [0.2, 0, -20 mm]}
 servo: {kp: 25, kv: 150}
 runs: {one: {}}
 """

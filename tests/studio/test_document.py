@@ -58,8 +58,8 @@ def random_edit(rng, points):
             {"do": "remove_waypoint", "index": rng.randrange(points)},
             {"do": "set", "key": "corners.tolerance", "value": rng.choice([1e-3, "2 mm"])},
             {"do": "place", "by": position, "turn": rng.uniform(-1, 1), "about": [0.3, 0.2]},
-            {"do": "obstacle", "action": "add", "kind": "box", "size": [0.1] * 3, "at": [1, 0, 0]},
-            {"do": "obstacle", "action": "remove", "kind": "box", "index": 0},
+            {"do": "obstacle", "action": "add", "type": "box", "size": [0.1] * 3, "at": [1, 0, 0]},
+            {"do": "obstacle", "action": "remove", "index": 0},
         ]
     )
 

@@ -107,10 +107,10 @@ VALID = (
     {"do": "remove_waypoint", "index": 1},
     {"do": "place", "by": [0.1, 0], "turn": 0.1, "about": [0, 0]},
     {"do": "to_waypoints"},
-    {"do": "obstacle", "action": "change", "kind": "box", "index": 0, "size": [1, 1, 1]},
+    {"do": "obstacle", "action": "change", "index": 0, "size": [1, 1, 1]},
     {"do": "draw", "start": [0.36, 0.26], "segments": [{"to": [0.3, 0.2]}]},
 )
-BOXED = PLANE + "scene: {boxes: [{name: box, size: [1, 1 m, 1], at: [0, 0, 0]}]}\n"
+BOXED = PLANE + "scene: {obstacles: [{type: box, name: box, size: [1, 1 m, 1], at: [0, 0, 0]}]}\n"
 
 
 @given(st.sampled_from(VALID), st.sampled_from([BOXED, CHAIN]), st.data())
@@ -170,23 +170,24 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
 
 def test_obstacles_are_added_changed_and_removed():
     def boxes(text, action, **more):
-        more = {"kind": "box", **more}
-        return edited(text, do="obstacle", action=action, **more)["scene"].get("boxes")
+        return edited(text, do="obstacle", action=action, **more)["scene"].get("obstacles")
 
     def with_boxes(*boxes):
-        return f"{PLANE}scene: {{boxes: [{', '.join(boxes)}]}}\n"
+        return f"{PLANE}scene: {{obstacles: [{', '.join(boxes)}]}}\n"
 
-    size, box = [0.1, "2 cm", 0.3], "{name: box, size: [1, 1, 1]}"
+    size, box = [0.1, "2 cm", 0.3], "{type: box, name: box, size: [1, 1, 1]}"
     written = {"size": ["100 mm", "2 cm", "300 mm"], "at": ["0 mm", "0 mm", "500 mm"]}
-    assert boxes(PLANE, "add", size=size, at=[0, 0, 0.5]) == [{"name": "box", **written}]
-    text, one = with_boxes(box, "{name: b, size: [1 m, 2, 3]}"), with_boxes(box)
-    assert boxes(text, "add", size=size)[2]["name"] == "box 2"
+    assert boxes(PLANE, "add", type="box", size=size, at=[0, 0, 0.5]) == [
+        {"type": "box", "name": "box", **written}
+    ]
+    text, one = with_boxes(box, "{type: box, name: b, size: [1 m, 2, 3]}"), with_boxes(box)
+    assert boxes(text, "add", type="box", size=size)[2]["name"] == "box 2"
     more = {"size": [1.5, 2, 3], "at": [0.1, 0, 0], "name": "c"}
-    obstacles = boxes(text, "change", kind="boxes", index=1, **more)
+    obstacles = boxes(text, "change", index=1, **more)
     written = {"size": ["1.5 m", 2, 3], "at": ["100 mm", "0 mm", "0 mm"]}
-    assert obstacles[1] == {"name": "c", **written}
+    assert obstacles[1] == {"type": "box", "name": "c", **written}
     assert len(boxes(text, "remove", index=0)) == 1 and boxes(one, "remove", index=0) is None
-    for action, more in (("remove", {"index": 1}), ("add", {"kind": "cone"})):
+    for action, more in (("remove", {"index": 1}), ("add", {"size": [1, 1, 1]})):
         with pytest.raises(InvalidInput):
             boxes(one, action, **more)
 

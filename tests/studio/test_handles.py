@@ -115,12 +115,13 @@ def test_drawings_and_obstacles_have_their_places(tmp_path):
     assert parsed.plane.flat
     text = """
 scene:
-  boxes: [{name: b, size: [1 cm, 0.1, 1 m], at: [0, 5 mm, 0]}]
-  halfspaces: [{name: t}]
+  obstacles:
+    - {type: box, name: b, size: [1 cm, 0.1, 1 m], at: [0, 5 mm, 0]}
+    - {type: halfspace, name: t}
 """
     box, table = obstacles_of(load(text, ""))
-    assert (box["kind"], box["index"], box["size"], box["at"]) == (
-        "boxes", 0, [0.01, 0.1, 1.0], [0.0, 0.005, 0.0],
+    assert (box["type"], box["index"], box["size"], box["at"]) == (
+        "box", 0, [0.01, 0.1, 1.0], [0.0, 0.005, 0.0],
     )  # fmt: skip
     assert box["written"]["size"] == ["1 cm", 0.1, "1 m"]
     assert table["name"] == "t" and obstacles_of({}) == []

@@ -97,7 +97,7 @@ def test_obstacles_are_drawn_where_their_corners_are():
         random.uniform(0.1, 1, 3),
     )
     plane = {"origin": [0.1, 0.2, 0.0], "x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0]}
-    box = {"kind": "boxes", "index": 0, "at": position, "rpy": turn, "size": size}
+    box = {"type": "box", "index": 0, "at": position, "rpy": turn, "size": size}
     outline = compute(
         'const { outlineOf } = await import("./footprint.js"); tell(outlineOf(...given));',
         [box, plane],

@@ -123,8 +123,8 @@ def test_they_are_those_of_a_run_of_the_saved_job(name_of_job, request):
 
 @needs_dynamics
 def test_a_collision_is_a_refusal_where_it_is(square):
-    box = {"name": "post", "size": [0.02, 0.02, 0.1], "at": [0.1, 0.1, 0.0]}
-    square["scene"] = {"boxes": [box | {"fixed_to": "part"}]}
+    box = {"type": "box", "name": "post", "size": [0.02, 0.02, 0.1], "at": [0.1, 0.1, 0.0]}
+    square["scene"] = {"obstacles": [box | {"fixed_to": "part"}]}
     square["seed"] = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
     frame = ask("figures", square, "optimal")
     assert (frame.kind, frame.header["tier"]) == ("refusal", 3)

@@ -26,7 +26,13 @@ from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.file_keys import Methods, SpecifiedKeys
 from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides, Place, PlantModel, Point
 from armcontour.files.robots.arm_options import ArmOptions
-from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
+from armcontour.files.scene_file import (
+    BodyModel,
+    Direction,
+    LinkShapeModel,
+    RotationModel,
+    SceneModel,
+)
 from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
@@ -139,7 +145,7 @@ class ToolModel(FrameModel):
         shapes: Shapes of the tool, and of a part in the gripper, in the frame of the tip.
     """
 
-    shapes: BodiesModel | None = None
+    shapes: list[BodyModel] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +168,7 @@ class ArmModel(ArmOptions):
     tool: ToolModel | None = None
     work: FrameModel | None = None
     payload: Payload | None = None
-    shapes: BodiesModel | None = None
+    shapes: list[LinkShapeModel] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

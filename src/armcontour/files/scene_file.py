@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal
@@ -39,9 +38,16 @@ from armcontour.robot.scene import (
     Sphere,
 )
 
-# Keys of bodies that are valid only for obstacles, and keys that are valid only for shapes of
-# links.
-OBSTACLE_KEYS, LINK_KEYS = ("fixed_to", "margin", "allow"), ("link",)
+# Keys that the types of bodies require, and keys that they may have.
+BODY_KEYS = {
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "capsule": ("radius", "length"),
+    "halfspace": (),
+    "mesh": ("file",),
+}
+OPTIONAL_KEYS = {"halfspace": ("normal",), "mesh": ("unit",)}
 # Maximum number of links that a message lists.
 MAX_NAMED = 40
 Angles = Annotated[list[Turn], Field(min_length=3, max_length=3)]
@@ -50,25 +56,20 @@ Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
     """Scene of a job; `part` is the frame of the part, for obstacles that are fixed to it."""
-    obstacles = []
-    for key, body in _bodies(model, "scene", LINK_KEYS, "shapes of links"):
-        with error_context(key):
-            obstacle = Obstacle(name=body.name, shape=_shape(body, folder), place=_body_frame(body))
-        obstacles.append(_place_obstacle(obstacle, body, part))
-    return Scene(obstacles=tuple(obstacles), margins=model.margins, floor=model.floor)
+    obstacles = tuple(_obstacle(x, folder, part) for x in model.obstacles)
+    return Scene(obstacles=obstacles, margins=model.margins, floor=model.floor)
 
 
-def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
-    """Shapes of a tool as link shapes; the model specifies them in the frame of the tip."""
+def tool_shapes(models: Iterable[BodyModel], folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
+    """Shapes of a tool as link shapes; the models specify them in the frame of the tip."""
     chain = arm.chain
     if chain is None:
         raise InvalidInput(
             f"arm.tool.shapes requires an arm with a kinematic chain, but {arm.name} has none."
         )
-    keys = (*OBSTACLE_KEYS, *LINK_KEYS)
     return tuple(
-        _link_shape(where, x, folder, len(chain), tip=chain.tip)
-        for where, x in _bodies(model, "arm.tool.shapes", keys, "obstacles and links")
+        _link_shape(f"arm.tool.shapes: {x.name}", x, folder, len(chain), tip=chain.tip)
+        for x in models
     )
 
 
@@ -98,18 +99,21 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
     )
 
 
-def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
-    """Shapes that a job adds to links of its arm; the model specifies them in the link frames."""
+def more_link_shapes(
+    models: Iterable[LinkShapeModel], folder: FilePath, arm: Arm
+) -> tuple[LinkShape, ...]:
+    """Shapes that a job adds to links of its arm; the models specify them in the link frames."""
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
     links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
     shapes = []
-    for key, body in _bodies(model, "arm.shapes", OBSTACLE_KEYS, "obstacles"):
-        if body.link not in links:
+    for model in models:
+        key = f"arm.shapes: {model.name}"
+        if model.link not in links:
             raise InvalidInput(
                 f"{key}: link must be one of {list_some(list(links), MAX_NAMED)}, but is "
-                f"{'missing' if body.link is None else repr(body.link)}."
+                f"{model.link!r}."
             )
-        shapes.append(_link_shape(key, body, folder, links[body.link]))
+        shapes.append(_link_shape(key, model, folder, links[model.link]))
     return tuple(shapes)
 
 
@@ -120,20 +124,6 @@ def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
     if model.quaternion is not None:
         return rotations(f"{key}.quaternion".lstrip("."), model.quaternion)
     return None if model.rpy is None else from_rpy(model.rpy)
-
-
-def _bodies(
-    model: BodiesModel, key: str, keys: tuple[str, ...], whose: str
-) -> Iterator[tuple[str, BodyModel]]:
-    """Yield the bodies of a model with their locations in the job; checks that `keys` are unset.
-
-    `whose` says in the message which bodies have these keys.
-    """
-    for entry in dataclasses.fields(BodiesModel):
-        for body in getattr(model, entry.name):
-            location = f"{key}.{entry.name}: {body.name}"
-            _check_keys(location, body, keys, whose)
-            yield location, body
 
 
 def _link_shape(
@@ -148,38 +138,34 @@ def _link_shape(
         return body.with_hull()
 
 
-def _place_obstacle(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
-    """Copy of an obstacle with the reference frame, margin and allowed contacts of a model."""
-    fixed = obstacle.fixed_to if model.fixed_to is None else model.fixed_to
-    changes: dict[str, Any] = {"fixed_to": fixed}
-    if fixed == PART:
-        changes["place"] = part @ obstacle.place
-    if model.margin is not None:
-        changes["margin"] = model.margin
-    if model.allow is not None:
-        changes["allow"] = tuple(model.allow)
-    return dataclasses.replace(obstacle, **changes)
+def _obstacle(model: ObstacleModel, folder: FilePath, part: Frame) -> Obstacle:
+    """Obstacle of a model; `part` is the frame of the part."""
+    with error_context(f"scene.obstacles: {model.name}"):
+        place = _body_frame(model)
+        return Obstacle(
+            name=model.name,
+            shape=_shape(model, folder),
+            place=part @ place if model.fixed_to == PART else place,
+            fixed_to=model.fixed_to,
+            margin=model.margin,
+            allow=tuple(model.allow),
+        )
 
 
-def _body_frame(model: PlacedModel) -> Frame:
+def _body_frame(model: BodyModel) -> Frame:
     """Frame of a body in its reference frame (the arm's base, the part or a link)."""
-    turned = (
-        _half_space_rotation(model) if isinstance(model, HalfSpaceModel) else rotation_of("", model)
-    )
+    turned = rotation_of("", model) if model.normal is None else _towards(model.normal, model)
     return Frame(
         position=np.array(model.at or [0.0, 0.0, 0.0]),
         rotation=np.eye(3) if turned is None else turned,
     )
 
 
-def _half_space_rotation(model: HalfSpaceModel) -> FloatArray | None:
-    """Rotation matrix whose z axis is the outward normal of a half-space; None if unspecified."""
-    turned = rotation_of("", model)
-    if model.normal is None:
-        return turned
-    if turned is not None:
+def _towards(direction: list[float], model: BodyModel) -> FloatArray:
+    """Rotation matrix whose z axis is the outward normal of a half-space."""
+    if model.rpy is not None or model.quaternion is not None:
         raise InvalidInput("A half-space must have only one of normal, rpy and quaternion.")
-    normal = checks.check_numbers("normal", model.normal)
+    normal = checks.check_numbers("normal", direction)
     length = float(np.linalg.norm(normal))
     if length == 0:
         raise InvalidInput("The normal of a half-space must not be zero.")
@@ -197,27 +183,28 @@ def upright(z: FloatArray) -> FloatArray:
 
 def _shape(model: BodyModel, folder: FilePath) -> Shape:
     """Shape of a body; reads the file of a mesh."""
-    match model:
-        case BoxModel():
+    required, optional = BODY_KEYS[model.type], OPTIONAL_KEYS.get(model.type, ())
+    for key in ("size", "radius", "length", "normal", "file", "unit"):
+        value = getattr(model, key)
+        if value is None and key in required:
+            raise InvalidInput(f"A {model.type} requires the key {key}.")
+        if value is not None and key not in (*required, *optional):
+            raise InvalidInput(f"A {model.type} has no key {key}.")
+    sizes = {key: getattr(model, key) for key in required}
+    match model.type:
+        case "box":
             return Box(size=np.array(model.size))
-        case SphereModel():
-            return Sphere(radius=model.radius)
-        case CylinderModel():
-            return Cylinder(radius=model.radius, length=model.length)
-        case CapsuleModel():
-            return Capsule(radius=model.radius, length=model.length)
-        case MeshModel():
+        case "sphere":
+            return Sphere(**sizes)
+        case "cylinder":
+            return Cylinder(**sizes)
+        case "capsule":
+            return Capsule(**sizes)
+        case "mesh":
             from armcontour.files.mesh_file import read_mesh
 
-            return read_mesh(folder / model.file, unit=model.unit)
+            return read_mesh(folder / sizes["file"], unit=model.unit)
     return HalfSpace()
-
-
-def _check_keys(location: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
-    """Check that a body has none of `keys`, which are valid only for other bodies (`whose`)."""
-    for key in keys:
-        if getattr(model, key) is not None:
-            raise InvalidInput(f"{location}: {key} is valid only for {whose}. Remove it.")
 
 
 def check_direction(value: Any) -> Any:
@@ -247,142 +234,75 @@ class RotationModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlacedModel(RotationModel):
-    """Keys of obstacles, and of shapes of links and tools.
+class BodyModel(RotationModel):
+    """A body: an obstacle, or a shape of a link or of the tool.
 
     Args:
-        at: Position of the origin [m]: the centre of a box, cylinder, sphere or capsule, a point on
-            the plane of a half-space, or the origin of a mesh or a file.
-        fixed_to: For obstacles, the reference frame: the `base` of the arm, or the `part`, whose
-            frame is the frame of the path.
-        margin: For obstacles, minimum distance of links and tool [m]; by default the value in
-            `margins`.
-        allow: For obstacles, links that may touch the obstacle; `tool` is the tool.
-        link: For shapes of links, the link: the name of a joint for the link after this joint, the
-            name of another shape of the link, or `base`.
-    """
-
-    at: Place | None = None
-    fixed_to: Annotated[str, Choice((BASE, PART))] | None = None
-    margin: Distance | None = None
-    allow: list[str] | None = None
-    link: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BodyModel(PlacedModel):
-    """A body with a name.
-
-    Args:
+        type: Type of the body; a `halfspace` consists of all points on one side of a plane, such as
+            a table or a wall, and is an obstacle only.
         name: Name of the body, for messages.
+        at: Position of the origin [m]: the centre of a box, cylinder, sphere or capsule, a point on
+            the plane of a half-space, or the origin of a mesh.
+        size: For a box, the lengths along x, y and z [m].
+        radius: For a sphere, cylinder or capsule, the radius [m].
+        length: For a cylinder or capsule, the length along z, without the hemispheres [m].
+        normal: For a half-space, the outward normal, upwards by default; replaces rpy and
+            quaternion.
+        file: For a mesh, a .stl or .obj file; its name is relative to the job file.
+        unit: For a mesh, the unit of the lengths in the file, such as mm; metres by default.
     """
 
+    type: Annotated[str, Choice(tuple(BODY_KEYS))]
     name: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BoxModel(BodyModel):
-    """A box.
-
-    Args:
-        size: Lengths along x, y and z [m].
-    """
-
-    size: Place
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SphereModel(BodyModel):
-    """A sphere.
-
-    Args:
-        radius: Radius [m].
-    """
-
-    radius: Distance
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CylinderModel(BodyModel):
-    """A circular cylinder along its z axis.
-
-    Args:
-        radius: Radius [m].
-        length: Length [m].
-    """
-
-    radius: Distance
-    length: Distance
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CapsuleModel(BodyModel):
-    """A cylinder along its z axis with hemispheres at its ends.
-
-    Args:
-        radius: Radius of the cylinder and the hemispheres [m].
-        length: Length of the cylinder, without the hemispheres [m].
-    """
-
-    radius: Distance
-    length: Distance
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HalfSpaceModel(BodyModel):
-    """All points on one side of a plane, such as a table or a wall.
-
-    Args:
-        normal: Outward normal of the half-space, upwards by default; replaces rpy and quaternion.
-    """
-
+    at: Place | None = None
+    size: Place | None = None
+    radius: Distance | None = None
+    length: Distance | None = None
     normal: Direction | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeshModel(BodyModel):
-    """A body whose surface is the triangle mesh of a file.
-
-    Args:
-        file: A .stl or .obj file; its name is relative to the job file.
-        unit: Unit of the lengths in the file, such as mm; metres by default.
-    """
-
-    file: str
+    file: str | None = None
     unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BodiesModel:
-    """Bodies by their shapes.
+class ObstacleModel(BodyModel):
+    """A body that the arm must not touch.
 
     Args:
-        boxes: Boxes.
-        cylinders: Circular cylinders.
-        spheres: Spheres.
-        capsules: Cylinders with hemispheres at their ends.
-        halfspaces: Half-spaces, for obstacles only.
-        meshes: Triangle meshes from files.
+        fixed_to: The reference frame: the `base` of the arm, or the `part`, whose frame is the
+            frame of the path.
+        margin: Minimum distance of links and tool [m]; by default the value in `margins`.
+        allow: Links that may touch the obstacle; `tool` is the tool.
     """
 
-    boxes: list[BoxModel] = field(default_factory=list)
-    cylinders: list[CylinderModel] = field(default_factory=list)
-    spheres: list[SphereModel] = field(default_factory=list)
-    capsules: list[CapsuleModel] = field(default_factory=list)
-    halfspaces: list[HalfSpaceModel] = field(default_factory=list)
-    meshes: list[MeshModel] = field(default_factory=list)
+    fixed_to: Annotated[str, Choice((BASE, PART))] = BASE
+    margin: Distance | None = None
+    allow: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SceneModel(BodiesModel):
+class LinkShapeModel(BodyModel):
+    """A shape of a link.
+
+    Args:
+        link: The link: the name of a joint for the link after this joint, the name of another shape
+            of the link, or `base`.
+    """
+
+    link: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneModel:
     """Obstacles in the cell, and minimum distances of the arm to them and to itself.
 
     Args:
+        obstacles: Obstacles.
         margins: Minimum distances of bodies, by kind of pair.
         floor: Height of the floor, which is an obstacle, in the frame of the arm's base; "none" if
             there is no floor, for example on a pedestal or a wall. By default a link below the base
             causes a warning.
     """
 
+    obstacles: list[ObstacleModel] = field(default_factory=list)
     margins: Margins = Margins()
     floor: Literal["base", "none"] | Length = AT_BASE

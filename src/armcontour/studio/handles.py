@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,7 +19,7 @@ from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import FrameModel, PathModel
 from armcontour.files.job_text_edits import Change, Keys, change_data
-from armcontour.files.scene_file import BodiesModel, SceneModel
+from armcontour.files.scene_file import SceneModel
 from armcontour.files.si_data import in_si
 from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job
@@ -33,8 +33,6 @@ FLAT = 1e-9
 # If the absolute x component of a normal is at least this, the normal counts as parallel to x.
 STEEP = 0.9
 AXES = frozen_array(np.eye(3))
-# Keys of the obstacle lists of a scene.
-BODIES = tuple(x.name for x in fields(BodiesModel))
 # Maximum rounding error of written coordinates [m].
 EXACT = 1e-13
 POINTS, SEGMENTS, SPLINE, FILE = "points", "segments", "spline", "file"
@@ -190,11 +188,11 @@ def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Ha
 def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Obstacles in the job file."""
     scene = data.get("scene") or {}
-    si = in_si(scene, SceneModel)
+    written = scene.get("obstacles") or []
+    si = in_si(scene, SceneModel).get("obstacles") or []
     return [
-        {**x, "kind": kind, "index": k, "written": scene[kind][k], "unit": _unit(scene[kind][k])}
-        for kind in BODIES
-        for k, x in enumerate(si.get(kind) or [])
+        {**x, "index": k, "written": written[k], "unit": _unit(written[k])}
+        for k, x in enumerate(si)
     ]
 
 

@@ -40,7 +40,7 @@ cycle: 4 ms
 runs:
   set_points: {compensation: {method: inverse}}
   slower: {limits: {speed: 0.1}}
-scene: {halfspaces: [{name: table, at: [0, 0, -0.1]}]}
+scene: {obstacles: [{type: halfspace, name: table, at: [0, 0, -0.1]}]}
 """
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from armcontour.files.si_data import in_si
 from armcontour.files.units import read_quantity, write_like
 from armcontour.geometry.prescribed_orientation import POINTING_DOWN
 from armcontour.studio.edits.keys import format_value
-from armcontour.studio.handles import ANGLE, BODIES, EXACT, LENGTH, EditState, Handles, uv_of
+from armcontour.studio.handles import ANGLE, EXACT, LENGTH, EditState, Handles, uv_of
 
 # Maximum rounding error of written angles [rad].
 EXACT_ANGLE = 1e-14
@@ -31,16 +31,6 @@ EXACT_ANGLE = 1e-14
 KEYS: Keys = ("path", "orientation")
 # Number of decimals of displayed and written angles [deg] and axis components.
 DECIMALS = 9
-
-# Keys of the obstacle lists of a scene, by kind of obstacle.
-BODY_KINDS = {
-    "box": "boxes",
-    "cylinder": "cylinders",
-    "sphere": "spheres",
-    "capsule": "capsules",
-    "halfspace": "halfspaces",
-    "mesh": "meshes",
-}
 
 
 def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
@@ -161,21 +151,19 @@ def _degrees(name: str, value: Any) -> float:
 def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that add, change or remove an obstacle."""
     action = checks.check_choice("action", edit["action"], ("add", "change", "remove"))
-    named = str(edit["kind"])
-    kind = checks.check_choice("kind of obstacles", BODY_KINDS.get(named, named), BODIES)
-    bodies = value_at(state.data, ("scene", kind)) or []
+    keys: Keys = ("scene", "obstacles")
+    bodies = value_at(state.data, keys) or []
     if action == "add":
-        new = {"name": _free_name(edit.get("name") or named, state)}
-        keys: Keys = ("scene", kind, len(bodies))
-        values = {key: format_value(x, None, (*keys, key)) for key, x in _body(edit).items()}
-        return [Change(keys, {**new, **values}, insert=True)]
+        name = _free_name(edit.get("name") or edit["type"], bodies)
+        new, index = {"type": edit["type"], "name": name, **_body(edit)}, len(bodies)
+        values = {key: format_value(x, None, (*keys, index, key)) for key, x in new.items()}
+        return [Change((*keys, index), values, insert=True)]
     index = checks.check_int("number of the obstacle", edit["index"], 0, len(bodies) - 1)
-    keys = ("scene", kind, index)
     if action == "remove":
-        return [Change(keys if len(bodies) > 1 else keys[:2])]
+        return [Change((*keys, index) if len(bodies) > 1 else keys)]
     fresh = {"name": edit["name"]} if "name" in edit else {}
     return [
-        Change((*keys, key), format_value(x, bodies[index].get(key), (*keys, key)))
+        Change((*keys, index, key), format_value(x, bodies[index].get(key), (*keys, index, key)))
         for key, x in {**fresh, **_body(edit)}.items()
     ]
 
@@ -183,12 +171,11 @@ def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 def _body(edit: Mapping[str, Any]) -> dict[str, Any]:
     """Keys of the body in an edit, such as its size and pose."""
     return {
-        key: x for key, x in edit.items() if key not in ("do", "action", "kind", "index", "name")
+        key: x for key, x in edit.items() if key not in ("do", "action", "type", "index", "name")
     }
 
 
-def _free_name(name: str, state: EditState) -> str:
-    scene = state.data.get("scene") or {}
-    taken = {x.get("name") for kind in BODIES for x in scene.get(kind) or []}
+def _free_name(name: str, bodies: Iterable[Mapping[str, Any]]) -> str:
+    taken = {x.get("name") for x in bodies}
     numbered = (name if k == 1 else f"{name} {k}" for k in range(1, len(taken) + 2))
     return next(x for x in numbered if x not in taken)

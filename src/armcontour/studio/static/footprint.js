@@ -6,7 +6,7 @@ import { place, poseOf } from "./kinematics.js";
 /** @typedef {[number, number, number]} Vector */
 /**
  * An obstacle of the job, in SI units; the file has another unit.
- * @typedef {{kind: string, index: number, unit: [string, number], name?: string, at?: number[], rpy?: number[], quaternion?: number[],
+ * @typedef {{type: string, index: number, unit: [string, number], name?: string, at?: number[], rpy?: number[], quaternion?: number[],
  *   size?: number[], radius?: number, length?: number, fixed_to?: string}} Obstacle
  */
 /** @typedef {{origin: number[], x: number[], y: number[]}} Plane */
@@ -74,16 +74,16 @@ export function outlineOf(obstacle, plane) {
 }
 
 /** Corners in the obstacle's own axes, enough to draw it. @param {Obstacle} obstacle @returns {Vector[] | null} */
-function cornersOf({ kind, size, radius = 0, length = 0 }) {
+function cornersOf({ type, size, radius = 0, length = 0 }) {
   const signs = [-0.5, 0.5];
-  if (kind === "boxes" && size)
+  if (type === "box" && size)
     return signs.flatMap((a) => signs.flatMap((b) => signs.map((c) => /** @type {Vector} */ ([a * size[0], b * size[1], c * (size[2] ?? 0)]))));
-  if (kind !== "spheres" && kind !== "cylinders" && kind !== "capsules") return null;
+  if (type !== "sphere" && type !== "cylinder" && type !== "capsule") return null;
   const angles = Array.from({ length: ROUND }, (_, k) => (2 * Math.PI * k) / ROUND);
   const circle = (/** @type {number} */ z) =>
     angles.map((a) => /** @type {Vector} */ ([radius * Math.cos(a), radius * Math.sin(a), z]));
-  if (kind === "cylinders") return [...circle(-length / 2), ...circle(length / 2)];
-  const middle = kind === "spheres" ? [0] : [-length / 2, length / 2];
+  if (type === "cylinder") return [...circle(-length / 2), ...circle(length / 2)];
+  const middle = type === "sphere" ? [0] : [-length / 2, length / 2];
   return middle.flatMap((z) =>
     [-1, -0.7, 0, 0.7, 1].flatMap((s) =>
       angles.map((a) => {

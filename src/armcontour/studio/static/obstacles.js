@@ -57,7 +57,7 @@ class Obstacles {
     if (!answer) return;
     const { name, height = side } = answer;
     const spot = this.spotBeside(box, side);
-    this.link.edit([{ do: "obstacle", action: "add", kind: "box", name, size: [side, side, height], at: this.lift(spot, height / 2, 1e-3) }]);
+    this.link.edit([{ do: "obstacle", action: "add", type: "box", name, size: [side, side, height], at: this.lift(spot, height / 2, 1e-3) }]);
     const isSeen = ([x, y] = this.pointer.screen(spot)) => x > NEW_SIDE && y > NEW_SIDE && x < view.width - NEW_SIDE && y < view.height - NEW_SIDE;
     for (let k = 0; k < 9 && !isSeen(); k += 1) this.view.zoomBy(1 / 1.4);
   }
@@ -94,12 +94,12 @@ class Obstacles {
   }
 
   /** Name and height of one that is there; its bottom stays. @param {Obstacle} obstacle */
-  async change({ kind, index, name = "", size, at = [0, 0, 0] }) {
-    const answer = await this.ask("Obstacle", name, kind === "boxes" ? size?.[2] : undefined);
+  async change({ type, index, name = "", size, at = [0, 0, 0] }) {
+    const answer = await this.ask("Obstacle", name, type === "box" ? size?.[2] : undefined);
     if (!answer) return;
     const { height } = answer;
     const grown = height !== undefined && size ? { size: [size[0], size[1], height], at: [at[0], at[1], round(at[2] + (height - size[2]) / 2)] } : {};
-    this.link.edit([{ do: "obstacle", action: "change", kind, index, name: answer.name, ...grown }]);
+    this.link.edit([{ do: "obstacle", action: "change", index, name: answer.name, ...grown }]);
   }
 
   /** A point in space from one of the plane, which has round numbers there. @param {Point} uv @param {number} above m @param {number} step m @returns {number[]} */
@@ -127,7 +127,7 @@ class Obstacles {
   placeOne(obstacle, { body, shape, sizer }) {
     const outline = outlineOf(obstacle, this.plane);
     body.toggleAttribute("hidden", !outline);
-    sizer.toggleAttribute("hidden", !outline || obstacle.kind !== "boxes");
+    sizer.toggleAttribute("hidden", !outline || obstacle.type !== "box");
     if (!outline) return;
     const points = outline.map((p) => this.pointer.screen(p));
     mark(shape, "points", points.map((p) => p.map((x) => x.toFixed(1)).join()).join(" "));
@@ -158,7 +158,7 @@ class Obstacles {
         return { names, unit: from.unit, values: from[what] ?? (what === "at" ? [0, 0, 0] : null) };
       },
       moved: (/** @type {Point} */ by) => moved(...by),
-      edits: (/** @type {number[]} */ values) => [{ do: "obstacle", action: "change", kind: from.kind, index: from.index, [what]: values }],
+      edits: (/** @type {number[]} */ values) => [{ do: "obstacle", action: "change", index: from.index, [what]: values }],
     });
     const held = {
       at: movable("at", ["x", "y", "z"], 0, (du, dv) => this.moved(from, du, dv)),
@@ -170,7 +170,7 @@ class Obstacles {
     body.addEventListener("keydown", (event) => {
       const obstacle = this.list()[k];
       if (event.key === "F2") this.change(obstacle);
-      else if (event.key === "Delete" || event.key === "Backspace") this.link.edit([{ do: "obstacle", action: "remove", kind: obstacle.kind, index: obstacle.index }]);
+      else if (event.key === "Delete" || event.key === "Backspace") this.link.edit([{ do: "obstacle", action: "remove", index: obstacle.index }]);
       else return;
       event.preventDefault();
     });
