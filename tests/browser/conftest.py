@@ -5,7 +5,7 @@ import functools
 import os
 import shutil
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
 
 import pytest
@@ -52,8 +52,8 @@ def server(job):
         yield address
 
 
-@pytest.fixture
-def pages(browser, server):
+@contextmanager
+def opening(browser, server):
     """Opens pages; none may say anything in the console, or ask anyone else for anything."""
     with ExitStack() as closing:
         opened = []
@@ -70,15 +70,30 @@ def pages(browser, server):
 
 
 @pytest.fixture
-def studio(pages, job):
+def pages(browser, server):
+    """Opens pages of a test."""
+    with opening(browser, server) as open_page:
+        yield open_page
+
+
+@pytest.fixture(scope="module")
+def page(browser, server):
+    """The page of all tests of a module that need no page of their own."""
+    with opening(browser, server) as open_page:
+        opened = open_page()
+        opened.begin()
+        yield opened
+
+
+@pytest.fixture
+def studio(page, job):
     """A page that shows the job as its file has it, and the run `optimal`."""
-    opened_studio = pages()
-    opened_studio.begin()
-    opened_studio.open(job)
-    opened_studio.choose_run("optimal")
-    opened_studio.wait("#view2d", run="optimal")
-    opened_studio.rest()
-    return opened_studio
+    page.tab("charts")
+    page.open(job)
+    page.choose_run("optimal")
+    page.wait("#view2d", run="optimal")
+    page.rest()
+    return page
 
 
 @functools.lru_cache(maxsize=32)

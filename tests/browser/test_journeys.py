@@ -1,19 +1,22 @@
-"""What a person does in the Studio, in a real browser; the page is held to the library."""
+"""One journey per area of the Studio in a real browser; the page is held to the library.
 
+Longer ones are in tests/slow/browser.
+"""
+
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import expect
-from tools.studio_page import SQUARE
 
 import armcontour as ac
 from armcontour.core.render import cells
-from armcontour.files.exports import TemplateFormat
 from armcontour.studio.page_frame import without_options
 
 pytestmark = pytest.mark.browser
 EXACT = 1e-9
+NUMBERS = re.compile(r"[-−+]?\d+(?:\.\d+)?")
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 # The largest share of pixels with one colour in a picture.
 PLAIN = """async (png) => {
@@ -113,51 +116,6 @@ COLOURED = """(canvas) => {
 }"""
 
 
-def test_j4_a_refused_job_has_its_outline_also_after_a_reload(studio):
-    def drawn():
-        studio.wait("body", refused="true", busy="false")
-        expect(studio.find("path.refused")).to_be_visible()
-        studio.page.evaluate(DRAWN)
-        return studio.find("#view2d canvas").evaluate(COLOURED)
-
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    studio.rest()
-    studio.find("#viewbar").get_by_role("button", name="Place part").click()
-    studio.find("[aria-label='Place of the part']").focus()
-    with studio.renewing():
-        studio.page.keyboard.type("900, 0")
-        studio.page.keyboard.press("Enter")
-    # One of ten contours is red.
-    assert min(drawn()) > 300
-    assert float(studio.told("#view2d", "duration")) > 0
-    for _ in range(2):
-        studio.page.reload()
-        studio.begin()
-        assert min(drawn()) > 300
-        assert "out of reach" in studio.refusal
-    with studio.changing():
-        studio.find("#undo").click()
-    studio.page.evaluate(DRAWN)
-    assert studio.find("#view2d canvas").evaluate(COLOURED)[0] == 0
-
-
-def test_j5_a_run_that_is_refused_leaves_the_others(studio, judge):
-    studio.choose_run("proposed")
-    studio.wait("#view2d", run="proposed")
-    studio.rest()
-    agree(studio, judge(studio, "proposed"))
-    studio.type("limits.joint_acceleration", "0.3 rad/s^2")
-    studio.wait("body", refused="true", dirty="true")
-    with pytest.raises(ac.NotRealizable) as refused:
-        judge(studio, "proposed")
-    assert studio.refusal == without_options(str(refused.value))
-    studio.choose_run("optimal")
-    studio.wait("body", refused="false")
-    studio.wait("#view2d", run="optimal")
-    studio.rest()
-    agree(studio, judge(studio))
-
-
 def test_j7_undo_and_redo_go_all_the_way_and_survive_a_reload(studio):
     texts = [studio.text]
     for change in ("speed", "waypoint", "corner"):
@@ -203,37 +161,9 @@ def test_j9_results_are_saved_as_files(studio, judge, tmp_path):
     assert b"5.326" in content
 
 
-def test_j39_programs_for_kuka_and_abb_are_those_of_the_library(studio, judge, tmp_path):
-    file = tmp_path / "square.yaml"
-    file.write_text(SQUARE)
-    studio.open(file)
-    studio.rest()
-    for template, ending in (("kuka", ".src"), ("abb", ".mod")):
-        task_result = studio.do("export", {"format": template})
-        name, content = studio.save_file(task_result.locator(f"button[data-file$='{ending}']"))
-        # The name of the program is that of its file.
-        program = TemplateFormat(template=template, name="square set-points")
-        ac.export(judge(studio).set_points, tmp_path / name, program, arm=ac.load_arm("ur5e"))
-        assert content == (tmp_path / name).read_bytes()
-
-
 def press(studio, within, name):
     """Press a button of a region."""
-    studio.find(within).get_by_role("button", name=name, exact=True).click()
-
-
-def test_j26_the_skip_link_moves_the_focus_and_keeps_the_session(studio):
-    for _ in range(2):
-        studio.page.reload()
-        studio.begin()
-        studio.page.keyboard.press("Tab")
-        expect(studio.find(".skip")).to_be_focused()
-        studio.page.keyboard.press("Enter")
-        expect(studio.find("#view2d")).to_be_focused()
-        studio.wait("body", link="open")
-    studio.page.keyboard.press("Tab")
-    expect(studio.find("#view2d g.handle").first).to_be_visible()
-    assert studio.page.evaluate("() => document.activeElement.matches('g.handle')")
+    studio.find(within).get_by_role("button", name=name).click()
 
 
 def test_j27_drawing_arm_slider_and_charts_show_one_time(studio):
@@ -266,62 +196,6 @@ def test_j27_drawing_arm_slider_and_charts_show_one_time(studio):
     assert agreed()[0] > before[0]
 
 
-def test_j28_a_document_of_the_same_name_is_fitted(studio):
-    drawing = DRAWINGS / "gasket.dxf"
-    studio.open(drawing, "ur5e")
-    studio.rest()
-    corner = studio.handle("corner", 0)
-    expect(corner).to_be_in_viewport()
-    fitted = float(studio.told("#view2d", "scale"))
-    studio.page.mouse.move(*studio.middle(studio.find("#view2d")))
-    for _ in range(6):
-        studio.page.mouse.wheel(0, -500)
-    expect(studio.find("#view2d")).not_to_have_attribute("data-scale", str(fitted))
-    assert float(studio.told("#view2d", "scale")) > 4 * fitted
-    studio.open(drawing, "ur10e")
-    studio.rest()
-    assert float(studio.told("#view2d", "scale")) == pytest.approx(fitted, rel=1e-2)
-    expect(corner).to_be_in_viewport()
-
-
-def test_j29_the_camera_stays_above_the_floor_and_sees_the_scene(studio):
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    press(studio, "#viewbar", "3D")
-    studio.wait("#view3d", exact="true")
-    canvas, mouse = studio.find("#view3d canvas"), studio.page.mouse
-    box = canvas.bounding_box()
-    x, y = studio.middle(canvas)
-    # Below the buttons over the picture.
-    clip = {"x": box["x"], "y": box["y"] + 60, "width": box["width"], "height": box["height"] - 60}
-
-    def drag(dx, dy, button="left"):
-        mouse.move(x, y)
-        mouse.down(button=button)
-        mouse.move(x + dx, y + dy, steps=4)
-        mouse.up(button=button)
-
-    def wheel(by, times, place=(0, 0)):
-        mouse.move(x + place[0], y + place[1])
-        for _ in range(times):
-            mouse.wheel(0, by)
-
-    for act in (
-        lambda: wheel(-200, 8),
-        lambda: wheel(-400, 40),
-        lambda: wheel(400, 60),
-        lambda: wheel(-400, 40, (box["width"] / 2 - 20, box["height"] / 2 - 20)),
-        lambda: drag(0, -500),
-        lambda: drag(400, 500),
-        *[lambda: drag(500, 150, "right")] * 6,
-        *[lambda: drag(-500, -150, "right")] * 12,
-    ):
-        act()
-        studio.page.evaluate(DRAWN)
-        assert 0 <= float(studio.told("#view3d", "elevation")) <= np.pi / 2
-        picture = studio.page.screenshot(clip=clip)
-        assert studio.page.evaluate(PLAIN, list(picture)) < 1 - 2e-4
-
-
 def test_j30_a_new_waypoint_has_the_focus(studio):
     original, count = studio.text, 4
     waypoints = studio.find("g.handle.waypoint")
@@ -343,163 +217,87 @@ def test_j30_a_new_waypoint_has_the_focus(studio):
     expect(rows.last.locator("input").first).to_be_focused()
 
 
-def test_j31_what_cannot_be_done_is_not_offered(studio, tmp_path):
-    studio.tab("waypoints")
-    expect(studio.find("#tab-waypoints table")).to_be_visible()
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    expect(studio.find("#tab-waypoints")).to_contain_text("gasket.dxf")
-    # Ten contours are no waypoints of one path; a table without rows has no headers.
-    expect(studio.find("#tab-waypoints button:visible")).to_have_count(0)
-    expect(studio.find("#tab-waypoints table")).to_be_hidden()
-    studio.tab("runs")
-    expect(studio.find("#tab-runs tbody tr")).to_have_count(1)
-    expect(studio.find("#tab-runs").get_by_role("button", name="Remove")).to_have_count(0)
-    # Two points are the least.
-    one = tmp_path / "one.svg"
-    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
-    line = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="M 5 5 L 40 5"/></svg>'
-    one.write_text(line)
-    studio.open(one, "ur5e")
-    studio.tab("waypoints")
-    with studio.renewing():
-        studio.find("#tab-waypoints").get_by_role("button", name="Make waypoints").click()
-    rows = studio.find("#tab-waypoints tbody tr")
-    expect(rows).to_have_count(2)
-    expect(rows.get_by_role("button", name="Remove")).to_have_count(0)
-    expect(rows.get_by_role("button", name="Insert")).to_have_count(2)
+def label(studio):
+    """The label at the pointer."""
+    return studio.find(".at-pointer")
 
 
-def test_j32_an_unreadable_drawing_names_what_the_page_has(studio, tmp_path):
-    drawing = tmp_path / "sheet.svg"
-    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
-    drawing.write_text(
-        f'<svg xmlns="http://www.w3.org/2000/svg" {size}>'
-        '<style>path { transform: rotate(3deg) }</style><path d="M 5 5 L 40 5"/></svg>'
-    )
-    dialog = studio.find("#question")
-    # The console says that the file was refused.
-    studio.is_cut_off = True
-    studio.find("#picker").set_input_files(drawing)
-    dialog.locator("select").select_option("ur5e")
-    dialog.get_by_role("button", name="Open").click()
-    alarm = studio.find("#messages .message.alarm:not(.refusal)")
-    expect(alarm).to_contain_text("unknown: skip")
-    expect(alarm).not_to_contain_text("--")
-    studio.is_cut_off = False
-    studio.find("#picker").set_input_files(drawing)
-    dialog.get_by_role("checkbox", name="unknown: skip").check()
-    dialog.locator("select").select_option("ur5e")
+def numbers(text):
+    """The numbers of a text."""
+    return [float(x.replace("−", "-")) for x in NUMBERS.findall(text)]
+
+
+def points(studio):
+    """The points of the job's path, as the file has them."""
+    return numbers(studio.text.partition("points:")[2].partition("limits:")[0])
+
+
+def test_j40_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
+    before, original = studio.figure("duration"), studio.text
+    handle = studio.handle("waypoint", 1)
+    expect(label(studio)).to_be_hidden()
     with studio.changing():
-        dialog.get_by_role("button", name="Open").click()
-    assert "unknown: skip" in studio.text
-
-
-def test_j33_numbers_are_readable(studio):
-    studio.tab("notes")
-    slow = studio.find("#tab-notes li").first
-    expect(slow).to_contain_text("mm/s")
-    sentences = studio.find("#tab-notes li").all_inner_texts()
-    assert sentences and not any(" m:" in x or " m/s" in x for x in sentences), sentences
-
-
-def test_j34_typed_text_survives_a_reload(studio):
-    before = studio.text
-    typed = before.replace("speed: 0.15 m/s", "speed: 0.11 m/s")
-    studio.tab("text")
-    studio.find("#tab-text textarea").fill(typed)
-    studio.page.reload()
-    studio.begin()
-    expect(studio.find("#tab-text textarea")).to_have_value(typed)
-    expect(studio.find("#tab-text textarea")).to_be_visible()
-    with studio.changing():
-        press(studio, "#tab-text", "Apply (Ctrl+Enter)")
-    assert studio.text == typed
+        with studio.grabbing(handle) as (x, y):
+            studio.page.mouse.move(x - 31, y + 17, steps=4)
+            expect(label(studio)).to_contain_text("preview")
+            shown = label(studio).locator(".value").inner_text()
+            gained = label(studio).locator(".better, .worse")
+            expect(gained).to_be_visible()
+            box, middle = label(studio).bounding_box(), studio.middle(handle)
+            assert abs(box["x"] - middle[0]) < 60 and abs(box["y"] - middle[1]) < 60
+            studio.wait("body", busy="false")
+            (seconds,) = numbers(gained.inner_text())
+    expect(label(studio)).to_be_hidden()
+    # The file has whole millimetres, which the label has shown in its unit.
+    px, py = points(studio)[2:4]
+    assert numbers(shown) == [px, py] and "m" in shown.split()
+    assert round(1000 * px, 6) % 1 == 0 and round(1000 * py, 6) % 1 == 0
+    assert (px, py) != (0.41, 0.15)
+    judgement = judge(studio)
+    agree(studio, judgement)
+    assert judgement.trajectory.duration - before == pytest.approx(seconds, abs=2e-3)
     with studio.changing():
         studio.find("#undo").click()
-    studio.page.reload()
-    studio.begin()
-    assert studio.text == before
+    assert studio.text == original
+    expect(studio.find("#undo")).to_be_disabled()
 
 
-def test_j35_a_drawing_with_wide_corners_is_not_kept(studio):
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    studio.rest()
-    verdict = studio.find("[data-figure=kept]")
-    expect(verdict.locator(".value")).to_have_text("✓ kept")
-    green = verdict.evaluate("e => getComputedStyle(e).color")
+def test_j42_typed_digits_are_exact_and_escape_reverts(studio, judge):
+    original = studio.text
+    handle = studio.handle("waypoint", 1)
     with studio.changing():
-        studio.type("corners.tolerance", "10 mm")
-    expect(verdict.locator(".value")).to_have_text("✗ NOT KEPT")
-    assert studio.figure("off_drawing") == pytest.approx(3.19e-3, abs=1e-5)
-    expect(studio.find("[data-figure=off_drawing] .number")).to_have_text("3.189mm")
-    assert verdict.evaluate("e => getComputedStyle(e).color") != green
-    # What rapids take is in the legend, in the words of the table.
-    rapids = next(x for x in shares(studio) if x[0] == "rapids between contours")
-    expect(studio.find("#legend")).to_contain_text(f"{rapids[0]} {rapids[2]}")
-
-
-def test_j36_a_change_is_made_by_its_button_and_undone(studio):
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    studio.rest()
-    text, before = studio.text, studio.figure("duration")
-    studio.wait("#figures", changes="3")
-    button = studio.find("#changes button").first
-    effect = button.locator("b").inner_text()
-    unit, saved = effect.split()[2], float(effect.split()[1])
-    assert effect.startswith("saves ") and unit == "s" and saved > 1
+        with studio.grabbing(handle) as (x, y):
+            studio.page.mouse.move(x + 20, y, steps=3)
+            studio.page.keyboard.type("0.4012, 0.1489")
+            expect(label(studio)).to_contain_text("0.4012, 0.1489")
+            # The pointer does not take it back.
+            studio.page.mouse.move(x + 40, y + 9, steps=3)
+            studio.page.keyboard.press("Enter")
+    assert points(studio)[2:4] == [0.4012, 0.1489]
+    agree(studio, judge(studio))
     with studio.changing():
-        button.click()
-    studio.rest()
-    # By the button the motion is as much shorter as it says, to its last digit.
-    assert before - studio.figure("duration") == pytest.approx(saved, abs=5.01e-5)
-    assert studio.text != text
+        studio.page.keyboard.press("Control+z")
+    assert studio.text == original
+    for first in ("grab", "focus"):
+        rev = studio.told("body", "rev")
+        if first == "grab":
+            with studio.grabbing(handle) as (x, y):
+                studio.page.mouse.move(x + 20, y, steps=3)
+                studio.page.keyboard.type("0.4")
+                studio.page.keyboard.press("Escape")
+        else:
+            handle.focus()
+            studio.page.keyboard.type("0.4")
+            expect(label(studio)).to_contain_text("0.4")
+            studio.page.keyboard.press("Escape")
+        expect(label(studio)).to_be_hidden()
+        studio.rest()
+        assert studio.text == original and studio.told("body", "rev") == rev
+    # By keys alone: a handle that has the focus, digits, Enter.
+    corner = studio.handle("corner", 0)
+    corner.focus()
     with studio.changing():
-        studio.find("#undo").click()
-    assert studio.text == text
-    studio.rest()
-    assert studio.figure("duration") == before
-    # What was planned before is known.
-    studio.wait("#figures", changes="3")
-
-
-def test_j37_a_run_that_is_not_kept_is_repaired_by_its_button(studio):
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    with studio.changing():
-        studio.type("corners.tolerance", "10 mm")
-    verdict = studio.find("[data-figure=kept] .value")
-    expect(verdict).to_have_text("✗ NOT KEPT")
-    studio.wait("#figures", changes="1")
-    with studio.changing():
-        studio.find("#changes button").click()
-    expect(verdict).to_have_text("✓ kept")
-    assert studio.figure("off_drawing") <= 0.5e-3
-
-
-def test_j38_two_variants_are_compared_with_one_cursor(studio):
-    before = studio.figure("duration")
-    with studio.changing():
-        studio.type("corners.tolerance", "8 mm")
-    studio.rest()
-    after = studio.figure("duration")
-    studio.tab("tasks")
-    task_result = studio.do("compare")
-    expect(task_result.locator("table caption")).to_have_text("Differences")
-    row = task_result.get_by_role("row").filter(
-        has=studio.page.get_by_role("rowheader", name="motion")
-    )
-    cells = [x.split() for x in row.locator("td").all_inner_texts()]
-    numbers = [float(x) * {"s": 1.0, "ms": 1e-3}[unit] for x, unit in cells]
-    assert numbers == pytest.approx([after, before, after - before], abs=1e-4)
-    expect(task_result.locator("[data-chart]")).to_have_count(2)
-    # A click in one chart moves the time of all.
-    plot = task_result.locator("[data-chart=variants-speed] .u-over")
-    plot.scroll_into_view_if_needed()
-    box = plot.bounding_box()
-    studio.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
-    expect(studio.find("#playback")).not_to_have_attribute("data-time", "0")
-    time = float(studio.told("#playback", "time"))
-    assert 0 < time < after
-    legend = task_result.locator("[data-chart=variants-error]")
-    legend.scroll_into_view_if_needed()
-    expect(legend).to_contain_text("now")
-    expect(legend).to_contain_text("before")
+        studio.page.keyboard.type("2.35")
+        studio.page.keyboard.press("Enter")
+    assert "2.35 mm" in studio.text
+    agree(studio, judge(studio))

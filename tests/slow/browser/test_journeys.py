@@ -1,7 +1,6 @@
 """What a person does in the Studio, in a real browser; the page is held to the library."""
 
 import json
-import re
 import shutil
 import subprocess
 import sys
@@ -12,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import expect
-from soak.studio import let_loose
-from tests.browser.test_journeys import agree
+from tests.browser.test_journeys import COLOURED, DRAWN, PLAIN, agree, press, shares
 from tools.studio_page import SQUARE, Studio, serving, write_job
 
 import armcontour as ac
@@ -26,11 +24,6 @@ EXACT = 1e-9
 # From the middle of the part to the face of an obstacle [m]: the wrist is nearer to the box than to
 # its own arm, and not any more.
 NEAR, FAR = 0.104, 0.25
-
-
-def press(studio, within, name):
-    """Press a button of a region."""
-    studio.find(within).get_by_role("button", name=name).click()
 
 
 def apply(studio, text):
@@ -351,10 +344,6 @@ def test_j14_what_is_not_saved_outlives_its_server(browser, tmp_path, arguments,
         expect(studio.find("#start .drafts button")).to_have_count(0)
 
 
-def test_j15_a_monkey_breaks_nothing_and_all_it_did_is_undone(studio):
-    assert not let_loose(studio, 10.0, seed=1)
-
-
 def test_j17_without_webgl_only_the_arm_is_missing(pages, job, judge):
     studio = pages()
     studio.page.add_init_script(
@@ -482,47 +471,6 @@ def test_j20_early_messages_are_shown_until_there_is_a_path(pages, tmp_path):
         expect(early).to_have_count(0)
 
 
-def test_j20_handles_do_not_jump_while_the_page_begins(studio):
-    studio.page.add_init_script(
-        """
-        const places = new Set();
-        new MutationObserver((changes) => {
-          for (const { target } of changes) {
-            if (!target.matches("g.handle.waypoint[data-index='1']")) continue;
-            places.add(target.getAttribute("transform"));
-            document.body.dataset.places = [...places].join(" | ");
-          }
-        }).observe(document, { subtree: true, attributes: true, attributeFilter: ["transform"] });
-        """
-    )
-    studio.page.reload()
-    studio.rest()
-    shifts = re.findall(r"translate\((\S+) (\S+)\)", studio.told("body", "places"))
-    # The box of the exact plan differs from that of the first one by less than a pixel.
-    assert shifts and np.ptp(np.array(shifts, dtype=float), axis=0).max() < 1
-
-
-@pytest.mark.parametrize(("wide", "colours"), [(1280, "light"), (700, "dark")])
-def test_j21_all_of_the_legend_is_seen(studio, pages, wide, colours):
-    # The page that was opened first has made the job exact.
-    page = pages(size=(wide, 800), colours=colours)
-    page.rest()
-    page.wait("#view2d", tier="2")
-    legend = page.find("#legend")
-    expect(legend).to_contain_text("executed tool")
-    # Its entries are made again now and then, so that all are read at once.
-    (right, bottom), *entries = legend.evaluate(
-        "e => [e, ...e.children].map(x => x.getBoundingClientRect()).map(b => [b.right, b.bottom])"
-    )
-    assert len(entries) > 4
-    assert all(x <= right and y <= bottom + 1 for x, y in entries), entries
-    before = legend.bounding_box()
-    # With fewer entries it keeps its lines, so that the drawing keeps its size.
-    page.find("#viewbar").get_by_role("button", name="Speed").click()
-    expect(legend).to_contain_text("speed 0")
-    assert legend.bounding_box() == before
-
-
 def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(pages):
     studio, held = pages(), []
     # The page before has all of its own.
@@ -570,3 +518,225 @@ def test_j25_a_job_refused_when_it_is_opened_is_shown_at_its_line(pages, tmp_pat
         expect(studio.find("#tab-text [role=status]")).to_contain_text(f"Line {line}: ")
         chosen = "e => e.value.slice(e.selectionStart, e.selectionEnd)"
         assert "sped:" in area.evaluate(chosen)
+
+
+def test_j4_a_refused_job_has_its_outline_also_after_a_reload(studio):
+    def drawn():
+        studio.wait("body", refused="true", busy="false")
+        expect(studio.find("path.refused")).to_be_visible()
+        studio.page.evaluate(DRAWN)
+        return studio.find("#view2d canvas").evaluate(COLOURED)
+
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    studio.rest()
+    studio.find("#viewbar").get_by_role("button", name="Place part").click()
+    studio.find("[aria-label='Place of the part']").focus()
+    with studio.renewing():
+        studio.page.keyboard.type("900, 0")
+        studio.page.keyboard.press("Enter")
+    # One of ten contours is red.
+    assert min(drawn()) > 300
+    assert float(studio.told("#view2d", "duration")) > 0
+    for _ in range(2):
+        studio.page.reload()
+        studio.begin()
+        assert min(drawn()) > 300
+        assert "out of reach" in studio.refusal
+    with studio.changing():
+        studio.find("#undo").click()
+    studio.page.evaluate(DRAWN)
+    assert studio.find("#view2d canvas").evaluate(COLOURED)[0] == 0
+
+
+def test_j26_the_skip_link_moves_the_focus_and_keeps_the_session(studio):
+    for _ in range(2):
+        studio.page.reload()
+        studio.begin()
+        studio.page.keyboard.press("Tab")
+        expect(studio.find(".skip")).to_be_focused()
+        studio.page.keyboard.press("Enter")
+        expect(studio.find("#view2d")).to_be_focused()
+        studio.wait("body", link="open")
+    studio.page.keyboard.press("Tab")
+    expect(studio.find("#view2d g.handle").first).to_be_visible()
+    assert studio.page.evaluate("() => document.activeElement.matches('g.handle')")
+
+
+def test_j28_a_document_of_the_same_name_is_fitted(studio):
+    drawing = DRAWINGS / "gasket.dxf"
+    studio.open(drawing, "ur5e")
+    studio.rest()
+    corner = studio.handle("corner", 0)
+    expect(corner).to_be_in_viewport()
+    fitted = float(studio.told("#view2d", "scale"))
+    studio.page.mouse.move(*studio.middle(studio.find("#view2d")))
+    for _ in range(6):
+        studio.page.mouse.wheel(0, -500)
+    expect(studio.find("#view2d")).not_to_have_attribute("data-scale", str(fitted))
+    assert float(studio.told("#view2d", "scale")) > 4 * fitted
+    studio.open(drawing, "ur10e")
+    studio.rest()
+    assert float(studio.told("#view2d", "scale")) == pytest.approx(fitted, rel=1e-2)
+    expect(corner).to_be_in_viewport()
+
+
+def test_j29_the_camera_stays_above_the_floor_and_sees_the_scene(studio):
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    press(studio, "#viewbar", "3D")
+    studio.wait("#view3d", exact="true")
+    canvas, mouse = studio.find("#view3d canvas"), studio.page.mouse
+    box = canvas.bounding_box()
+    x, y = studio.middle(canvas)
+    # Below the buttons over the picture.
+    clip = {"x": box["x"], "y": box["y"] + 60, "width": box["width"], "height": box["height"] - 60}
+
+    def drag(dx, dy, button="left"):
+        mouse.move(x, y)
+        mouse.down(button=button)
+        mouse.move(x + dx, y + dy, steps=4)
+        mouse.up(button=button)
+
+    def wheel(by, times, place=(0, 0)):
+        mouse.move(x + place[0], y + place[1])
+        for _ in range(times):
+            mouse.wheel(0, by)
+
+    for act in (
+        lambda: wheel(-200, 8),
+        lambda: wheel(-400, 40),
+        lambda: wheel(400, 60),
+        lambda: wheel(-400, 40, (box["width"] / 2 - 20, box["height"] / 2 - 20)),
+        lambda: drag(0, -500),
+        lambda: drag(400, 500),
+        *[lambda: drag(500, 150, "right")] * 6,
+        *[lambda: drag(-500, -150, "right")] * 12,
+    ):
+        act()
+        studio.page.evaluate(DRAWN)
+        assert 0 <= float(studio.told("#view3d", "elevation")) <= np.pi / 2
+        picture = studio.page.screenshot(clip=clip)
+        assert studio.page.evaluate(PLAIN, list(picture)) < 1 - 2e-4
+
+
+def test_j31_what_cannot_be_done_is_not_offered(studio, tmp_path):
+    studio.tab("waypoints")
+    expect(studio.find("#tab-waypoints table")).to_be_visible()
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    expect(studio.find("#tab-waypoints")).to_contain_text("gasket.dxf")
+    # Ten contours are no waypoints of one path; a table without rows has no headers.
+    expect(studio.find("#tab-waypoints button:visible")).to_have_count(0)
+    expect(studio.find("#tab-waypoints table")).to_be_hidden()
+    studio.tab("runs")
+    expect(studio.find("#tab-runs tbody tr")).to_have_count(1)
+    expect(studio.find("#tab-runs").get_by_role("button", name="Remove")).to_have_count(0)
+    # Two points are the least.
+    one = tmp_path / "one.svg"
+    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
+    line = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="M 5 5 L 40 5"/></svg>'
+    one.write_text(line)
+    studio.open(one, "ur5e")
+    studio.tab("waypoints")
+    with studio.renewing():
+        studio.find("#tab-waypoints").get_by_role("button", name="Make waypoints").click()
+    rows = studio.find("#tab-waypoints tbody tr")
+    expect(rows).to_have_count(2)
+    expect(rows.get_by_role("button", name="Remove")).to_have_count(0)
+    expect(rows.get_by_role("button", name="Insert")).to_have_count(2)
+
+
+def test_j32_an_unreadable_drawing_names_what_the_page_has(studio, tmp_path):
+    drawing = tmp_path / "sheet.svg"
+    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
+    drawing.write_text(
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size}>'
+        '<style>path { transform: rotate(3deg) }</style><path d="M 5 5 L 40 5"/></svg>'
+    )
+    dialog = studio.find("#question")
+    # The console says that the file was refused.
+    studio.is_cut_off = True
+    studio.find("#picker").set_input_files(drawing)
+    dialog.locator("select").select_option("ur5e")
+    dialog.get_by_role("button", name="Open").click()
+    alarm = studio.find("#messages .message.alarm:not(.refusal)")
+    expect(alarm).to_contain_text("unknown: skip")
+    expect(alarm).not_to_contain_text("--")
+    studio.is_cut_off = False
+    studio.find("#picker").set_input_files(drawing)
+    dialog.get_by_role("checkbox", name="unknown: skip").check()
+    dialog.locator("select").select_option("ur5e")
+    with studio.changing():
+        dialog.get_by_role("button", name="Open").click()
+    assert "unknown: skip" in studio.text
+
+
+def test_j34_typed_text_survives_a_reload(studio):
+    before = studio.text
+    typed = before.replace("speed: 0.15 m/s", "speed: 0.11 m/s")
+    studio.tab("text")
+    studio.find("#tab-text textarea").fill(typed)
+    studio.page.reload()
+    studio.begin()
+    expect(studio.find("#tab-text textarea")).to_have_value(typed)
+    expect(studio.find("#tab-text textarea")).to_be_visible()
+    with studio.changing():
+        press(studio, "#tab-text", "Apply (Ctrl+Enter)")
+    assert studio.text == typed
+    with studio.changing():
+        studio.find("#undo").click()
+    studio.page.reload()
+    studio.begin()
+    assert studio.text == before
+
+
+def test_j35_a_drawing_with_wide_corners_is_not_kept(studio):
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    studio.rest()
+    verdict = studio.find("[data-figure=kept]")
+    expect(verdict.locator(".value")).to_have_text("✓ kept")
+    green = verdict.evaluate("e => getComputedStyle(e).color")
+    with studio.changing():
+        studio.type("corners.tolerance", "10 mm")
+    expect(verdict.locator(".value")).to_have_text("✗ NOT KEPT")
+    assert studio.figure("off_drawing") == pytest.approx(3.19e-3, abs=1e-5)
+    expect(studio.find("[data-figure=off_drawing] .number")).to_have_text("3.189mm")
+    assert verdict.evaluate("e => getComputedStyle(e).color") != green
+    # What rapids take is in the legend, in the words of the table.
+    rapids = next(x for x in shares(studio) if x[0] == "rapids between contours")
+    expect(studio.find("#legend")).to_contain_text(f"{rapids[0]} {rapids[2]}")
+
+
+def test_j36_a_change_is_made_by_its_button_and_undone(studio):
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    studio.rest()
+    text, before = studio.text, studio.figure("duration")
+    studio.wait("#figures", changes="3")
+    button = studio.find("#changes button").first
+    effect = button.locator("b").inner_text()
+    unit, saved = effect.split()[2], float(effect.split()[1])
+    assert effect.startswith("saves ") and unit == "s" and saved > 1
+    with studio.changing():
+        button.click()
+    studio.rest()
+    # By the button the motion is as much shorter as it says, to its last digit.
+    assert before - studio.figure("duration") == pytest.approx(saved, abs=5.01e-5)
+    assert studio.text != text
+    with studio.changing():
+        studio.find("#undo").click()
+    assert studio.text == text
+    studio.rest()
+    assert studio.figure("duration") == before
+    # What was planned before is known.
+    studio.wait("#figures", changes="3")
+
+
+def test_j37_a_run_that_is_not_kept_is_repaired_by_its_button(studio):
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    with studio.changing():
+        studio.type("corners.tolerance", "10 mm")
+    verdict = studio.find("[data-figure=kept] .value")
+    expect(verdict).to_have_text("✗ NOT KEPT")
+    studio.wait("#figures", changes="1")
+    with studio.changing():
+        studio.find("#changes button").click()
+    expect(verdict).to_have_text("✓ kept")
+    assert studio.figure("off_drawing") <= 0.5e-3

@@ -4,56 +4,10 @@ import re
 
 import pytest
 from playwright.sync_api import expect
-from tests.browser.test_journeys import agree
+from tests.browser.test_journeys import agree, label, numbers, points
 from tools.studio_page import SQUARE
 
 pytestmark = pytest.mark.browser
-NUMBERS = re.compile(r"[-−+]?\d+(?:\.\d+)?")
-
-
-def label(studio):
-    """The label at the pointer."""
-    return studio.find(".at-pointer")
-
-
-def numbers(text):
-    """The numbers of a text."""
-    return [float(x.replace("−", "-")) for x in NUMBERS.findall(text)]
-
-
-def points(studio):
-    """The points of the job's path, as the file has them."""
-    return numbers(studio.text.partition("points:")[2].partition("limits:")[0])
-
-
-def test_j40_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
-    before, original = studio.figure("duration"), studio.text
-    handle = studio.handle("waypoint", 1)
-    expect(label(studio)).to_be_hidden()
-    with studio.changing():
-        with studio.grabbing(handle) as (x, y):
-            studio.page.mouse.move(x - 31, y + 17, steps=4)
-            expect(label(studio)).to_contain_text("preview")
-            shown = label(studio).locator(".value").inner_text()
-            gained = label(studio).locator(".better, .worse")
-            expect(gained).to_be_visible()
-            box, middle = label(studio).bounding_box(), studio.middle(handle)
-            assert abs(box["x"] - middle[0]) < 60 and abs(box["y"] - middle[1]) < 60
-            studio.wait("body", busy="false")
-            (seconds,) = numbers(gained.inner_text())
-    expect(label(studio)).to_be_hidden()
-    # The file has whole millimetres, which the label has shown in its unit.
-    px, py = points(studio)[2:4]
-    assert numbers(shown) == [px, py] and "m" in shown.split()
-    assert round(1000 * px, 6) % 1 == 0 and round(1000 * py, 6) % 1 == 0
-    assert (px, py) != (0.41, 0.15)
-    judgement = judge(studio)
-    agree(studio, judgement)
-    assert judgement.trajectory.duration - before == pytest.approx(seconds, abs=2e-3)
-    with studio.changing():
-        studio.find("#undo").click()
-    assert studio.text == original
-    expect(studio.find("#undo")).to_be_disabled()
 
 
 def test_j41_alt_snaps_to_a_hundredth_and_keys_snap_as_the_mouse_does(studio):
@@ -77,60 +31,6 @@ def test_j41_alt_snaps_to_a_hundredth_and_keys_snap_as_the_mouse_does(studio):
     with studio.changing():
         studio.page.keyboard.press("Alt+ArrowUp")
     assert points(studio)[5] == pytest.approx(round(1e5 * py) / 1e5 + 1e-5, abs=1e-9)
-
-
-def test_j42_typed_digits_are_exact_and_escape_reverts(studio, judge):
-    original = studio.text
-    handle = studio.handle("waypoint", 1)
-    with studio.changing():
-        with studio.grabbing(handle) as (x, y):
-            studio.page.mouse.move(x + 20, y, steps=3)
-            studio.page.keyboard.type("0.4012, 0.1489")
-            expect(label(studio)).to_contain_text("0.4012, 0.1489")
-            # The pointer does not take it back.
-            studio.page.mouse.move(x + 40, y + 9, steps=3)
-            studio.page.keyboard.press("Enter")
-    assert points(studio)[2:4] == [0.4012, 0.1489]
-    agree(studio, judge(studio))
-    with studio.changing():
-        studio.page.keyboard.press("Control+z")
-    assert studio.text == original
-    for first in ("grab", "focus"):
-        rev = studio.told("body", "rev")
-        if first == "grab":
-            with studio.grabbing(handle) as (x, y):
-                studio.page.mouse.move(x + 20, y, steps=3)
-                studio.page.keyboard.type("0.4")
-                studio.page.keyboard.press("Escape")
-        else:
-            handle.focus()
-            studio.page.keyboard.type("0.4")
-            expect(label(studio)).to_contain_text("0.4")
-            studio.page.keyboard.press("Escape")
-        expect(label(studio)).to_be_hidden()
-        studio.rest()
-        assert studio.text == original and studio.told("body", "rev") == rev
-    # By keys alone: a handle that has the focus, digits, Enter.
-    corner = studio.handle("corner", 0)
-    corner.focus()
-    with studio.changing():
-        studio.page.keyboard.type("2.35")
-        studio.page.keyboard.press("Enter")
-    assert "2.35 mm" in studio.text
-    agree(studio, judge(studio))
-
-
-def test_j46_an_arrow_key_moves_a_small_tolerance_by_a_part_of_it(studio):
-    with studio.changing():
-        studio.type("corners.tolerance", "0.25 mm")
-    studio.rest()
-    corner = studio.handle("corner", 0)
-    for key, value in (("ArrowUp", 0.3), ("ArrowDown", 0.25), ("Alt+ArrowUp", 0.2505)):
-        corner.focus()
-        with studio.changing():
-            studio.page.keyboard.press(key)
-        assert f"tolerance: {value:g} mm" in studio.text
-        studio.rest()
 
 
 def test_j47_a_key_starts_from_the_value_that_the_keys_before_it_have_made(studio):
@@ -178,16 +78,6 @@ def test_j47_a_key_starts_from_the_value_that_the_keys_before_it_have_made(studi
     press(*["ArrowLeft"] * 20)
     studio.rest()
     assert int(slider.input_value()) == pytest.approx(before - 20, abs=1)
-
-
-def test_j43_a_diamond_changes_the_tolerance_of_all_corners(studio, judge):
-    with studio.changing():
-        with studio.grabbing(studio.handle("corner", 0)) as (x, y):
-            studio.page.mouse.move(x - 9, y, steps=4)
-            expect(label(studio)).to_contain_text("all corners")
-            (value,) = numbers(label(studio).locator(".value").inner_text())
-    assert f"tolerance: {value:g} mm" in studio.text
-    agree(studio, judge(studio))
 
 
 def test_j44_an_obstacle_is_set_beside_the_part(studio, judge, tmp_path):
