@@ -135,7 +135,6 @@ BODIES = {
     ),
     "Srdf": (
         """<robot name="cell"><disable_collisions link1="base" link2="beam" reason="Never"/>
-<disable_default_collisions link="camera"/><enable_collisions link1="base" link2="camera"/>
 </robot>""",
     ),
 }

@@ -73,15 +73,12 @@ def test_a_description_is_found_beside_the_job(folder):
 arm:
   file: robot.urdf
   tip: tcp
-  base: world
+  base: base_link
   joint_limits: joint_limits.yaml
-  locked: {lift: 100 mm, hinge: 10 deg, left: 0.02}
 """
     arm = job(text, folder).arm
     assert arm.joint_names == ("pan", "tilt", "elbow", "roll")
     assert arm.limits.joint_velocity[0] == pytest.approx(np.pi / 2)
-    # The column stands where it is locked.
-    assert arm.links(np.zeros(4))[1][2] == pytest.approx(0.4 + 0.1 + 0.3 + 0.2)
 
 
 BAD = """
@@ -93,7 +90,6 @@ arm: {name: ur5e, tool: {position: [0, 0, 1 deg]}} => arm.tool.position (item 3)
 arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => must have either rpy or
 arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... length 1
 arm: {name: ur5e, payload: {mass: 1, inertia: [1, 0, 0, 1, 0, 5]}} => arm.payload: No body can have
-arm: {file: robot.urdf, tip: tcp, locked: {lift: 10 deg}} => arm.locked.lift: ... in m, ... '10 deg'
 seed: [0, 0, 0] => seed has 3 values, but the arm has 6 joints
 seed: {elbow: 0} => seed names the joints 'elbow' ... shoulder_lift_joint
 ignore_jerk: true => unknown key ignore_jerk: ... joint_jerk: inf

@@ -210,7 +210,6 @@ _ABOUT = {
     "segments": [{"center": [0.45, 0.03, 0.2], "angle": 0.5, "normal": [0.0, 0.0, 1.0]}],
     "orientation": {"rpy": [math.pi, 0.0, 0.0]},
 }
-_LOCKED = {"file": "robot.urdf", "tip": "tcp", "locked": {"lift": 0.1}}
 _LATE = {"dead_time": 0.01}
 _CERTIFIED = {
     "tolerance": 2e-3,
@@ -325,8 +324,6 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, export={"formats": ["ros-yaml"], "outputs": {"a": 1}, "tolerances": 2.0,
                          "points": 9, "point_tolerance": 1e-3, "cycle": 0.01, "derivatives": 1}),
     {**SPACE, "path": _ABOUT},
-    {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
-    {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},
     *(
         _with(SPACE, scene={"obstacles": _body(kind, margin=0.01, **x)})
         for kind in _SIZES

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, Field
 
 from armcontour.control.compensation import CompensationOptions, compensator
 from armcontour.core.quantities import (
@@ -33,7 +33,6 @@ from armcontour.files.scene_file import (
     RotationModel,
     SceneModel,
 )
-from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
 from armcontour.planning import METHODS, PlanOptions, Shaped
@@ -46,18 +45,6 @@ from armcontour.robot.servo import ServoModel
 # Topic of options in the help of commands.
 POSITION = "Cell and position of the drawing"
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
-
-
-def _joint_position(value: Any) -> Any:
-    """Check that a joint position is an angle or a length; returns the value unchanged."""
-    if isinstance(value, str):
-        try:
-            parse_quantity(value, "m")
-            return value
-        except ValueError:
-            pass
-    parse_quantity(value, "rad")
-    return value
 
 
 def _method(value: Any) -> Any:
@@ -110,20 +97,6 @@ def _orientation(value: Any) -> Any:
             f"list with one mapping per waypoint, not {show(value)}"
         )
     return value
-
-
-# Angle or length, depending on the type of the joint, which is not known here.
-JointPosition = Annotated[
-    float | str,
-    BeforeValidator(_joint_position),
-    WithJsonSchema(
-        {
-            "description": "A number in rad (in m for a prismatic joint), or text with a unit.",
-            "anyOf": [{"type": "number"}, {"type": "string"}],
-            "examples": ["10 deg", "20 mm"],
-        }
-    ),
-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -299,7 +272,6 @@ KEY_OVERRIDES[Rounding] = KeyOverrides(omit=frozenset({"iterations"}))
 KEY_OVERRIDES[ArmModel] = KeyOverrides(
     types={
         **dict.fromkeys(("joint_limits", "srdf"), str | None),
-        "locked": dict[str, JointPosition] | None,
         "packages": dict[str, str] | None,
     }
 )

@@ -135,9 +135,6 @@ SRDF = """<robot name="small">
   <disable_collisions link1="base" link2="hand" reason="Never"/>
   <disable_collisions link1="camera" link2="finger"/>
 </robot>"""
-DEFAULTS = """<robot name="small">
-  <disable_default_collisions link="camera"/><enable_collisions link1="finger" link2="camera"/>
-</robot>"""
 
 
 def names(pairs):
@@ -153,11 +150,6 @@ def test_pairs_of_an_srdf_file_are_left_out_with_its_reasons(tmp_path):
     reasons = {frozenset((x.first, x.second)): x.reason for x in pairs_of(arm, Scene())[1]}
     assert reasons[frozenset(("base", "beam"))] == "small.srdf: Never"
     assert reasons[frozenset(("camera", "finger"))] == "small.srdf: no reason given"
-    # Defaults are kept.
-    (tmp_path / "small.srdf").write_text(DEFAULTS)
-    ignored = loaded(file, srdf=tmp_path / "small.srdf").shapes.left_out
-    names_ignored = names((x.first, x.second) for x in ignored)
-    assert names_ignored == names(("camera", x) for x in ("base", "post", "beam"))
 
 
 NO_SRDF = """

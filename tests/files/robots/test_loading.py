@@ -131,7 +131,7 @@ def test_files_that_are_no_arm_are_refused(tmp_path):
     ]
     refusals(ac.load_arm, places)
     # What is chosen of a description is no choice of an arm file.
-    choices = [(x, "ur5e ... .urdf") for x in ({"tip": "t"}, {"base": "b"}, {"locked": {"j": 0}})]
+    choices = [(x, "ur5e ... .urdf") for x in ({"tip": "t"}, {"base": "b"})]
     refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(**x)), choices)
 
 

@@ -64,14 +64,11 @@ def seen_by_mujoco(q, dq, ddq, held):
     return tuple(np.array(x) for x in zip(*torques_and_poses, strict=True))
 
 
-@pytest.mark.parametrize("locked", [{}, {"left": 0.03, "hinge": 0.6}, {"right": 0.04}])
-def test_the_arm_with_its_gripper_as_mujoco_sees_it(locked):
-    arm = original_arm(locked=locked)
+def test_the_arm_with_its_gripper_as_mujoco_sees_it():
+    arm = original_arm()
     assert (arm.name, arm.joint_names) == ("lifter", TURNING)
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 200, 4))
-    finger = locked.get("left", 0.0)
-    held = {"left": finger, "right": 0.5 * finger + 0.01, "hinge": 0.0} | locked
-    torque, place = seen_by_mujoco(q, dq, ddq, held)
+    torque, place = seen_by_mujoco(q, dq, ddq, {"left": 0.0, "right": 0.01, "hinge": 0.0})
     np.testing.assert_allclose(arm.tool_position(q), place, atol=1e-9)
     largest = np.abs(torque).max(axis=1, keepdims=True)
     assert (np.abs(arm.dynamics.torque(q, dq, ddq) - torque) <= 1e-8 * largest).all()
@@ -114,27 +111,23 @@ def refuse_differences(arm, text, held):
         same(arm.dynamics.torque(q, dq, ddq) / 100, torque / 100)
 
 
-@pytest.mark.parametrize("locked", [{}, {"left": 0.03, "hinge": 0.6}, {"elbow": 0.4}])
-def test_frames_bodies_and_torques_are_those_of_pinocchio(locked):
-    held = {"lift": 0.2, **locked}
-    finger = locked.get("left", 0.0)
-    arm = original_arm(base=None, locked=held)
-    refuse_differences(arm, TEXT, {"left": finger, "right": 0.5 * finger + 0.01, **held})
+def test_frames_bodies_and_torques_are_those_of_pinocchio(tmp_path):
+    change = ('name="lift" type="prismatic"', 'name="lift" type="fixed"')
+    arm = load(tmp_path, change, base=None)
+    refuse_differences(arm, TEXT.replace(*change), {"left": 0.0, "right": 0.01})
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_random_descriptions_are_read_as_by_pinocchio(tmp_path, seed):
     rng = np.random.default_rng(seed)
 
     def words(low, high, count=3):
         return " ".join(map(repr, rng.uniform(low, high, count).tolist()))
 
-    links, joints, held = ['<link name="l0"/>'], [], {}
+    links, joints = ['<link name="l0"/>'], []
     for k in range(1, 16):
         side = k % 3 == 0
         kind = "fixed" if k % 5 == 0 else "prismatic" if side and k % 2 else "revolute"
-        if side and kind != "fixed":
-            held[f"j{k}"] = float(rng.uniform(-1, 1))
         name = "tcp" if k == 15 else f"l{k}"
         # A body of two spheres at the least has such moments.
         xx, yy = rng.uniform(0.02, 0.03, 2)
@@ -152,9 +145,9 @@ def test_random_descriptions_are_read_as_by_pinocchio(tmp_path, seed):
         )
     text = f'<robot name="random">{"".join(links + joints)}</robot>'
     (tmp_path / "random.urdf").write_text(text)
-    arm = ac.load_arm(tmp_path / "random.urdf", ac.ArmOptions(tip="tcp", locked=held))
+    arm = ac.load_arm(tmp_path / "random.urdf", ac.ArmOptions(tip="tcp"))
     assert len(arm.chain) > 5
-    refuse_differences(arm, text, held)
+    refuse_differences(arm, text, {})
 
 
 def test_the_arm_has_the_values_of_its_description():
@@ -183,17 +176,12 @@ def test_the_chain_may_end_early_and_begin_late():
     np.testing.assert_allclose(flange.torque(q, dq, ddq), whole.torque(q, dq, ddq), atol=1e-12)
     assert np.abs(flange.tool_position(q) - whole.tool_position(q)).max() > 0.05
     assert original_arm(base="upper").joint_names == ("elbow", "roll")
-    held = original_arm(tip="upper", locked={"elbow": 0.5, "roll": 0.3})
+    held = original_arm(tip="upper")
     assert held.joint_names == ("pan", "tilt")
-    q[:, 2:] = 0.5, 0.3
+    q[:, 2:] = 0.0
     expected = whole.dynamics.torque(q, 0 * q, 0 * q)[:, :2]
     torque = held.dynamics.torque(q[:, :2], 0 * q[:, :2], 0 * q[:, :2])
     np.testing.assert_allclose(torque, expected, atol=1e-9)
-    # A joint that slides may be locked.
-    low, high = (original_arm(base=None, locked={"lift": x}) for x in (0.1, 0.4))
-    np.testing.assert_allclose(
-        high.tool_position(q) - low.tool_position(q), np.tile([0, 0, 0.3], (20, 1))
-    )
 
 
 def test_without_any_inertial_only_kinematics_are_known(tmp_path):
@@ -275,18 +263,6 @@ def test_accelerations_and_jerks_of_a_description(tmp_path):
     assert not any("acceleration" in x or "jerk" in x for x in arm.notes)
 
 
-def test_implausible_values_are_noted(tmp_path):
-    inertia = 'ixx="0.003" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"'
-    assert not any("implausibly" in x for x in original_arm().notes)
-    for old, new, words in (
-        ('velocity="2.5"', 'velocity="100"', "velocity of elbow, up to 100 rad/s"),
-        ('effort="40"', 'effort="5000"', "effort of elbow, up to 5000 N m"),
-        (inertia, inertia.replace('"0.', '"300.'), "inertia of the link of elbow"),
-    ):
-        arm = load(tmp_path, (old, new))
-        assert any("implausibly large" in x and words in x for x in arm.notes), arm.notes
-
-
 BAD = """
 link name="cover" => link => a link without a name
 joint name="elbow" => joint name="tilt" => two joints ... tilt
@@ -294,8 +270,8 @@ joint name="elbow" => joint name="tilt" => two joints ... tilt
 <parent link="world"/> => <parent link="tcp"/> => loop
 <link name="world"/> => <link name="world"/><link name="lost"/> => without a parent joint ... lost
 name="elbow" type="revolute" => name="elbow" type="ball" => elbow ... 'ball'
-name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is prismatic ... locked=
-<limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... locked=
+name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is prismatic ... be revolute
+<limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... be independent
 effort="40" velocity="2.5" => effort="40" velocity="fast" => velocity ... joint elbow ... 'fast'
 lower="-2.5" upper="2.5" => => lower end of the range of joint elbow
 lower="-2.5" upper="2.5" => lower="2.5" upper="-2.5" => range of joint elbow ... from 2.5 to -2.5
@@ -444,30 +420,20 @@ def test_what_weighs_nothing_may_move_along_with_the_arm(tmp_path):
     q, dq, ddq = np.random.default_rng(4).normal(size=(3, 20, 4))
     np.testing.assert_array_equal(arm.torque(q, dq, ddq), bare.torque(q, dq, ddq))
     assert arm.has_bodies and not any("right" in note for note in arm.notes)
-    # Locked, it is a body like any other.
-    held = load(tmp_path, mimic, locked={"right": 0.01})
-    assert held.has_bodies
 
 
 def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path):
     ranges = 'lower="-1" upper="1" effort="1"'
     for range_text, end in (('lower="0.5" upper="1"', 0.5), ('lower="-1" upper="-0.25"', -0.25)):
         arm = load(tmp_path, (ranges, range_text + ' effort="1"'))
-        same = load(tmp_path, (ranges, range_text + ' effort="1"'), locked={"hinge": end})
         assert any(f"hinge at {end:g} rad" in note for note in arm.notes)
-        assert not any("hinge" in note for note in same.notes)
-        q, dq, ddq = np.random.default_rng(5).normal(size=(3, 20, 4))
-        np.testing.assert_array_equal(arm.torque(q, dq, ddq), same.torque(q, dq, ddq))
 
 
 CHOICES = """
 {tip: gripper} => tip must be a link of ... 'gripper' ... left_finger ... tcp
 {tip: base_link, base: upper} => tip base_link is not below the base upper
 {tip: base_link, base: base_link} => No joint moves
-{base: null} => lift ... is prismatic ... locked={'lift': ...}
-{locked: {thumb: 0}} => joint 'thumb' cannot be locked ... hinge
-{locked: {hinge: 2}} => hinge ... locked at 2 ... -1 to 1
-{locked: {hand_tcp: 1}} => hand_tcp ... is fixed and cannot be locked
+{base: null} => lift ... is prismatic ... be revolute
 """
 
 
@@ -550,7 +516,7 @@ velocity="2.5" => velocity="N" => must be one finite number
 TOO_LARGE = """
 xyz="0.4 0 0.02" => xyz="1e300 0 0.02" => elbow ... at most 1e+09 ... 1e300
 <mass value="2"/> => <mass value="1e200"/> => of the mass ... at most 1e+09
-multiplier="0.5" => multiplier="1e300" => locked position ... right ... at most 1e+09
+offset="0.01" => offset="1e300" => position ... right ... at most 1e+09
 """
 
 
@@ -560,7 +526,7 @@ def test_names_that_cannot_be_printed_and_numbers_that_are_none_are_refused(tmp_
         table += [((old, new.replace("N", number)), words) for old, new, words in rows(NUMBERS)]
     refusals(lambda x: load(tmp_path, x), table)
     large = [((old, new), words) for old, new, words in rows(TOO_LARGE)]
-    refusals(lambda x: load(tmp_path, x, locked={"left": 0.03}), large)
+    refusals(lambda x: load(tmp_path, x), large)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")

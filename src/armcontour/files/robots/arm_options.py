@@ -9,7 +9,6 @@ from pathlib import Path as FilePath
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.core.quantities import Quantity
 
 # Extension of robot descriptions.
 DESCRIPTION = ".urdf"
@@ -25,7 +24,7 @@ ANY_OPTIONS = ("joint_limits", "srdf", "calibration")
 class ArmOptions(Checked):
     """Options for loading an arm.
 
-    >>> options = ac.ArmOptions(tip="tool0", locked={"gripper": 0.02})
+    >>> options = ac.ArmOptions(tip="tool0")
     >>> options.tip
     'tool0'
 
@@ -35,9 +34,6 @@ class ArmOptions(Checked):
         base: Fixed link at the start of the arm, for a robot description; by default the root.
         joint_limits: A joint_limits.yaml of MoveIt, which replaces limits of the arm's own file.
             Its default scaling factors are not applied.
-        locked: Positions of locked joints by name, for a robot description [rad or m], or texts
-            such as "90 deg". By default, joints that do not belong to the arm are at 0, or at the
-            end of their range that is nearest to 0.
         packages: Folders of ROS packages by name, for a robot description. Other packages are
             searched by their `package.xml` near the file.
         calibration: File of UR's `ur_calibration` for a built-in UR arm (.yaml): the transforms of
@@ -52,7 +48,6 @@ class ArmOptions(Checked):
     tip: str | None = None
     base: str | None = None
     joint_limits: str | FilePath | None = None
-    locked: Mapping[str, float | str] | None = None
     packages: Mapping[str, str | FilePath] | None = None
     calibration: str | FilePath | None = None
     srdf: str | FilePath | None = None
@@ -61,19 +56,6 @@ class ArmOptions(Checked):
     def limits_file(self) -> FilePath | None:
         """Path of `joint_limits`; None if it is not specified."""
         return None if self.joint_limits is None else FilePath(self.joint_limits)
-
-
-def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
-    """Position of a locked joint [rad], or [m] for a prismatic joint (`slides`)."""
-    value, unit = (options.locked or {})[name], "m" if slides else "rad"
-    if not isinstance(value, str):
-        return checks.check_number(f"arm.locked.{name}", value, unit)
-    from armcontour.files.units import read_quantity
-
-    try:
-        return read_quantity(value, Quantity(unit, "90 deg"))
-    except ValueError as error:
-        raise InvalidInput(f"arm.locked.{name}: {error}.") from None
 
 
 def check_options(options: ArmOptions, arm: str) -> None:

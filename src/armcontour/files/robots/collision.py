@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path as FilePath
 
 from armcontour.core import file_access
@@ -33,18 +32,15 @@ def read_excluded_pairs(file: str | FilePath, links: Collection[str]) -> tuple[L
             "<robot>."
         )
     disabled = [_pair(x, location) for x in robot.findall("disable_collisions")]
-    alone = {x.get("link", "") for x in robot.findall("disable_default_collisions")}
-    every = {name for x in disabled for name in (x.first, x.second)} | alone
+    every = {name for x in disabled for name in (x.first, x.second)}
     if every and not every & set(links):
         raise InvalidInput(
             f"{location} names no link of the arm that has a shape. It names "
             f"{list_some(sorted(every), MAX_NAMED)}, but the links with shapes are "
             f"{list_some(sorted(set(links)), MAX_NAMED)}."
         )
-    enabled = {frozenset(_names(x, location)) for x in robot.findall("enable_collisions")}
-    by_default = _pairs_with(alone, links, f"{location.name}: disable_default_collisions")
-    pairs = {frozenset((x.first, x.second)): x for x in (*by_default, *disabled)}
-    return tuple(x for pair, x in pairs.items() if pair <= set(links) and pair not in enabled)
+    pairs = {frozenset((x.first, x.second)): x for x in disabled}
+    return tuple(x for pair, x in pairs.items() if pair <= set(links))
 
 
 def _pair(element: ET.Element, location: FilePath) -> LeftOut:
@@ -64,15 +60,6 @@ def _names(element: ET.Element, location: FilePath) -> tuple[str, str]:
             f"{show(first)} and {show(second)}."
         )
     return first, second
-
-
-def _pairs_with(alone: Collection[str], links: Iterable[str], reason: str) -> tuple[LeftOut, ...]:
-    """All pairs of `links` that contain a link in `alone`, with the same reason."""
-    return tuple(
-        LeftOut(first=first, second=second, reason=reason)
-        for first, second in combinations(dict.fromkeys(links), 2)
-        if first in alone or second in alone
-    )
 
 
 # Maximum number of files that a note lists.

@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
-from armcontour.files.robots.arm_options import ArmOptions, locked_position
+from armcontour.files.robots.arm_options import ArmOptions
 from armcontour.files.robots.moveit_limits import (
     KINDS,
     SOFT,
@@ -23,7 +23,6 @@ from armcontour.files.robots.moveit_limits import (
     override_limits,
 )
 from armcontour.files.robots.tree import MAX_NAMED, REVOLUTE_TYPES, Joint, Tree, read_tree
-from armcontour.robot.chain import Chain
 from armcontour.robot.limits import JOINT_RANGE, Limits, or_unlimited
 from armcontour.robot.scene import ArmShapes
 from armcontour.robot.serial import SerialArm
@@ -52,12 +51,6 @@ DESCRIBED_LIMITS = {
 # degrees. Usual arms turn by at most 2.5 turns.
 MAX_RADIANS = 16.0
 MAX_DEGREES = 3601.0
-# Largest plausible velocity [rad/s]: wrists of the fastest arms turn at about 25 rad/s. Many
-# exporters of CAD programs write 100.
-MAX_VELOCITY = 30.0
-# Largest plausible torque, relative to the torque that holds all masses at the whole length of the
-# arm; known arms have at most about 1.
-MAX_HOLDING = 5.0
 # Assumed time from rest to the largest speed of a joint if acceleration limits are missing [s]. The
 # joint_limits.yaml of Universal Robots has 180 deg/s and 180 deg/s², "for planning".
 ASSUMED_RISE_TIME = 1.0
@@ -79,26 +72,18 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     from armcontour.files.robots.collision import missing_meshes
     from armcontour.files.robots.urdf_chain import Description
 
-    file, positions = tree.file, dict[str, float]()
-    for name in options.locked or ():
-        if name not in tree.joints:
-            raise InvalidInput(
-                f"The joint {name!r} cannot be locked, because {file} has only the joints "
-                f"{list_some(list(tree.joints), MAX_NAMED)}."
-            )
-        slides = tree.joints[name].kind == "prismatic"
-        positions[name] = locked_position(options, name, slides=slides)
+    file = tree.file
     start = tree.root if options.base is None else tree.check_link("base", options.base)
     route = tree.between(start, options.tip or _default_tip(tree, start))
-    moving = [x for x in route if x.kind != "fixed" and x.name not in positions]
+    moving = [x for x in route if x.kind != "fixed"]
     _check_moving_joints(tree, moving)
-    description = Description(tree, route, moving, positions, start)
+    description = Description(tree, route, moving, start)
     chain = description.chain()
     limits, lacking, assumed = _limits(
         tree, moving, options.limits_file, has_bodies=chain.masses is not None
     )
     missing = missing_meshes(tree, options.packages)
-    notes = (*description.notes, lacking, _implausible_note(limits, chain), missing)
+    notes = (*description.notes, lacking, missing)
     arm = SerialArm(
         name=tree.name,
         chain=chain,
@@ -121,8 +106,8 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     from armcontour.verification.clearance.distances import exclude_touching
 
     tree, carried = description.tree, description.link_frames()
-    # Links that are not below the base are fixed, with all joints locked.
-    others = Description(tree, (), (), description.locked, tree.root).link_frames()
+    # Links that are not below the base are fixed, because their joints do not move.
+    others = Description(tree, (), (), tree.root).link_frames()
     back = others[description.base][1].inverse
     still = {name: (0, back @ place) for name, (_, place) in others.items() if name not in carried}
     last = description.moving[-1].child
@@ -155,21 +140,14 @@ def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} is {joint.kind}, but the joints of an arm must "
                 "be revolute. Choose a base and a tip without it between "
-                f"them{_lock_advice(joint)}."
+                f"them, or make it fixed in the file."
             )
         if joint.master is not None:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} mimics another joint, but the joints of an arm "
                 "must be independent. Choose a base and a tip without it between "
-                f"them{_lock_advice(joint)}."
+                f"them, or make it fixed in the file."
             )
-
-
-def _lock_advice(joint: Joint) -> str:
-    """Advice to lock a joint, for the end of a message; empty for a planar or floating joint."""
-    if joint.kind in ("planar", "floating"):
-        return ""
-    return f", or lock it with locked={{{joint.name!r}: ...}} (in a job, arm.locked)"
 
 
 def _limits(
@@ -289,24 +267,3 @@ def _missing_limits_note(limits: Limits, moving: list[Joint], *, has_bodies: boo
         f"it has {' and '.join(lacking.values())} (values of at most 0 are ignored), so these "
         f"joints have no such limits; specify them with joint_limits ({keys}) or with limits"
     )
-
-
-def _implausible_note(limits: Limits, chain: Chain) -> str:
-    """Note on values that are too large for an arm of this size; empty if there are none."""
-    lengths = np.linalg.norm([*chain.positions, chain.tip.position], axis=1)
-    reach = max(1.0, float(lengths.sum()))
-    velocity = or_unlimited(limits.joint_velocity, len(chain))
-    largest: list[Any] = [("velocity", velocity, MAX_VELOCITY, "rad/s")]
-    if chain.masses is not None and chain.inertias is not None:
-        torque = or_unlimited(limits.joint_torque, len(chain))
-        holding = MAX_HOLDING * reach * chain.masses.sum() * np.linalg.norm(chain.gravity)
-        moments = np.linalg.eigvalsh(chain.inertias)[:, -1]
-        largest.append(("effort", torque, holding, "N m"))
-        largest.append(("inertia of the link", moments, chain.masses * reach**2, "kg m²"))
-    found = []
-    for kind, values, limit, unit in largest:
-        large = np.flatnonzero((values > limit) & np.isfinite(values))
-        if len(large):
-            joints = list_some([chain.joints[k] for k in large], MAX_NAMED)
-            found.append(f"{kind} of {joints}, up to {values[large].max():.4g} {unit}")
-    return f"implausibly large values, check them: {'; '.join(found)}" if found else ""

@@ -1,4 +1,4 @@
-"""Creation of the chain of moving joints of a robot description, with all other joints locked."""
+"""Creation of the chain of moving joints of a robot description; other joints do not move."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, exp, from_rpy, rotations
@@ -18,8 +17,8 @@ from armcontour.robot.chain import Chain, check_inertia, merge_bodies
 
 # Maximum length of a sequence of joints in which each mimics the next; grippers have about 3.
 MAX_MIMICS = 50
-# Maximum number of locked joints that a note lists.
-MAX_LOCKED = 8
+# Maximum number of joints outside the arm that a note lists.
+MAX_HELD = 8
 # Largest position, axis component, mass or inertia [SI]; products of larger numbers may overflow.
 LARGEST = 1e9
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -32,7 +31,6 @@ class Description:
         tree: The robot description.
         route: All joints from the base to the tip.
         moving: The joints of the arm.
-        locked: Specified positions of other joints by name [rad or m].
         base: Name of the base link.
     """
 
@@ -41,12 +39,10 @@ class Description:
         tree: Tree,
         route: Sequence[Joint],
         moving: Sequence[Joint],
-        locked: Mapping[str, float],
         base: str,
     ) -> None:
         self.tree = tree
         self.moving = moving
-        self.locked = locked
         self.base = base
         self.tip = route[-1].child if route else base
         self.below = tree.below(base)
@@ -95,12 +91,12 @@ class Description:
         return frames
 
     def _joint_frame(self, joint: Joint) -> Frame:
-        """Frame of the child link in the parent link, at position 0 or at the locked position."""
+        """Frame of the child link in the parent link, at position 0 or at its own position."""
         place = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
-        value = 0.0 if joint.name in self._names else self._locked_position(joint, ())
+        value = 0.0 if joint.name in self._names else self._held_position(joint, ())
         if not abs(value) <= LARGEST:
             raise InvalidInput(
-                f"The locked position of joint {joint.name} of {self.tree.file} must be at most "
+                f"The position of joint {joint.name} of {self.tree.file} must be at most "
                 f"{LARGEST:g}, but is {value:g}."
             )
         if value == 0:
@@ -110,23 +106,13 @@ class Description:
             return place @ Frame(position=along)
         return place @ Frame(rotation=exp(along))
 
-    def _locked_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
-        """Position of a locked joint: specified, from the mimicked joint, or nearest to 0."""
-        file, specified = self.tree.file, self.locked.get(joint.name)
+    def _held_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
+        """Position of a joint outside the arm: from the mimicked joint, or nearest to 0."""
+        file = self.tree.file
         if joint.kind in ("fixed", "planar", "floating"):
-            if specified is not None:
-                raise InvalidInput(
-                    f"Joint {joint.name} of {file} is {joint.kind} and cannot be locked at a "
-                    "position. Remove it from locked."
-                )
             return 0.0
-        if joint.master is not None and specified is None:
+        if joint.master is not None:
             return self._mimicking_position(joint, (*mimics, joint.name))
-        value = (
-            0.0
-            if specified is None
-            else checks.check_number(f"position of {joint.name}", specified)
-        )
         lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
         if joint.kind != "continuous" and lower is not None and upper is not None:
             if lower > upper:
@@ -134,15 +120,8 @@ class Description:
                     f"{file}: the lower end of the range of joint {joint.name} must be at most the "
                     f"upper end, but the range is from {lower:g} to {upper:g} {_unit(joint)}."
                 )
-            if specified is None:
-                return min(max(value, lower), upper)
-            if not lower <= value <= upper:
-                raise InvalidInput(
-                    f"Joint {joint.name} of {file} is locked at {value:g} {_unit(joint)}, outside "
-                    f"its range from {lower:g} to {upper:g} {_unit(joint)}. Specify a position in "
-                    f"this range with locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
-                )
-        return value
+            return min(max(0.0, lower), upper)
+        return 0.0
 
     def _mimicking_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
         """Position of a joint that mimics another joint, with the joints of the arm at 0."""
@@ -155,28 +134,28 @@ class Description:
         file = self.tree.file
         factor = joint.number("mimic", "multiplier", file)
         offset = joint.number("mimic", "offset", file) or 0.0
-        position = 0.0 if master.name in self._names else self._locked_position(master, mimics)
+        position = 0.0 if master.name in self._names else self._held_position(master, mimics)
         return (1.0 if factor is None else factor) * position + offset
 
     def _note_held_joints(self) -> None:
-        """Add a note on the positions of joints outside the arm that the options do not lock."""
+        """Add a note on the positions of joints outside the arm."""
         held = [
-            f"{joint.name} at {self._locked_position(joint, ()):.6g} {_unit(joint)}"
+            f"{joint.name} at {self._held_position(joint, ()):.6g} {_unit(joint)}"
             for joint in self.below
             if joint.kind not in ("fixed", "planar", "floating")
-            and joint.name not in {*self._names, *self.locked}
+            and joint.name not in self._names
             and not self._follows_arm(joint)
         ]
         if held:
             self.notes.append(
-                f"joints outside the arm are locked, {list_some(held, MAX_LOCKED)}; to change "
-                "their positions, specify locked= (in a job, arm.locked)"
+                f"joints outside the arm do not move, {list_some(held, MAX_HELD)}; to change "
+                "their positions, make them fixed in the file, with other origins"
             )
 
     def _follows_arm(self, joint: Joint) -> bool:
         """True if a joint mimics a joint of the arm, directly or through other joints."""
         for _ in range(MAX_MIMICS):
-            master = None if joint.name in self.locked else self.tree.joints.get(joint.master or "")
+            master = self.tree.joints.get(joint.master or "")
             if master is None:
                 return False
             if master.name in self._names:

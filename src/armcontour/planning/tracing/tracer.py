@@ -136,8 +136,8 @@ def _refuse_flat(arm: SerialArm) -> None:
     if arm.dof > 2 and arm.moves_in_a_plane:
         raise InvalidInput(
             f"The {arm.dof} joints of the arm {arm.name} are parallel, so its tool stays in a "
-            "plane. Arms in a plane have two links: lock the other joints (locked= of ArmOptions, "
-            "arm.locked in a job), and describe the two by an arm file of the kind planar_two_link."
+            "plane. Arms in a plane have two links: describe them by an arm file of "
+            "the kind planar_two_link."
         )
 
 
