@@ -19,7 +19,7 @@ from soak.hal_drives import KP, KV, LIMIT, distances, tool
 JOB = """
 name: loop
 arm: pmk3s
-configuration: positive
+seed: [0, 1]
 path: {points: [[0.350, 0.100], [0.410, 0.150], [0.280, 0.300], [0.350, 0.350]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 5 mm}

@@ -3,7 +3,7 @@
 CORNER_JOB = """
 name: corner
 arm: pmk3s
-configuration: positive
+seed: [0, 1]
 path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 2 mm}

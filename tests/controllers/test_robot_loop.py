@@ -20,7 +20,7 @@ from armcontour.jobs.run_learning import learn_logs
 JOB = """
 name: loop
 arm: pmk3s
-configuration: positive
+seed: [0, 1]
 path: {points: [[0.35, 0.10], [0.39, 0.14], [0.35, 0.18]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 5 mm}

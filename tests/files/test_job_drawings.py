@@ -101,7 +101,6 @@ analog: [{name: p, rest: 20 %}] => {analog.p.rest: 0.2, analog.p.full: 1.0, anal
 analog: [{name: p, speed: 100 mm/s}] => {analog.p.speed: 0.1}
 analog: [{name: p, lead_time: 5 ms}] => {analog.p.lead_time: 0.005}
 resume_at: 12 mm => {resume_at: 0.012}
-{order: shortest, reverse_open: true} => {order: shortest, reverse_open: true}
 {kerf: 0.2 mm, kerf_side: left} => {kerf: 0.0002, kerf_side: left}
 """
 LAYERS = """

@@ -75,9 +75,9 @@ limits: {} | corners: {speed: 1, acceleration: 1} => {runs.0.limits.centripetal_
 def test_a_good_job_is_read_in_si_units():
     values(parse, VALUES)
     path = "path: {start: [0.28, 0.2], segments: [{to: [0.4, 0.2], speed: 50 mm/s}, %s]}"
-    path_read = parse(path % "{center: [0.40, 0.23], angle: 180 deg, tag: bend}").path
+    path_read = parse(path % "{center: [0.40, 0.23], angle: 180 deg}").path
     np.testing.assert_allclose(path_read.vertices[-1], [0.40, 0.26], atol=1e-15)
-    assert path_read.speeds[0] == 0.05 and path_read.tags == (None, "bend")
+    assert path_read.speeds[0] == 0.05
     free = "shape: free, tolerance: 5 mm"
     run = parse(f"runs.one: {{corners: {{{free}}}}}").runs[0]
     assert run.timing == ac.Optimal() and run.rounding == Rounding(shape="free", tolerance=5e-3)

@@ -102,28 +102,19 @@ def test_a_bad_key_is_refused_in_one_sentence(folder):
     refusals(lambda x: job(x, folder), BAD, "job.yaml: ", without="more problem")
 
 
-def test_arcs_through_points_full_circles_and_splines():
+def test_arcs_through_points_and_full_circles():
     path_read = job("""
 path:
   start: [0.4, 0, 0.2]
   segments:
-  - {via: [0.5, 0.1, 0.2], to: [0.6, 0, 0.2], tag: arch}
+  - {via: [0.5, 0.1, 0.2], to: [0.6, 0, 0.2]}
   - {center: [0.6, 0, 150 mm], angle: 360 deg, normal: [1, 0, 0]}
   - {to: [0.6, 0, 0.3], speed: 20 mm/s}
 """).path
     assert path_read.lengths == pytest.approx([0.1 * np.pi, 0.05 * 2 * np.pi, 0.1])
     np.testing.assert_allclose(path_read(0.05 * np.pi), [0.5, 0.1, 0.2], atol=1e-12)
     np.testing.assert_allclose(path_read.vertices[2], [0.6, 0, 0.2], atol=1e-12)
-    assert path_read.tags == ("arch", None, None)
     assert path_read.speeds[2] == 0.02
-    points = [[0.4, 0, 0.2], [0.5, 0.1, 0.25], [0.6, 0, 0.2]]
-    free = path(spline={"points": points, "tolerance": "0.1 mm"})
-    assert len(free) < len(path(spline={"points": points, "tolerance": "1e-6 mm"}))
-    np.testing.assert_allclose(free.vertices[-1], points[-1], atol=1e-12)
-    closed = path(spline={"points": [*points, points[0]], "closed": True})
-    # Smooth where it is closed.
-    end = closed(closed.length, 1, side="left")
-    np.testing.assert_allclose(end, closed.tangents[0], atol=1e-9)
 
 
 def test_orientations():
@@ -156,9 +147,6 @@ points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}, {axis: [0, 0, 1]}] 
 points: P, orientation: [&x {follow_tangent: {up: [0, 0, 1]}}, *x, *x] => (item 1): follow_tangent
 points: P, orientation: {axis: [[0, 0, -1], [0, 0.1, -1]]} => path.orientation.axis: must be one
 points: [[0.3, 0.2], [0.4, 0.2]], orientation: {axis: [0, 0, 1]} => three coordinates
-spline: {points: P}, orientation: [&x {rpy: [0, 0, 0]}, *x, *x] => single mapping for a spline
-spline: {points: []} => path.spline.points is empty
-spline: {points: P}, points: P => exactly one of points, start with segments
 start: [0.4, 0, 0.2], segments: [{via: [0.5, 0.1, 0.2]}] => segments (item 1) requires either to
 """
 
@@ -224,7 +212,7 @@ def test_the_schema_accepts_all_of_it():
     whole = GOOD | yaml.safe_load("""
 arm: {file: robot.urdf, tool: {position: [0, 0, 1 mm], rpy: [0, 0, 0]}}
 path:
-  spline: {points: [[0.4, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, 100 mm, 0.2]], tolerance: 1 um}
+  points: [[0.4, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, 100 mm, 0.2]]
   orientation: {follow_tangent: {up: [0, 0, 1]}, axis_only: true}
 seed: [10 deg, 0, 0, 0, 0, 0]
 experiment: {step: 1 ms}

@@ -209,8 +209,6 @@ def test_repeats_every_move_in_rows_and_columns():
                 assert new == old
         first = done.contours[2 * k]
         assert first.work == pytest.approx((0.01, 0.09)) and first.events[0].s == 0.025
-    plain = program(*moves).repeated(**size, serpentine=False)
-    assert [x.name for x in plain.contours[1::2]] == [*order[:3], *order[:2:-1]]
     (alone,) = done.selected(names=["hole [2,1]"]).contours
     np.testing.assert_allclose(alone.path(0.0), [0.0, -0.3], atol=1e-15)
     # Copies of long names keep their places.

@@ -216,7 +216,6 @@ _CERTIFIED = {
     "servo_error": 1e-4,
     "rms": 1e-4,
     "box": {"gains": 0.01, "dead_time": 1e-4, "payload": 0.0, "jitter": 1e-5},
-    "slowest": 2.0,
 }
 _FREE = {"shape": "free"}
 _POLED = {"method": "pole_placement"}
@@ -290,7 +289,6 @@ BASES: list[dict[str, Any]] = [
     _path(start=[0.30, 0.20], segments=[_LINE]),
     _path(start=[0.30, 0.20], segments=[{"via": [0.32, 0.21], "to": [0.34, 0.20]}]),
     _path(start=[0.30, 0.20], segments=[{"center": [0.30, 0.23], "angle": 1.5}]),
-    _path(spline={"points": [[0.30, 0.20], [0.32, 0.21], [0.34, 0.20]], "tolerance": 1e-5}),
     _path(**_DRAWN),
     _path(**_DRAWN, layers={"cut": {"speed": 0.05, "tolerance": 1e-3}}) | {"process": _PROCESS},
     _path(**{**_DRAWN, "frame": _PLACED[0]}),
@@ -468,7 +466,7 @@ TEXTS = {
     "--contour", "--controller", "--corner-shape", "--export", "--format",
     "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--only-tool", "--out", "--package", "--path",
-    "--validate", "--run", "--scene", "--set-points", "--texts",
+    "--validate", "--run", "--scene", "--set-points",
     "--tip", "--tool-positions", "--units",
     "--waypoint-columns",
 }  # fmt: skip

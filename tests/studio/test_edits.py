@@ -230,10 +230,6 @@ def test_the_pen_begins_a_path_and_does_not_draw_splines_or_files(tmp_path):
         np.testing.assert_allclose([x.uv for x in drawn.ends], [start, *corners], atol=1e-12)
         (contour,) = drawn.job.program.contours
         assert contour.path.length == pytest.approx(0.3)
-    segments = [{"to": [0.3, 0.2]}]
-    spline = PLANE.replace("points: [[", "spline: {points: [[").replace("0.26]]", "0.26]]}")
-    with pytest.raises(InvalidInput, match="spline"):
-        edited(spline, do="draw", start=[0.36, 0.26], segments=segments)
 
 
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])

@@ -96,8 +96,6 @@ def test_chains_have_points_at_ends_and_beside_them():
     np.testing.assert_allclose(end.uv, [0.40, 0.22], atol=1e-15)
     assert "Move the centre instead" in (end.why_not or "") and parsed.waypoints[2].why_not is None
     assert [x.index for x in parsed.ends] == [0, 1, 2, 3]
-    parsed = handles("{spline: {points: [[0.3, 0.2], [0.35, 0.22], [0.4, 0.2]]}}", "pmk3s")
-    assert [x.keys for x in parsed.waypoints] == [("path", "spline", "points", k) for k in range(3)]
 
 
 def test_drawings_and_obstacles_have_their_places(tmp_path):

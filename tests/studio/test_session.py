@@ -349,7 +349,6 @@ def test_sentences_for_pages_have_no_options_of_the_command_line():
         "such as `units: mm` or --units mm.": "such as `units: mm`.",
         "the part (path.frame, --position), with which": "the part (path.frame), with which",
         "leave z out (on the command line --ignore-z), or": "leave z out, or",
-        "with path.texts or --texts: contours.": "with path.texts: contours.",
         "name one such as u1, also with --columns 'u#=NAME_#'.": "name one such as u1.",
         "name the unit, such as --columns 'q# [deg]=q#' for degrees": "name the unit for degrees",
         "are wrong, so give these as --set-points.": "are wrong, so give these.",

@@ -27,7 +27,7 @@ from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 
 # Keys of `path` that define the geometry of a job. A drawing replaces them.
-GEOMETRY_KEYS = ("points", "start", "segments", "spline")
+GEOMETRY_KEYS = ("points", "start", "segments")
 YAML = (".yaml", ".yml")
 
 

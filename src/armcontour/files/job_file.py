@@ -30,7 +30,7 @@ from armcontour.jobs.experiment import default_compensation
 from armcontour.motion import DEFAULT_CYCLE
 from armcontour.planning import Optimal, Paper, PlanOptions
 from armcontour.program import Event, Process, Program
-from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
 
@@ -159,10 +159,20 @@ def parts_of(
     return arm, drawn, scene
 
 
-def _seed(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
+def _start(seed: list[float] | dict[str, float] | None, arm: Arm) -> dict[str, Any]:
+    """Start configuration of a job: a branch of a planar arm, or joint positions [rad], (dof,)."""
+    if seed is None:
+        return {}
+    near = _joint_positions(seed, arm)
+    if isinstance(arm, PlanarTwoLink):
+        return {"configuration": arm.configuration_of(near)}
+    return {"seed": near}
+
+
+def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
     """Joint positions of the key `seed` in the order of the arm's joints [rad], (dof,)."""
     if isinstance(seed, list):
-        return np.array(seed)
+        return checks.per_joint("seed", seed, arm.dof, "rad")
     if set(seed) != set(arm.joint_names):
         raise InvalidInput(
             f"seed names the joints {', '.join(map(show, seed))}, but the joints of {arm.name} are "
@@ -183,14 +193,12 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
         arm=arm,
         path=path,
         process=process,
-        configuration=model.configuration,
-        seed=None if model.seed is None else _seed(model.seed, arm),
+        **_start(model.seed, arm),
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
         certificate=model.certificate,
         scene=scene,
-        ignore_collisions=model.ignore_collisions,
         export=model.export or Exports(),
         part=part_of(model.path),
     )

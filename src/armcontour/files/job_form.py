@@ -110,15 +110,15 @@ GROUPS = {
         *("process.pierce", "process.tabs", "process.weave", "process"),
     ),
     "Tool and tilt": ("path.orientation", "arm.tool", "arm.payload"),
-    "Arm and limits": ("arm", "limits", "configuration", "seed", "command_limits"),
+    "Arm and limits": ("arm", "limits", "seed", "command_limits"),
     "Layers and order": (
-        *("path.layers", "process.by_layer", "process.order", "process.reverse_open"),
+        *("path.layers", "process.by_layer", "process.order"),
         *("process.direction", "process.begin", "process.passes", "path.names", "path.colors"),
     ),
     "Part": ("path.frame", "path.repeat", "path"),
     "Servo": ("servo", "cycle", "plant"),
     "Run": ("timing", "compensation", "duration", "end_time"),
-    "Cell": ("scene", "ignore_collisions"),
+    "Cell": ("scene",),
     "Name, certificate": ("name", "title", "certificate", "experiment"),
     "Export": ("export",),
 }

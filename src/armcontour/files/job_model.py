@@ -19,7 +19,6 @@ from armcontour.core.quantities import (
     JointRanges,
     JointVelocities,
     Length,
-    Tolerance,
 )
 from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
@@ -165,21 +164,6 @@ class SegmentModel(SegmentLimits):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SplineModel:
-    """A cubic spline through `points`, whose curvature is continuous.
-
-    Args:
-        points: Points of the spline [m].
-        closed: Whether the spline is closed; then the last point must equal the first.
-        tolerance: Largest distance between the spline and the path [m].
-    """
-
-    points: list[Point]
-    closed: bool = False
-    tolerance: Tolerance = 1e-6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FollowModel(RotationModel):
     """A fixed tool orientation relative to the tangent, which is the x axis of the moving frame.
 
@@ -218,25 +202,22 @@ class RepeatModel:
         rows: Number of copies along y.
         column_spacing: Distance from one column to the next [m]; negative for the direction -x.
         row_spacing: Distance from one row to the next [m]; negative for the direction -y.
-        serpentine: Whether every second row is executed from its last column to its first.
     """
 
     columns: Annotated[int, AtLeast(1)] = 1
     rows: Annotated[int, AtLeast(1)] = 1
     column_spacing: Length | None = None
     row_spacing: Length | None = None
-    serpentine: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathModel(ReadOptions):
-    """One of `points`, `start` with `segments`, `spline`, and `file`; other keys are options.
+    """One of `points`, `start` with `segments`, and `file`; other keys are options.
 
     Args:
         points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each [m].
         start: Start point of the first segment [m].
         segments: A chain of lines and arcs.
-        spline: A cubic spline.
         file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv);
             the name is relative to the job file.
         frame: Position and rotation of the origin of the file, or of points and segments.
@@ -250,7 +231,6 @@ class PathModel(ReadOptions):
     points: list[Point] | None = None
     start: Point | None = None
     segments: list[SegmentModel] | None = None
-    spline: SplineModel | None = None
     file: str | None = None
     frame: Annotated[
         FrameModel | None,
@@ -268,6 +248,7 @@ class PathModel(ReadOptions):
 # `corners` of a job has the key `continuity`, so that `path` does not need it.
 KEY_OVERRIDES[PathModel] = KeyOverrides(omit=frozenset({"continuity"}))
 # The search ends by itself, so that only Python limits its iterations.
+KEY_OVERRIDES[SegmentModel] = KeyOverrides(omit=frozenset({"tag"}))
 KEY_OVERRIDES[Rounding] = KeyOverrides(omit=frozenset({"iterations"}))
 KEY_OVERRIDES[ArmModel] = KeyOverrides(
     types={
@@ -343,11 +324,8 @@ class JobModel(SharedModel):
         title: Title for reports, of at most 200 characters; the name by default.
         arm: A built-in arm (`armcontour arms` lists them), a .yaml or .urdf file relative
             to the job file, or a mapping.
-        configuration: Branch of the inverse kinematics of a planar arm: `positive` or `negative`,
-            the sign of theta2; by default the branch with the fastest motion along the path.
-        seed: Joint positions near the start configuration [rad], for an arm in space, in the order
-            of the joints or by their names; by default the configuration with the fastest motion
-            along the path.
+        seed: Joint positions near the start configuration [rad], in the order of the joints or by
+            their names; by default the configuration with the fastest motion along the path.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
         accuracy: Largest allowed distance of the tool from the drawing [m]. By default corner
@@ -359,14 +337,11 @@ class JobModel(SharedModel):
         certificate: Requirements for `armcontour certify`.
         scene: Obstacles in the cell, and minimum distances of the arm to them and to itself.
         export: Files for robot controllers that `armcontour run` writes.
-        ignore_collisions: Whether to continue runs if the arm violates a minimum distance to itself
-            or to its cell.
     """
 
     name: str
     title: str | None = None
     arm: str | ArmModel
-    configuration: str | None = None
     seed: list[Angle] | dict[str, Angle] | None = None
     path: PathModel
     process: Process | None = None
@@ -378,7 +353,6 @@ class JobModel(SharedModel):
     certificate: CertificateGoal | None = None
     scene: SceneModel | None = None
     export: Exports | None = None
-    ignore_collisions: Annotated[bool, About("--ignore-collisions", POSITION)] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

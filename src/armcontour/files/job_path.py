@@ -51,13 +51,13 @@ def unplaced_path(
 ) -> Path | Program:
     """Path or program in its own coordinates, before the transform by `path.frame`."""
     if model.file is not None:
-        if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
+        if any(x is not None for x in (model.points, model.start, model.segments)):
             raise InvalidInput(
-                "path requires exactly one of file, points, start with segments, and spline."
+                "path requires exactly one of file, points, and start with segments."
             )
         read = read_drawing(model, model.file, folder, progress) if drawing is None else drawing
         return _prepare_drawing(model, read, dimension)
-    written = any(x is not None for x in (model.points, model.segments, model.spline))
+    written = any(x is not None for x in (model.points, model.segments))
     options = FILE_OPTIONS if written else (*FILE_OPTIONS, "frame")
     for field in dataclasses.fields(model):
         if field.name in options and getattr(model, field.name) != field.default:
@@ -85,11 +85,6 @@ def _path_from_keys(model: PathModel) -> Path:
         return path
     if isinstance(model.orientation, OrientationModel):
         return _orient(path, model.orientation, "path.orientation")
-    if model.spline is not None:
-        raise InvalidInput(
-            "path.orientation must be a single mapping for a spline, not a list, because a spline "
-            "has one orientation for its whole length."
-        )
     return _orient_waypoints(path, model.orientation)
 
 
@@ -171,33 +166,26 @@ def _orient_contours(program: Program, orientation: OrientationModel) -> Program
 
 
 def _positions(model: PathModel) -> Path:
-    """The path of a job without a file: a polyline, a spline, or lines and arcs."""
-    kinds = (model.points, model.segments, model.spline)
+    """The path of a job without a file: a polyline, or lines and arcs."""
+    kinds = (model.points, model.segments)
     if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
-        raise InvalidInput(
-            "path requires exactly one of points, start with segments, spline, and file."
-        )
+        raise InvalidInput("path requires exactly one of points, start with segments, and file.")
     if model.points is not None:
-        points = _points("path", model.points)
+        points = _points(model.points)
         with error_context("path.points"):
             return Path.polyline(points)
-    if model.spline is not None:
-        spline = model.spline
-        points = _points("path.spline", spline.points)
-        with error_context("path.spline"):
-            return Path.spline(points, tolerance=spline.tolerance, closed=spline.closed)
     assert model.start is not None and model.segments is not None
     return _segment_chain(model.start, model.segments)
 
 
-def _points(key: str, points: list[list[float]]) -> FloatArray:
-    """The points of a key as an array, (n, 2) or (n, 3) [m]."""
+def _points(points: list[list[float]]) -> FloatArray:
+    """The key `points` as an array, (n, 2) or (n, 3) [m]."""
     if not points:
-        raise InvalidInput(f"{key}.points is empty, but a path needs at least two points.")
+        raise InvalidInput("path.points is empty, but a path needs at least two points.")
     if len({len(x) for x in points}) > 1:
-        raise InvalidInput(f"{key}.points must all have 2 or all have 3 coordinates.")
+        raise InvalidInput("path.points must all have 2 or all have 3 coordinates.")
     for i, point in enumerate(points):
-        _check_range(key_text((*key.split("."), "points", i)), point)
+        _check_range(key_text(("path", "points", i)), point)
     return np.array(points).reshape(len(points), -1)
 
 

@@ -86,7 +86,7 @@ KEY_OVERRIDES: dict[type, KeyOverrides] = {
             "tip [kg m²]; a point by default."
         },
     ),
-    CertificateGoal: KeyOverrides(omit=frozenset({"samples", "seed"})),
+    CertificateGoal: KeyOverrides(omit=frozenset({"samples", "seed", "slowest"})),
     Limits: KeyOverrides(omit=frozenset({"tool_jerk", "path_jerk"})),
     PlantModel: KeyOverrides(
         omit=frozenset(

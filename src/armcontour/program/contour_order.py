@@ -308,10 +308,7 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
         return contour
 
     if not contour.closed:
-        options: list[Option] = [(as_drawn, path([0.0, path.length]))]
-        if process.reverse_open and not contour.keep_start and not contour.events:
-            options.append((partial(_reverse_contour, contour), options[0][1][::-1]))
-        return options
+        return [(as_drawn, path([0.0, path.length]))]
     if count == 1 or process.begin != "auto" or keeps_drawn_start(contour, led=False):
         starts = [find_start(contour, process, led=False)]
         makers: Sequence[Callable[[], Contour]] = [as_drawn]

@@ -445,9 +445,8 @@ class Program(Checked):
         rows: int = 1,
         column_spacing: float | None = None,
         row_spacing: float | None = None,
-        serpentine: bool = True,
     ) -> Program:
-        """Copies of the whole program in columns along x and rows along y, row after row.
+        """Copies of the whole program in columns along x and rows along y, there and back.
 
         Rapids, dwells and events are copied, too. A contour `hole` becomes `hole [1,1]` (row,
         column), `hole [1,2]`, and so on.
@@ -459,8 +458,6 @@ class Program(Checked):
                 opposite to x.
             row_spacing: Distance from one row to the next [m]; negative in the direction opposite
                 to y.
-            serpentine: Whether every second row runs from its last to its first column; otherwise
-                all rows run from their first column.
 
         Raises:
             InvalidInput: A spacing is missing or zero, or the copies have too many moves or
@@ -475,7 +472,7 @@ class Program(Checked):
         self._check_size(columns * rows)
         moves: list[Move] = []
         for row in range(rows):
-            back = serpentine and row % 2 == 1
+            back = row % 2 == 1
             for column in reversed(range(columns)) if back else range(columns):
                 copy = self.placed(Frame(position=np.array([column * dx, row * dy, 0.0])))
                 moves += [

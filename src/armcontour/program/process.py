@@ -239,7 +239,6 @@ class Process(Checked):
             chooses the start points of closed contours. In the last two orders, a cutting process,
             which has a kerf or an arc lead in the waste, also cuts inner contours first. "auto" is
             "inside_first" for drawings that are cut, else "drawn".
-        reverse_open: Whether "nearest" and "shortest" may run open contours from their end.
         kerf: Width of the cut [m]; the tool path is offset from the contour by half of it. None for
             a process that does not cut. If any layer has a kerf, contours without one, such as
             marks, neither are holes nor have holes.
@@ -276,7 +275,6 @@ class Process(Checked):
     )
     layers: Mapping[str, SegmentLimits] = field(default_factory=lambda: NO_LAYERS)
     order: Annotated[str, Choice(ORDERS)] = "auto"
-    reverse_open: bool = False
     kerf: Distance | None = None
     kerf_side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     direction: Annotated[str, Choice(DIRECTIONS)] = DRAWN

@@ -35,7 +35,7 @@ STEEP = 0.9
 AXES = frozen_array(np.eye(3))
 # Maximum rounding error of written coordinates [m].
 EXACT = 1e-13
-POINTS, SEGMENTS, SPLINE, FILE = "points", "segments", "spline", "file"
+POINTS, SEGMENTS, FILE = "points", "segments", "file"
 POINT, VIA, CENTER, END = "point", "via", "center", "end"
 # Kind of an empty path, and the side length of its picture [m].
 BLANK, BLANK_SIDE = "blank", 0.2
@@ -71,7 +71,7 @@ class Handles:
     """Waypoints of a job in the plane of the picture."""
 
     job: Job
-    # "points", "segments", "spline", "file" or "blank"
+    # "points", "segments", "file" or "blank"
     kind: str
     # Drawing of the path, as named in the job.
     file: str | None
@@ -145,7 +145,7 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
     path = data.get("path") or {}
     si = in_si(path, PathModel)
     frame = frame_of("path.frame", FrameModel(**(si.get("frame") or {})))
-    kind = next((x for x in (POINTS, SEGMENTS, SPLINE) if path.get(x) is not None), FILE)
+    kind = next((x for x in (POINTS, SEGMENTS) if path.get(x) is not None), FILE)
     records = [] if kind == FILE else list(_read_points(kind, path, si))
     ends = _ends(job, records)
     points = [
@@ -206,11 +206,8 @@ def _read_points(
 ) -> Iterator[PointRecord]:
     """Yield the points of a path of waypoints: ends of segments, then via points and centres."""
     if kind != SEGMENTS:
-        inner: Keys = (POINTS,) if kind == POINTS else (SPLINE, POINTS)
-        points = path[POINTS] if kind == POINTS else path[SPLINE][POINTS]
-        si_points = si[POINTS] if kind == POINTS else si[SPLINE][POINTS]
-        for k, (written, point) in enumerate(zip(points, si_points, strict=True)):
-            yield POINT, ("path", *inner, k), np.array(point), written
+        for k, (written, point) in enumerate(zip(path[POINTS], si[POINTS], strict=True)):
+            yield POINT, ("path", POINTS, k), np.array(point), written
         return
     yield POINT, ("path", "start"), np.array(si["start"]), path["start"]
     both = list(zip(path[SEGMENTS], si[SEGMENTS], strict=True))

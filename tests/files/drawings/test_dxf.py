@@ -8,7 +8,6 @@ import ezdxf
 import numpy as np
 import pytest
 from ezdxf import colors
-from ezdxf.fonts import fonts
 from ezdxf.xclip import XClip
 from scipy.interpolate import BSpline, CubicSpline
 from tests.files.tables import refusals
@@ -448,9 +447,10 @@ def test_what_is_no_contour_is_left_out_and_counted():
     space.add_xline((0, 0), (1, 0))
     program = read(document)
     assert len(program.contours) == 1
-    letters, others = (x.rstrip(".").split(": ")[-1] for x in program.notes)
-    kinds = "3DFACE, DIMENSION, HATCH, MTEXT, 2 POINT, SOLID, XLINE, mesh".split(", ")
-    assert letters == "TEXT" and sorted(others.split(", ")) == sorted(kinds)
+    (note,) = program.notes
+    others = note.rstrip(".").split(": ")[-1]
+    kinds = "TEXT, 3DFACE, DIMENSION, HATCH, MTEXT, 2 POINT, SOLID, XLINE, mesh".split(", ")
+    assert sorted(others.split(", ")) == sorted(kinds)
     document, space = drawing()
     refuses_nothing = [(document, "part.dxf has no contour")]
     refusals(read, refuses_nothing)
@@ -698,20 +698,3 @@ def test_names_that_no_contour_can_have_are_changed_with_a_note():
     (note,) = (x for x in program.notes if "Names" in x)
     assert note.isprintable() and "(4)" in note
     assert len(program.selected(layers=[r"caf\udce9"]).contours) == 1
-
-
-@pytest.mark.skipif(not fonts.font_manager.fallback_font_name(), reason="this machine has no font")
-def test_letters_of_a_text_are_contours_if_asked():
-    document, space = drawing()
-    space.add_line((0, 0), (10, 0))
-    space.add_text("OH", dxfattribs={"height": 10, "insert": (5, 5), "layer": "mark"})
-    (note,) = read(document).notes
-    assert "TEXT" in note and "--texts" in note and len(read(document).contours) == 1
-    program = read(document, texts="contours")
-    letters = [x for x in program.contours if x.layer == "mark"]
-    # Two outlines of O, one of H, all closed, as high as the text.
-    assert len(letters) == 3 and all(x.closed for x in letters)
-    extents = np.array([x.path.segments.extent for x in letters])
-    heights = extents[:, 0, 1].min(), extents[:, 1, 1].max()
-    assert heights == pytest.approx((0.005, 0.015), abs=3e-4)
-    assert "Drawn with a font" in " ".join(program.notes)

@@ -270,8 +270,8 @@ joint name="elbow" => joint name="tilt" => two joints ... tilt
 <parent link="world"/> => <parent link="tcp"/> => loop
 <link name="world"/> => <link name="world"/><link name="lost"/> => without a parent joint ... lost
 name="elbow" type="revolute" => name="elbow" type="ball" => elbow ... 'ball'
-name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is prismatic ... be revolute
-<limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... be independent
+name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... prismatic ... be revolute
+<limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... independent
 effort="40" velocity="2.5" => effort="40" velocity="fast" => velocity ... joint elbow ... 'fast'
 lower="-2.5" upper="2.5" => => lower end of the range of joint elbow
 lower="-2.5" upper="2.5" => lower="2.5" upper="-2.5" => range of joint elbow ... from 2.5 to -2.5
@@ -433,7 +433,7 @@ CHOICES = """
 {tip: gripper} => tip must be a link of ... 'gripper' ... left_finger ... tcp
 {tip: base_link, base: upper} => tip base_link is not below the base upper
 {tip: base_link, base: base_link} => No joint moves
-{base: null} => lift ... is prismatic ... be revolute
+{base: null} => lift ... prismatic ... be revolute
 """
 
 

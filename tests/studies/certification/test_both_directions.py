@@ -13,7 +13,7 @@ from armcontour.files import certificate_json, parse_job
 JOB = """
 name: own
 arm: pmk3s
-configuration: positive
+seed: [0, 1]
 path: {{points: [[0.30, 0.20], [0.33, 0.20], [0.30, 0.20]]}}
 limits: {{speed: 0.2 m/s, joint_acceleration: 3 rad/s^2}}
 servo: {{kp: 25 1/s, kv: 150 1/s}}

@@ -24,7 +24,7 @@ SHORT = ("[0.350, 0.100], [0.380, 0.125], [0.350, 0.160]", "2 mm")
 JOB = """
 name: paper
 arm: pmk3s
-configuration: positive
+seed: [0, 1]
 path: {{points: [{points}]}}
 limits: {{speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}}
 corners: {{tolerance: {tolerance}}}
@@ -37,7 +37,7 @@ runs:
 LINE = """
 name: line
 arm: pmk3s
-configuration: positive
+seed: [0, 1]
 path: {points: [[0.30, 0.20], [0.40, 0.20]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
 servo: {kp: 25 1/s, kv: 150 1/s}
@@ -47,7 +47,7 @@ runs:
 LAG = """
 name: lag
 arm: pmk3s
-configuration: positive
+seed: [0, 1]
 path: {points: [[0.35, 0.2], [0.4216768, 0.1589672], [0.3311563, 0.1382437]]}
 limits: {speed: 0.2914771, joint_acceleration: 5.5179714}
 corners: {tolerance: 0.13197796 mm}

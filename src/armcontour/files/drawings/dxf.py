@@ -73,13 +73,11 @@ MAX_COPIES = 200_000
 OFF, FROZEN, UNPLOTTED = "off", "frozen", "not plotted"
 # Layer of CAD programs for the points of dimensions, which is never plotted; in lower case.
 DEFPOINTS = "defpoints"
-# First words of the notes on omitted entities and on letters.
+# First words of the notes on omitted entities.
 HIDDEN = "Skipped on layers that are off or frozen"
 NOT_PLOTTED = "Skipped on layers that are not plotted and not named in layers or --layer"
 INVISIBLE = "Skipped because they are invisible"
 NOT_READ = "Skipped because they are not lines, arcs or curves"
-TEXT = "Skipped because texts are contours only on request (path.texts or --texts: contours)"
-THROUGH_FONT = "Drawn with a font of this machine, which can differ from the font of the drawing"
 BROKEN = "Skipped because they cannot be read"
 # AutoCAD colour numbers for the colour of the block, the colour of the layer, and black or white.
 BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
@@ -178,7 +176,6 @@ class DxfWalk(Walk):
     ) -> None:
         super().__init__(source, options, progress)
         self.document, self.line_of = document, line_of
-        self.texts = options.texts == "contours"
         self._copies = 0
         self._block_sizes: dict[str, int] = {}
         self._layers: dict[str, tuple[str, str]] = {DEFPOINTS: ("Defpoints", UNPLOTTED)}
@@ -246,7 +243,7 @@ class DxfWalk(Walk):
     def _read_entity(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
     ) -> Iterator[EntityOutlines]:
-        """Yield the outlines of a visible entity: several for MLINE and TEXT, else at most one."""
+        """Yield the outlines of a visible entity: several for MLINE, else at most one."""
         if kind == "MLINE":
             for k, part in enumerate(entity.virtual_entities()):
                 yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
@@ -254,12 +251,8 @@ class DxfWalk(Walk):
             kind == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
         ):
             yield from self._shape(entity, kind, name, layer, block)
-        elif kind == "TEXT" and self.texts:
-            self.omit(THROUGH_FONT, kind)
-            for k, part in enumerate(text_letters(entity)):
-                yield from self._shape(part, part.dxftype(), f"{name}[{k + 1}]", layer, block)
         elif kind in NO_CONTOUR:
-            self.omit(TEXT if kind == "TEXT" else NOT_READ, "mesh" if kind == "POLYLINE" else kind)
+            self.omit(NOT_READ, "mesh" if kind == "POLYLINE" else kind)
         else:
             raise Unreadable(f"is of an unsupported type: {EXPLODE}")
 
@@ -370,16 +363,6 @@ class DxfWalk(Walk):
                 f"(layers, or --layer), or {SKIP_ADVICE}."
             )
         self.omit(BROKEN, defect)
-
-
-def text_letters(entity: Any) -> list[Any]:
-    """The outlines of the letters of a TEXT as ezdxf's splines and polylines."""
-    from ezdxf.addons import text2path
-
-    try:
-        return list(text2path.virtual_entities(entity, kind=text2path.Kind.SPLINES))
-    except Exception as error:
-        raise Unreadable(f"cannot be drawn with a font ({error_line(error)})") from None
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:

@@ -141,7 +141,6 @@ def hex_of(red: int, green: int, blue: int) -> str:
 # two points; a drawing with such coordinates has a wrong unit.
 MAX_COORDINATE = 1e6
 UNKNOWN = ("refuse", "skip")
-TEXTS = ("leave_out", "contours")
 # Share of the chord tolerance for fitted arcs; curvature transitions have the rest.
 FIT_SHARE = 0.5
 
@@ -178,8 +177,6 @@ class ReadOptions(Checked):
             the first line of the file or a missing heading; "-" skips a column.
         unknown: Whether to "refuse" unknown elements of drawings and unknown columns of tables, or
             "skip" them with a note.
-        texts: For DXF, "contours" draws the letters of TEXT with a font of this machine, with a
-            note. "leave_out" skips texts with a note.
         continuity: "tangent" does not change lines and arcs. "curvature" inserts transitions where
             the curvature jumps without a corner, for motions with a jerk limit
             (`smooth_curvature`). Fitted arcs then use half of the chord tolerance, and transitions
@@ -204,7 +201,6 @@ class ReadOptions(Checked):
         Choice(UNKNOWN),
         About("--skip-unknown", help="Skip unknown elements.", read="to_skip"),
     ] = "refuse"
-    texts: Annotated[str, Choice(TEXTS), About("--texts")] = "leave_out"
     continuity: Continuity = "tangent"
 
     def _check_together(self) -> None:

@@ -11,7 +11,6 @@ from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.limit_margins import SPEED_SLACK
 from armcontour.studies.certification.move_search import MoveSearch
 
-LARGER_SLOWEST = "a larger slowest"
 BOX_ADVICE = "Reduce the uncertainty of the robot (a smaller box), reduce the assigned velocity"
 
 
@@ -38,7 +37,7 @@ def _acceleration(case: Case, move: MoveSearch) -> Reason:
         shorter = "compensation inverse (inverse_dynamics is for rigid bodies)"
     text = (
         f"set-points every {case.run.cycle * 1e3:g} ms{held} require {ratio:.4g} times the "
-        f"acceleration limit of a joint. Use {shorter}, or {LARGER_SLOWEST}"
+        f"acceleration limit of a joint. Use {shorter}"
     )
     return text, "joint_acceleration", 1.0, ratio
 
@@ -47,8 +46,8 @@ def _speed(case: Case, move: MoveSearch) -> Reason:
     ratio = move.active_limit[1]
     text = (
         f"a limit of speed or joint velocity is exceeded by {ratio - 1:.2g} of its value, or a "
-        "command is outside a joint range. Increase the limit, move the path away from the ends "
-        f"of the joint ranges, or use {LARGER_SLOWEST}"
+        "command is outside a joint range. Increase the limit, or move the path away from the "
+        "ends of the joint ranges"
     )
     return text, "speed", 1.0, ratio
 
@@ -58,8 +57,8 @@ def _tool_speed(case: Case, move: MoveSearch) -> Reason:
     faster, allowed = (1 + SPEED_SLACK) * move.active_limit[1] ** 0.5, 1 + SPEED_SLACK
     text = (
         f"the executed tool moves at {faster:.5g} times the assigned velocity, but at most "
-        f"{allowed:g} times is allowed. {_advise_contour_error(case)}, reduce the assigned "
-        f"velocity in smaller steps, or use {LARGER_SLOWEST}"
+        f"{allowed:g} times is allowed. {_advise_contour_error(case)}, or reduce the "
+        "assigned velocity in smaller steps"
     )
     return text, "speed", allowed, faster
 
@@ -75,7 +74,7 @@ def _error(case: Case, move: MoveSearch) -> Reason:
     advice = BOX_ADVICE if box else _advise_contour_error(case)
     text = (
         f"the largest contour error{over} must be at most {budget * 1e3:.4g} mm, but is at least "
-        f"{reached * 1e3:.4g} mm. {advice}, use {LARGER_SLOWEST}, or allow a larger error"
+        f"{reached * 1e3:.4g} mm. {advice}, or allow a larger error"
     )
     return text, "contour error", budget, reached
 

@@ -19,7 +19,6 @@ from armcontour.studio.handles import (
     POINT,
     POINTS,
     SEGMENTS,
-    SPLINE,
     VIA,
     EditState,
     Handles,
@@ -76,7 +75,7 @@ def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if handles.kind == SEGMENTS:
         changes = _insert_segment(index, coordinates, state)
     else:
-        changes = [Change((*_list_of(handles), index), coordinates, insert=True)]
+        changes = [Change(("path", POINTS, index), coordinates, insert=True)]
     like = min(index, len(ends) - 1)
     return [*changes, *copy_orientation(index, like, state)]
 
@@ -114,7 +113,7 @@ def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if len(ends) <= 2:
         raise InvalidInput("The waypoint cannot be removed, because a path needs two points.")
     if handles.kind != SEGMENTS:
-        changes = [Change((*_list_of(handles), index))]
+        changes = [Change(("path", POINTS, index))]
     elif index > 0:
         changes = [Change(("path", SEGMENTS, index - 1))]
     else:
@@ -155,17 +154,9 @@ def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = Fal
     return point
 
 
-def _list_of(handles: Handles) -> Keys:
-    return ("path", SPLINE, POINTS) if handles.kind == SPLINE else ("path", POINTS)
-
-
 def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that append drawn segments: lines to points, arcs via points, circles by centre."""
     handles, path = require_editable(state), state.data["path"]
-    if handles.kind == SPLINE:
-        raise InvalidInput(
-            "Lines and arcs cannot be added to a spline. Draw on an empty plane instead (New)."
-        )
     drawn = edit["segments"]
     if not isinstance(drawn, list) or not all(isinstance(x, Mapping) for x in drawn):
         raise InvalidInput("`segments` of the edit draw must be a list of mappings.")

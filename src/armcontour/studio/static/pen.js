@@ -41,7 +41,7 @@ const SHAPES = {
 };
 
 /** True if shapes can be added to the path. @param {Store} store @returns {boolean} */
-export const canDraw = ({ document }) => Boolean(document?.path?.editable) && document.path.kind !== "spline";
+export const canDraw = ({ document }) => Boolean(document?.path?.editable);
 
 /** @param {Store} store @param {import("./connection.js").Link} _link @param {Pointer} pointer */
 export function init(store, _link, pointer) {
