@@ -106,13 +106,6 @@ def _limits(rng: Random, path: ac.JointPath) -> ac.Limits:
         options["joint_velocity"] = velocity * (-1, 1) if rng.random() < 0.2 else velocity[:, 0]
     factor = 10 ** rng.uniform(np.log10(2), np.log10(300))
     jerk = factor * acceleration * 10 ** rng.uniform(-0.2, 0.2, dof)
-    slope = np.abs(path(np.linspace(path.breaks[0], path.breaks[-1], 200), 1)).max(axis=0)
-    smallest_ratio = float((jerk[slope > 0] / slope[slope > 0]).min())
-    some = rng.random()
-    if some < 0.15:
-        options["path_jerk"] = smallest_ratio * 10 ** rng.uniform(-0.5, 1.0)
-    if some < 0.04:
-        return ac.Limits.only(**options)
     if rng.random() < 0.15:
         jerk[rng.random(dof) < 0.5] = np.inf
         if not np.isfinite(jerk).any():
@@ -303,7 +296,7 @@ class Sampled:
 
 
 def ratios(sampled: Sampled, limits: ac.Limits) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Ratios to limits of the joints and of the path's jerk, (n, k), and the joints they are of."""
+    """Ratios to limits of the joints, (n, k), and the joints they are of."""
     peaks = {}
     for name, values in zip(ORDERS, sampled.joints(), strict=True):
         limit = getattr(limits, f"joint_{name}")
@@ -314,9 +307,6 @@ def ratios(sampled: Sampled, limits: ac.Limits) -> dict[str, tuple[np.ndarray, n
             low, high = getattr(limits, f"{name}_bounds")(values.shape[-1])
         ratio = np.maximum(values / low, values / high)
         peaks[name] = ratio.max(axis=-1), ratio.argmax(axis=-1) + 1
-    if limits.path_jerk is not None:
-        ratio = np.abs(sampled.motion[2]) / limits.path_jerk
-        peaks["path jerk"] = ratio, np.zeros(ratio.shape, dtype=int)
     return peaks
 
 
@@ -346,7 +336,7 @@ def differences(planned: ac.Trajectory, limits: ac.Limits) -> list[str]:
 # Limits of the tool, with arms of random paths; a tool that uses less than LEAST has no limit.
 ARMS = ("ur5e", "pmk3s")
 # Limits of the tool, and what they are of the speed of a joint or less at the path's size.
-TOOL = ("speed", "tool_acceleration", "centripetal_acceleration", "tool_jerk", "path_jerk")
+TOOL = ("speed", "tool_acceleration", "centripetal_acceleration")
 ANGULAR = ("angular_speed", "angular_acceleration")
 CHANCE = 0.35
 LEAST = 1e-6
@@ -485,20 +475,16 @@ class Tool:
         self.shape = q[0].shape[:2]
         self.q = q[0].reshape(-1, arm.dof)
         self.point, self.rotation = series(arm, *(x.reshape(-1, arm.dof) for x in q))
-        self.ds, self.dds, self.ddds = (x.reshape(-1, 1) for x in sampled.motion)
+        self.ds, self.dds, _ = (x.reshape(-1, 1) for x in sampled.motion)
 
     def used(self, name: str) -> np.ndarray:
         """What a limit of the tool bounds, (n, k)."""
-        ds, dds, ddds = self.ds, self.dds, self.ddds
-        _, x1, x2, x3 = self.point
-        if name == "path_jerk":
-            derivative = ddds
-        elif name == "speed":
+        ds, dds = self.ds, self.dds
+        _, x1, x2, _ = self.point
+        if name == "speed":
             derivative = x1 * ds
         elif name == "tool_acceleration":
             derivative = x2 * ds**2 + x1 * dds
-        elif name == "tool_jerk":
-            derivative = x3 * ds**3 + 3 * x2 * ds * dds + x1 * ddds
         elif name == "centripetal_acceleration":
             length = np.sum(x1 * x1, axis=1, keepdims=True)
             derivative = (x2 - np.sum(x1 * x2, axis=1, keepdims=True) / length * x1) * ds**2

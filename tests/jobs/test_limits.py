@@ -103,7 +103,7 @@ def test_a_job_and_python_have_the_same_plan(name):
 @pytest.mark.parametrize("lift", ["inf", ".inf", "none"])
 def test_infinity_lifts_a_limit_in_jobs_and_in_python(lift):
     arm = ac.load_arm("panda")
-    for name in sorted({*JOINT_LIMITS, *JOINT_RANGE, *TOOL_LIMITS} - {"tool_jerk", "path_jerk"}):
+    for name in sorted({*JOINT_LIMITS, *JOINT_RANGE, *TOOL_LIMITS}):
         (of_job,) = (x.limits for x in job_of("panda", {name: lift}).runs)
         of_call = resolve_limits("a test", arm, ac.Limits(**{name: math.inf}))
         for limits in (of_job, of_call, resolve_limits("again", arm, of_call)):
@@ -133,7 +133,7 @@ def test_lifted_limits_stay_lifted_and_are_shown_and_given_ones_are_not_lifted()
     arm = ac.load_arm("ur5e")
     for part, names in (
         (limits.of_joints, TOOL_LIMITS),
-        (limits.without_jerk, ("joint_jerk", "tool_jerk", "path_jerk")),
+        (limits.without_jerk, ("joint_jerk",)),
         (limits.of_tool, (*JOINT_LIMITS, *JOINT_RANGE)),
     ):
         resolved = resolve_limits("a test", arm, part)

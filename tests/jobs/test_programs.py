@@ -96,17 +96,6 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape):
         assert (planned(dataclasses.replace(case, process=shorter))[2][i] < 0.05 * (1 - 1e-4)).all()
 
 
-def test_automatic_leads_reach_an_assigned_velocity_that_is_little_more_than_half_of_them_reach():
-    # Under a limit of jerk, the last doubling gives less than it must give where it falls short.
-    limits = LIMITS.replace(speed=0.025, path_jerk=0.5)
-    half, done = (
-        planned(job(Process(lead_in=Lead(length=x)), Contour(path=BEND), limits=limits))[2][0][0]
-        for x in (0.004, None)
-    )
-    assert 0.025 / 1.05 < half < 0.025 * (1 - 1e-3)
-    assert done == pytest.approx(0.025, rel=1e-3)
-
-
 def test_automatic_leads_of_a_pierced_contour_are_found_without_the_way_down():
     line = Path.polyline([(0.40, 0.15, 0.1), (0.46, 0.15, 0.1)]).pointing([0, 0, -1])
     arm, height, lengths = ac.load_arm("ur5e"), 2e-3, []

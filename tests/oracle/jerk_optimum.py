@@ -61,19 +61,17 @@ class Bounds:
     velocity: np.ndarray
     acceleration: np.ndarray
     jerk: np.ndarray
-    path_jerk: float = np.inf
     square: Squares = field(default=_no_square)
 
     @classmethod
     def of(cls, limits: ac.Limits, dof: int, square: Squares = _no_square) -> Bounds:
-        """The limits of the joints and of the path's jerk."""
+        """The limits of the joints."""
         names = ("velocity", "acceleration", "jerk")
         bounds = {}
         for name in names:
             limit = getattr(limits, f"joint_{name}")
             bounds[name] = np.broadcast_to(np.inf if limit is None else limit, (dof,))
-        jerk = np.inf if limits.path_jerk is None else limits.path_jerk
-        return cls(**bounds, path_jerk=jerk, square=square)
+        return cls(**bounds, square=square)
 
 
 @dataclass(frozen=True)
@@ -174,7 +172,6 @@ def _ramp(bounds: Bounds, slope: np.ndarray, length: float) -> np.ndarray:
     slope = np.maximum(np.abs(slope), 1e-300)
     limits = bounds.velocity, bounds.acceleration, bounds.jerk
     speed, acceleration, jerk = (float((x / slope).min()) for x in limits)
-    jerk = min(jerk, bounds.path_jerk)
     last = min(acceleration / jerk, np.sqrt(speed / jerk), np.cbrt(6 * LONGEST * length / jerk))
     t = last * np.arange(REST, 1.0, REST * RAMP)
     return jerk * t**3 / 6
@@ -279,8 +276,6 @@ class _Program:
             if np.isfinite(bounds.jerk[j]):
                 jerk = q3[:, j] * a + 3 * q2[:, j] * dds + q1[:, j] * third
                 yield jerk * ca.sqrt(a) / bounds.jerk[j]
-        if np.isfinite(bounds.path_jerk):
-            yield third * ca.sqrt(a) / bounds.path_jerk
 
     def _ceiling(self) -> np.ndarray:
         """The largest ds² at the inner nodes: speeds, and the jerk at the rests."""
@@ -292,8 +287,9 @@ class _Program:
         for node, cell, s in ((0, 0, self.s[0]), (-1, -1, self.s[-1])):
             with np.errstate(divide="ignore"):
                 jerk = (self.bounds.jerk / np.abs(self.path(s, 1))).min()
-            jerk = min(float(jerk), self.bounds.path_jerk)
-            ceiling[node] = min(ceiling[node], (4.5 * jerk * self.width[cell] ** 2) ** (2 / 3))
+            ceiling[node] = min(
+                ceiling[node], (4.5 * float(jerk) * self.width[cell] ** 2) ** (2 / 3)
+            )
         return ceiling
 
 

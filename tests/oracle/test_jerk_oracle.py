@@ -40,7 +40,7 @@ def test_a_plan_is_as_fast_as_the_oracle():
     pytest.importorskip("casadi")
     way = np.random.default_rng(7).uniform(-1.5, 1.5, (5, 2))
     bounds = {"joint_velocity": [2.0, 3.0], "joint_acceleration": [5.0, 8.0]}
-    limits = ac.Limits(**bounds, joint_jerk=[60.0, np.inf], path_jerk=20.0)
+    limits = ac.Limits(**bounds, joint_jerk=[60.0, np.inf])
     path = not_a_knot(way)
     oracle = solve(path, Bounds.of(limits, 2), (80, 250)).duration
     assert -NEAR < ac.plan(path, limits=limits).duration / oracle - 1 < NEAR

@@ -8,8 +8,7 @@ import pytest
 import armcontour as ac
 from armcontour.motion import Method, PathLaw, Rates
 from armcontour.planning import PlanOptions, explain
-from armcontour.planning.constraints import IntervalEnds, SecondOrder
-from armcontour.planning.path_grid import grid_through
+from armcontour.planning.constraints import SecondOrder
 
 SPEED, ACCELERATION = 0.1, 0.2  # m/s, m/s²
 
@@ -119,21 +118,6 @@ def test_jerk_is_named_where_it_binds():
     # Next to rests jerk is uniform, and here far below its limit.
     shares = [x.share for x in explanation.bindings[:2]]
     assert shares == pytest.approx([JERK / middle, 1], abs=1e-12)
-
-
-def test_the_tools_jerk_is_the_largest_along_an_interval(arm):
-    law = smooth_law([(0.0, 0.0), (1.0, 0.0)])
-    ends = IntervalEnds(arm, law, grid_through(law.joint_path, law.s))
-    limits = ac.Limits.only(tool_jerk=1, path_jerk=1)
-    tool, along = (ends.largest_use(x, limits)[:, 0] for x in ("tool_jerk", "path_jerk"))
-    np.testing.assert_allclose(along[[0, 2]], JERK, rtol=1e-6)
-    planned = ac.Trajectory(laws=(law,), method=Method.OPTIMAL)
-    for k in range(3):
-        t = np.linspace(*law.breaks[k : k + 2], 201)[1:-1]
-        dq, ddq, dddq = (planned(t, order)[:, 0] for order in (1, 2, 3))
-        # The stretched arm turns on a circle.
-        jerk = (arm.link1 + arm.link2) * np.hypot(dddq - dq**3, 3 * dq * ddq)
-        assert tool[k] == pytest.approx(jerk.max(), rel=0.02)
 
 
 def test_plans_with_limits_of_jerk_are_covered():
@@ -286,11 +270,10 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
         # The arm's limits hold no assigned velocity, which the method needs.
         rows.append((rounded, None, options, ac.InvalidInput, {}))
         rows.append((spline, limits, options, ac.InvalidInput, {}))
-        for name in ("joint_jerk", "tool_jerk", "path_jerk"):
-            jerk = limits.replace(**{name: 10.0})
-            rows.append((traced, jerk, options, ac.NotRealizable, {"limit": name}))
+        jerk = limits.replace(joint_jerk=10.0)
+        rows.append((traced, jerk, options, ac.NotRealizable, {"limit": "joint_jerk"}))
     # Along a shaped path accelerations jump.
-    jerk, shaped = limits.replace(joint_jerk=10.0, tool_jerk=5.0), ac.Shaped(tolerance=1e-3)
+    jerk, shaped = limits.replace(joint_jerk=10.0), ac.Shaped(tolerance=1e-3)
     data = {"limit": "joint_jerk"}
     rows.append((objective, jerk, shaped, ac.NotRealizable, data))
     refuses(lambda: ac.shape(objective, arm, jerk, shaped), ac.NotRealizable, **data)
@@ -304,7 +287,7 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
 def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
     slow = limits.replace(speed=0.04)
     endless = slow.replace(joint_jerk=[np.inf, np.inf])
-    assert endless.jerk_limits == ()
+    assert not endless.limits_jerk
     durations = [ac.plan(traced, arm, x, ac.Paper(knots=50)).duration for x in (slow, endless)]
     assert durations[0] == durations[1]
 

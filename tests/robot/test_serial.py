@@ -356,12 +356,10 @@ def test_limits_are_replaced_added_lifted_and_spread_over_joints():
 def test_jerk_is_limited_where_it_is_finite():
     for endless in (np.inf, [np.inf, np.inf]):
         limits = ac.Limits(joint_jerk=endless)
-        assert limits.jerk_limits == () and limits.lifted == {"joint_jerk"}
+        assert not limits.limits_jerk and limits.lifted == {"joint_jerk"}
         assert limits.for_joints(2).joint_jerk is None
-    some = ac.Limits(joint_jerk=[np.inf, 5.0], path_jerk=1.0)
-    assert some.jerk_limits == ("joint_jerk", "path_jerk")
-    assert some.of_joints.jerk_limits == ("joint_jerk",)
-    assert some.of_tool.jerk_limits == ("path_jerk",)
+    some = ac.Limits(joint_jerk=[np.inf, 5.0])
+    assert some.limits_jerk and some.of_joints.limits_jerk and not some.of_tool.limits_jerk
     np.testing.assert_array_equal(some.for_joints(2).joint_jerk, [np.inf, 5.0])
 
 

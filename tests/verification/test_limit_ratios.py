@@ -15,7 +15,6 @@ LIMITS = ac.Limits.only(
     speed=0.15,
     tool_acceleration=0.4,
     centripetal_acceleration=0.09,
-    path_jerk=1e3,
 )
 PATH = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30)])
 
@@ -42,7 +41,6 @@ def dense(plan, places):
         "speed": speed.max() / 0.15,
         "tool_acceleration": np.hypot(*a.T).max() / 0.4,
         "centripetal_acceleration": across.max() / 0.09,
-        "path_jerk": np.abs(plan.s(t, 3)).max() / 1e3,
     }
 
 
@@ -58,7 +56,7 @@ def measured(plan, path, limits=LIMITS):
 @pytest.mark.parametrize(("method", "places"), [("optimal", 11), ("conventional", 200)])
 def test_they_are_those_of_denser_places(method, places):
     # Limits of jerk are not planned for, but counted.
-    task, options = LIMITS.replace(joint_jerk=np.inf, path_jerk=np.inf), ac.Optimal()
+    task, options = LIMITS.replace(joint_jerk=np.inf), ac.Optimal()
     path = ac.round_corners(PATH, tolerance=5e-3)
     if method == "conventional":
         task, path, options = ac.Limits.only(speed=0.04), PATH, ac.Conventional()

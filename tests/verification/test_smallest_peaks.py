@@ -125,7 +125,7 @@ def test_positions_that_do_not_belong_to_velocities_are_found_for_joints_and_too
         dq=2 * np.pi * size * np.cos(angle),
         ddq=-((2 * np.pi) ** 2) * size * np.sin(angle),
     )
-    names = {"joint_acceleration": 10.0, "joint_jerk": 400.0, "tool_jerk": 100.0}
+    names = {"joint_acceleration": 10.0, "joint_jerk": 400.0}
     allowed = {**names, "tool_acceleration": 6.0}
     for name, limit in allowed.items():
         assert ac.check(log, arm, ac.Limits.only(**{name: limit})).verdict == "kept", name

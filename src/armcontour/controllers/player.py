@@ -51,7 +51,7 @@ ATTEMPTS = 3
 POWERS = {
     "speed": 1, "joint_velocity": 1, "angular_speed": 1,
     "joint_acceleration": 2, "tool_acceleration": 2, "centripetal_acceleration": 2,
-    "angular_acceleration": 2, "joint_jerk": 3, "tool_jerk": 3, "path_jerk": 3,
+    "angular_acceleration": 2, "joint_jerk": 3,
 }  # fmt: skip
 
 

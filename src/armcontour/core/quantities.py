@@ -183,7 +183,6 @@ AngularSpeedLimit = Annotated[float, Quantity("rad/s", "90 deg/s", "positive", e
 AngularAccelerationLimit = Annotated[
     float, Quantity("rad/s^2", "720 deg/s^2", "positive", endless=True)
 ]
-JerkLimit = Annotated[float, Quantity("m/s^3", "40 m/s^3", "positive", endless=True)]
 JointArmatures = Annotated[FloatArray, Quantity("kg m^2", "0.1 kg m^2", "not negative")]
 ViscousFrictions = Annotated[FloatArray, Quantity("N m s/rad", "8 N m s/rad", "not negative")]
 CoulombFrictions = Annotated[FloatArray, Quantity("N m", "6 N m", "not negative")]

@@ -21,7 +21,6 @@ from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
 from armcontour.jobs import CertificateGoal
 from armcontour.program import Event, Lead, Process
-from armcontour.robot import Limits
 from armcontour.robot.chain import Payload
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation.robustness.uncertainty import Uncertainty
@@ -87,7 +86,6 @@ KEY_OVERRIDES: dict[type, KeyOverrides] = {
         },
     ),
     CertificateGoal: KeyOverrides(omit=frozenset({"samples", "seed", "slowest"})),
-    Limits: KeyOverrides(omit=frozenset({"tool_jerk", "path_jerk"})),
     PlantModel: KeyOverrides(
         omit=frozenset(
             {"model_error", "logged_velocity", "logged_acceleration", "contour_ratio", "programs"}

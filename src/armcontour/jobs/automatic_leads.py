@@ -56,7 +56,7 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
         order="drawn",
         by_layer={layer: {**given, **unled} for layer, given in process.by_layer.items()},
     )
-    gain = LEAST_GAIN if run.limits.jerk_limits else SAME_SPEED
+    gain = LEAST_GAIN if run.limits.limits_jerk else SAME_SPEED
     leads = []
     contours = prepare(arrange_contours(job.program, process), plain).contours
     if isinstance(job.arm, PlanarTwoLink) and job.configuration is None:

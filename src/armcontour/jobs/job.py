@@ -237,7 +237,7 @@ class Run(Checked):
         """Continuity of rounded corners; None if corners are not rounded with arcs."""
         if self.rounding is None or self.rounding.free:
             return None
-        return self.rounding.continuity or (CURVATURE if self.limits.jerk_limits else TANGENT)
+        return self.rounding.continuity or (CURVATURE if self.limits.limits_jerk else TANGENT)
 
     @property
     def transition_tolerance(self) -> float:

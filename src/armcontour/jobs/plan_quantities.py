@@ -33,7 +33,7 @@ def jerk_stops(
     program: Program, traced: Tracing | None, trajectory: Trajectory, run: Run
 ) -> tuple[JerkStop, ...]:
     """Full stops inside contours that jerk limits require, in path order."""
-    if traced is None or not run.limits.jerk_limits:
+    if traced is None or not run.limits.limits_jerk:
         return ()
     stops = []
     for i, (contour, span) in enumerate(

@@ -51,7 +51,7 @@ NAMES = {
     "tool_acceleration": "tool acceleration",
     "angular_speed": "angular speed",
     "angular_acceleration": "angular acceleration",
-    **{"joint_jerk": "jerk", "tool_jerk": "tool jerk", "path_jerk": "path jerk"},
+    "joint_jerk": "jerk",
 }
 # Fields of `_LawExplanation` that are summed over contours: lengths and times.
 SUMMED = ("with_assigned", "reached")
@@ -274,7 +274,7 @@ def explain(
     bounds = resolve_limits("explain", arm, limits, reduced)
     constraints = checks.check_sequence("constraints", constraints, Constraint, "Constraints")
     laws: list[tuple[float, float, PathLaw]] = []
-    stops = find_jerk_stops(trajectory).tolist() if bounds.jerk_limits else ()
+    stops = find_jerk_stops(trajectory).tolist() if bounds.limits_jerk else ()
     for x in trajectory.contour_spans:
         # Only laws of the methods "optimal" and "shaped" have the grid intervals of the limits.
         law = None if x.trajectory is None else x.trajectory.laws[0]
@@ -348,7 +348,7 @@ def _explain_law(
         used.append(constraint.usage(ends) * free[:, None])
         names += constraint.names
     shares = np.concatenate(used, axis=1)
-    limit_index = _find_active(shares, ACTIVE_WITH_JERK if bounds.jerk_limits else ACTIVE)
+    limit_index = _find_active(shares, ACTIVE_WITH_JERK if bounds.limits_jerk else ACTIVE)
     shortfalls = _shortfalls(law, assigned, reached, limit_index, names)
     return _LawExplanation(
         _bindings(law, shares.max(axis=1), limit_index, names, offsets),

@@ -33,7 +33,7 @@ from armcontour.planning.constraints import (
     limits_on,
 )
 from armcontour.planning.law_checks import END, START, raise_too_fast
-from armcontour.planning.options import FASTEST, JerkLimits, Optimal, Task
+from armcontour.planning.options import FASTEST, Optimal, Task
 from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
     Grid,
@@ -48,7 +48,7 @@ from armcontour.planning.topp.limit_forms import GridLimits
 from armcontour.planning.topp.losses import estimate_losses
 from armcontour.planning.vanishing import reparametrize, rests_at_breaks
 from armcontour.robot import Arm, Limits
-from armcontour.robot.limits import TOOL_LIMITS
+from armcontour.robot.limits import TOOL_LIMITS, or_unlimited
 
 # The grid is refined while the margin for maxima inside intervals exceeds the share LARGEST_MARGIN
 # of a limit, at most MAX_REFINEMENTS times. The share grows by the factor MARGIN_GROWTH with each
@@ -84,8 +84,8 @@ def plan_optimal(
     free_ends = options.start_speed == 0, options.end_speed == 0
     reparametrized, new_breaks = reparametrize(joint_path, free_ends)
     at_rest = joint_path.breaks[:0]
-    if constraints or limits.path_jerk is not None:
-        # Constraints and path jerk are functions of s, so the parameter s must not be replaced.
+    if constraints:
+        # Constraints are functions of s, so the parameter s must not be replaced.
         at_rest = (
             at_rest
             if reparametrized is joint_path
@@ -103,17 +103,15 @@ def plan_optimal(
     else:
         grid = grid_through(joint_path, points)
     active = [*constraints_of(joint_path, arm, limits), *constraints]
-    jerk = JerkLimits.from_limits(limits, joint_path.dof)
+    jerk = np.broadcast_to(or_unlimited(limits.joint_jerk, joint_path.dof), (joint_path.dof,))
     ends = options.start_speed, options.end_speed
     try:
         law = time_optimal(grid, active, arm, *ends, loss)
-        if jerk is not None:
+        if np.isfinite(jerk).any():
             # Imported on demand, because most plans have no limits of jerk.
             from armcontour.planning.jerk.limiter import limit_jerk
 
-            law = limit_jerk(
-                law, Task(arm, tuple(active), jerk, *ends, intervals, options.iterations)
-            )
+            law = limit_jerk(law, Task(tuple(active), jerk, *ends, intervals, options.iterations))
     except NotRealizable as error:
         if error.limit not in (START, END) and len(at_rest):
             _refuse_standing(float(at_rest[0]))
@@ -155,7 +153,7 @@ def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,)."""
     path, breaks = joint_path.tool_path, joint_path.breaks
     if path is None:
-        tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
+        tool = [x for x in TOOL_LIMITS if getattr(limits, x) is not None]
         if tool:
             raise InvalidInput(
                 "Limits of the tool need a tool path, but this joint path has none: plan a Path "

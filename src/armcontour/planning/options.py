@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-import numpy as np
-
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
@@ -26,8 +24,6 @@ from armcontour.core.render import number
 from armcontour.motion import DEFAULT_CYCLE, JointPath, Method, check_cycle
 from armcontour.planning.constraints import Constraint
 from armcontour.planning.path_grid import FEWEST_PER_PIECE, MAX_INTERVALS
-from armcontour.robot import Arm, Limits
-from armcontour.robot.limits import or_unlimited
 
 # Largest duration [s], about eleven days. Longer durations are mistakes, and times are rounded to a
 # nanosecond.
@@ -198,32 +194,11 @@ METHODS: dict[str, type[PlanOptions]] = {x.method.value: x for x in (Optimal, Pa
 
 
 @dataclass(frozen=True, slots=True)
-class JerkLimits:
-    """Limits of jerk; infinite if not limited."""
-
-    joint: FloatArray  # Joint jerk [rad/s³], (dof,)
-    path: float  # Third time derivative of the arc length [m/s³]
-    tool: float  # Tool jerk [m/s³]
-
-    @classmethod
-    def from_limits(cls, limits: Limits, dof: int) -> JerkLimits | None:
-        """Select the limits of jerk; None if jerk is not limited."""
-        if limits.joint_jerk is None and limits.path_jerk is None and limits.tool_jerk is None:
-            return None
-        joint = or_unlimited(limits.joint_jerk, dof)
-        path, tool = (np.inf if x is None else x for x in (limits.path_jerk, limits.tool_jerk))
-        if not (np.isfinite(joint).any() or np.isfinite([path, tool]).any()):
-            return None
-        return cls(np.broadcast_to(joint, (dof,)), float(path), float(tool))
-
-
-@dataclass(frozen=True, slots=True)
 class Task:
     """Planning problem with limits of jerk."""
 
-    arm: Arm
     active: tuple[Constraint, ...]  # The constraints of the planner without jerk
-    jerk: JerkLimits
+    jerk: FloatArray  # Limits of joint jerk, infinite without a limit [rad/s³], (dof,)
     start_speed: float = 0.0  # Path speed at the start [m/s]
     end_speed: float = 0.0  # Path speed at the end [m/s]
     cells: int | None = None  # Approximate number of cells; None for the default

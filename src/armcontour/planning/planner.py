@@ -124,7 +124,7 @@ def plan(
         bounds, options.reserve, None if isinstance(arm, _JointSpace) else arm
     )
 
-    if not isinstance(path, Tracing) and bounds.jerk_limits:
+    if not isinstance(path, Tracing) and bounds.limits_jerk:
         _warn_of_stops(trajectory)
     return trajectory
 

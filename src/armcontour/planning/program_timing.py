@@ -243,25 +243,23 @@ class JoinedMoves:
 
 
 def check_jerk_support(method: Method, limits: Limits) -> None:
-    """Raise NotRealizable if the method does not support the given limits of jerk."""
-    limited = limits.jerk_limits
-    if not limited or method == Method.OPTIMAL:
+    """Raise NotRealizable if the method does not support the given limit of jerk."""
+    if not limits.limits_jerk or method == Method.OPTIMAL:
         return
-    names = " and ".join(limited)
     lift = (
-        f"lift {names} with limits.replace({', '.join(f'{x}=math.inf' for x in limited)}) (in a "
-        f"job, limits: {{{', '.join(f'{x}: inf' for x in limited)}}})"
+        "lift joint_jerk with limits.replace(joint_jerk=math.inf) (in a job, "
+        "limits: {joint_jerk: inf})"
     )
     if method == Method.SHAPED:
         raise NotRealizable(
-            f"Accelerations jump along a shaped path, where {names} would stop the tool: round "
+            f"Accelerations jump along a shaped path, where joint_jerk would stop the tool: round "
             'corners with continuity="curvature" and plan by the method optimal (in a job, '
             f"corners: {{shape: arc}}, whose curvature is continuous if jerk is limited), or "
             f"{lift}.",
-            limit=limited[0],
+            limit="joint_jerk",
         )
     raise NotRealizable(
-        f"The method {method} does not support limits of jerk, but {names} is given: plan by the "
-        f"method optimal (in a job, timing: {{method: optimal}}), or {lift}.",
-        limit=limited[0],
+        f"The method {method} does not support limits of jerk, but joint_jerk is given: plan by "
+        f"the method optimal (in a job, timing: {{method: optimal}}), or {lift}.",
+        limit="joint_jerk",
     )

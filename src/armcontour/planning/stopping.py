@@ -81,7 +81,7 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     joint_path = _path_over_time(trajectory, t, rest)
     inner = trajectory.smooth_breaks
     jumps = inner[(inner > t) & (inner < rest)] - t
-    find = partial(_smooth_stop, jumps) if limits.jerk_limits else _fastest_stop
+    find = partial(_smooth_stop, jumps) if limits.limits_jerk else _fastest_stop
     # A part of the reserve is used first, then all of it.
     for reserve in sorted({max(trajectory.reserve - MARGIN, 0.0), 0.0}, reverse=True):
         found = find(joint_path, arm, with_reserve(limits, reserve))

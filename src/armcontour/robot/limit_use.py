@@ -301,7 +301,6 @@ QUANTITIES: dict[str, tuple[int, Callable[[States], Bounded]]] = {
         lambda x: _vector(x, angular(require_orientation(x.arm).tool_twist_rate), 2),
     ),
     "joint_jerk": (3, lambda x: _joints(x, 3)),
-    "tool_jerk": (3, lambda x: _vector(x, x.arm.tool_jerk, 3)),
     "joint_velocity": (1, lambda x: _joints(x, 1)),
     "joint_acceleration": (2, lambda x: _joints(x, 2)),
     "speed": (1, lambda x: _tool_motion(x, 1)),

@@ -22,7 +22,6 @@ from armcontour.core.quantities import (
     AngularSpeedLimit,
     AtLeast,
     Choice,
-    JerkLimit,
     JointAccelerations,
     JointJerks,
     JointRanges,
@@ -35,8 +34,6 @@ from armcontour.core.text import digits, format_table, short_repr, to_html
 JOINT_RANGE = ("joint_lower", "joint_upper")
 # Limits of joints that may differ between the two directions.
 DIRECTED = ("joint_velocity", "joint_acceleration")
-# Limits of jerk, which only the method `optimal` satisfies.
-JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
 
 
 @checks.explain_calls
@@ -65,8 +62,6 @@ class Limits(Checked):
         centripetal_acceleration: Largest tool acceleration normal to the motion [m/s²].
         angular_speed: Largest angular speed of the tool [rad/s].
         angular_acceleration: Largest norm of the angular acceleration of the tool [rad/s²].
-        tool_jerk: Largest norm of the tool jerk [m/s³].
-        path_jerk: Largest absolute third derivative of arc length by time [m/s³].
 
     Attributes:
         lifted: Names of the limits that are lifted.
@@ -86,8 +81,6 @@ class Limits(Checked):
     centripetal_acceleration: Annotated[AccelerationLimit | None, About(usual=(1e-2, 20.0))] = None
     angular_speed: AngularSpeedLimit | None = None
     angular_acceleration: AngularAccelerationLimit | None = None
-    tool_jerk: JerkLimit | None = None
-    path_jerk: JerkLimit | None = None
     lifted: frozenset[str] = field(default=frozenset(), init=False)
 
     def __post_init__(self) -> None:
@@ -206,15 +199,14 @@ class Limits(Checked):
         return self._without(TOOL_LIMITS)
 
     @property
-    def jerk_limits(self) -> tuple[str, ...]:
-        """Names of the specified jerk limits, except those that are infinite for all joints."""
-        values = {x: getattr(self, x) for x in JERK_LIMITS}
-        return tuple(x for x, y in values.items() if y is not None and np.isfinite(y).any())
+    def limits_jerk(self) -> bool:
+        """True if the jerk of any joint is limited; only the method `optimal` satisfies it."""
+        return self.joint_jerk is not None and bool(np.isfinite(self.joint_jerk).any())
 
     @property
     def without_jerk(self) -> Limits:
-        """The limits with all jerk limits lifted."""
-        return self._without(JERK_LIMITS)
+        """The limits with the jerk limit lifted."""
+        return self._without(("joint_jerk",))
 
     @property
     def of_tool(self) -> Limits:

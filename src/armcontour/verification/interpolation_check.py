@@ -152,7 +152,7 @@ def check_interpolation(
         )
     bounds = resolve_limits("check_interpolation", arm, limits)
     commanded = _commands(curve, rate)
-    smooth = bounds.replace(joint_jerk=None, tool_jerk=None, path_jerk=None)
+    smooth = bounds.without_jerk
     uses = check(commanded, arm, smooth, path, tolerance=tolerance).uses
     times = _times(points)
     far = None

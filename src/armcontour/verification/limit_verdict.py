@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, cast
 
@@ -41,7 +41,6 @@ COARSE = 1e-2
 UNITS = LIMIT_UNITS | {
     **{"path_deviation": "m", "coverage_error": "m", "orientation_deviation": "rad"},
     **{"position_step": "rad", "velocity_step": "rad/s", "acceleration_step": "rad/s²"},
-    **{"tool_acceleration_step": "m/s²", "path_acceleration_step": "m/s²"},
 }
 
 # Number of times per batch.
@@ -49,12 +48,6 @@ CHUNK = 200_000
 # The acceleration may jump at a break by the jerk limit times this time [s]. No controller resolves
 # this time, and jumps due to rounding are smaller.
 AT_ONCE = 1e-5
-# Jerk limits, each with the name of the acceleration jump at breaks that violates the limit.
-JUMPS = {
-    "joint_jerk": "acceleration_step",
-    "tool_jerk": "tool_acceleration_step",
-    "path_jerk": "path_acceleration_step",
-}
 ORDERS = ("positions", "velocities", "accelerations", "jerks")
 # Permitted jump of joint positions at a break [rad], which is due to rounding only.
 POSITION_STEP = 1e-9
@@ -314,7 +307,7 @@ def record_law(
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must be at least two increasing times.")
     random = np.random.default_rng(seed)
-    jerks = checkable_jerk_limits(law, tally.limits, breaks[:1])
+    jerk = has_checkable_jerk(law, tally.limits, breaks[:1])
     size = max(1, CHUNK // (points + 2))
     count = 0
     for first in range(0, len(breaks) - 1, size):
@@ -322,14 +315,14 @@ def record_law(
         inner = ends[:-1, None] + random.random((len(ends) - 1, points)) * np.diff(ends)[:, None]
         right = np.concatenate([ends[:-1], inner.ravel()])
         left_times = ends[1:]
-        t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left_times, jerks)
+        t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left_times, jerk)
         count += len(t)
         for use in uses:
             tally.record(use, t, q)
         tally.record_pose(t, q, np.zeros(tally.arm.dof))
-        _record_acceleration_steps(
-            law, ends if first == 0 else left_times, tally, jerks, (breaks[0], breaks[-1])
-        )
+        if jerk:
+            at = ends if first == 0 else left_times
+            _record_acceleration_steps(law, at, tally, (breaks[0], breaks[-1]))
         _record_steps(
             law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
         )
@@ -342,13 +335,13 @@ def uses_of_law(
     limits: Limits,
     right_times: FloatArray,
     left_times: FloatArray,
-    jerks: Collection[str],
+    jerk: bool,
 ) -> tuple[FloatArray, FloatArray, list[Use]]:
     """Times (n + m,), joint positions (n + m, dof), and use of limits by a law at these times."""
     # At a break, the law has the value after the break for right_times [s], (n,), and the value
-    # before it for left_times [s], (m,). The third derivative of the joints is evaluated only if
-    # jerk of joints or tool is checked.
-    order = 3 if set(jerks) - {"path_jerk"} else 2
+    # before it for left_times [s], (m,). The third derivative is evaluated only if
+    # joint jerk is checked.
+    order = 3 if jerk else 2
     t = np.concatenate([right_times, left_times])
     if isinstance(law, Trajectory):
         # `motion` evaluates all derivatives at once.
@@ -370,12 +363,7 @@ def uses_of_law(
             time = float(t[~np.isfinite(values).all(axis=1)][0])
             raise InvalidInput(f"The law's {name} are not finite at t = {time:.9g} s.", t=time)
         columns.append(values)
-    uses = list(States(arm, columns).uses(limits))
-    if "path_jerk" in jerks:
-        along = cast("Any", law)
-        rate = np.concatenate([along.s(right_times, 3), along.s(left_times, 3, side="left")])
-        uses.append(use_of("path_jerk", limits, rate))
-    return t, columns[0], uses
+    return t, columns[0], list(States(arm, columns).uses(limits))
 
 
 def _record_steps(
@@ -395,52 +383,27 @@ def _record_steps(
 
 
 def _record_acceleration_steps(
-    law: TimeLaw,
-    t: FloatArray,
-    tally: LimitUseAccumulator,
-    names: Collection[str],
-    ends: tuple[float, float],
+    law: TimeLaw, t: FloatArray, tally: LimitUseAccumulator, ends: tuple[float, float]
 ) -> None:
     """Record the jumps of accelerations at breaks, which the jerk on both sides does not show."""
     # Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
-    if not names:
-        return
-    q = law(t)
     resting = np.abs(law(t, 1)).max(axis=1) <= STILL
-    for name in names:
-        before, after = (_accelerations(law, t, tally, name, side) for side in ("left", "right"))
-        before[resting & (t == ends[0])] = 0.0
-        after[resting & (t == ends[1])] = 0.0
-        jump = np.abs(after - before)
-        size = jump if name == "joint_jerk" else np.linalg.norm(jump, axis=1)
-        tally.record(Use(JUMPS[name], size, AT_ONCE * getattr(tally.limits, name)), t, q)
+    before, after = (np.array(law(t, 2, side=side)) for side in ("left", "right"))
+    before[resting & (t == ends[0])] = 0.0
+    after[resting & (t == ends[1])] = 0.0
+    allowed = AT_ONCE * cast("FloatArray", tally.limits.joint_jerk)
+    tally.record(Use("acceleration_step", np.abs(after - before), allowed), t, law(t))
 
 
-def _accelerations(
-    law: TimeLaw, t: FloatArray, tally: LimitUseAccumulator, name: str, side: str
-) -> FloatArray:
-    """Accelerations whose rate a jerk limit bounds, on one side of the times t, (n, columns)."""
-    if name == "path_jerk":
-        return np.array(cast("Any", law).s(t, 2, side=side))[:, None]
-    q, dq, ddq = (law(t, order, side=side) for order in range(3))
-    return np.array(ddq if name == "joint_jerk" else tally.arm.tool_acceleration(q, dq, ddq))
-
-
-def checkable_jerk_limits(law: TimeLaw, limits: Limits, start: FloatArray) -> tuple[str, ...]:
-    """Limits of jerk that can be checked for a law that begins at `start` [s], (1,)."""
-
-    def is_known(along: bool) -> bool:
-        # Without a tool path, s of a law is an arbitrary parameter.
-        if along and getattr(law, "path", None) is None:
-            return False
-        try:
-            _ = cast("Any", law).s(start, 3) if along else law(start, 3)
-        except (InvalidInput, ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
-            return False
-        return True
-
-    limited = (x for x in JUMPS if getattr(limits, x) is not None)
-    return tuple(x for x in limited if is_known(x == "path_jerk"))
+def has_checkable_jerk(law: TimeLaw, limits: Limits, start: FloatArray) -> bool:
+    """True if joint jerk is limited, and known for a law that begins at `start` [s], (1,)."""
+    if limits.joint_jerk is None:
+        return False
+    try:
+        law(start, 3)
+    except (InvalidInput, ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        return False
+    return True
 
 
 def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
@@ -466,7 +429,7 @@ def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory,
 
 def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     """Largest ratio of each limit in a motion, by name of the limit."""
-    breaks, jerks = motion.smooth_breaks, checkable_jerk_limits(motion, limits, motion.starts[:1])
+    breaks, jerk = motion.smooth_breaks, has_checkable_jerk(motion, limits, motion.starts[:1])
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
     count = max(MIN_PER_INTERVAL, few, min(MAX_PER_INTERVAL, enough))
     part, size = np.linspace(0.0, 1.0, count)[:, None], max(1, CHUNK // count)
@@ -475,7 +438,7 @@ def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, f
         ends = breaks[first : first + size + 1]
         t = ends[:-1] + part * np.diff(ends)
         t[-1] = ends[1:]
-        for use in uses_of_law(motion, arm, limits, t[:-1].ravel(), t[-1], jerks)[-1]:
+        for use in uses_of_law(motion, arm, limits, t[:-1].ravel(), t[-1], jerk)[-1]:
             name, ratio = use.name, use.ratio.reshape(*t.shape, -1)
             largest = max(best.get(name, -np.inf), float(ratio.max()))
             # Both ends of a joint range determine its middle.
@@ -507,7 +470,7 @@ def _peaks(
         return np.zeros(0)
 
     def measure(t: FloatArray) -> FloatArray:
-        *_, uses = uses_of_law(motion, arm, only, t.ravel(), t[0, :0], only.jerk_limits)
+        *_, uses = uses_of_law(motion, arm, only, t.ravel(), t[0, :0], only.limits_jerk)
         values = next(x.ratio for x in uses if x.name == name).reshape(*t.shape, -1)
         return np.take_along_axis(values, column[:, None, None], axis=2)[..., 0]
 

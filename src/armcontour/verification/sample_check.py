@@ -89,7 +89,7 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
         _record_angular_speed(log, tally, tally.arm.pose(log.q)[1])
     if log.dq is not None:
         _record_peaks(log, tally, joints, ["joint_acceleration", "joint_jerk"])
-        _record_peaks(log, tally, tool, ["tool_acceleration", "tool_jerk"])
+        _record_peaks(log, tally, tool, ["tool_acceleration"])
     if log.dq is None or log.ddq is None:
         _record_centripetal(log, tally, tool)
     if tally.path is not None:
@@ -110,8 +110,8 @@ def _mean_rows(
 ) -> tuple[list[tuple[str, Column, int]], list[Column], list[Column]]:
     """Rates to check (limit, column, difference order); columns of the joints and of the tool."""
     # Velocities follow from positions, accelerations from velocities if available, and jerks from
-    # the highest derivative. The columns of the tool are positions; velocities if joint velocities
-    # are known; and accelerations if joint accelerations are known, too, and tool jerk is limited.
+    # the highest derivative. The columns of the tool are positions, and velocities if joint
+    # velocities are known.
     arm = states.arm
     joints = {
         order: (x, np.tile(log.errors[order], (len(log.t), 1)))
@@ -121,8 +121,6 @@ def _mean_rows(
     bounds = [states.bounded(arm.tool_position, 0)]
     if log.dq is not None:
         bounds.append(states.bounded(arm.tool_velocity, 1))
-        if log.ddq is not None and limits.tool_jerk is not None:
-            bounds.append(states.bounded(arm.tool_acceleration, 2))
     tool = [(values, off[:, None]) for values, off in bounds]
     base, last = 0 if log.dq is None else 1, max(joints)
     rows = [
@@ -131,7 +129,6 @@ def _mean_rows(
         ("joint_jerk", joints[last], 3 - last),
         ("speed", tool[0], 1),
         ("tool_acceleration", tool[base], 2 - base),
-        ("tool_jerk", tool[-1], 4 - len(tool)),
     ]
     if base and limits.angular_acceleration is not None and isinstance(arm, SerialArm):
         rate, error = states.bounded(angular(arm.tool_twist), 1)
@@ -157,7 +154,7 @@ def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: li
     """Record mean tool accelerations normal to the motion."""
     from scipy.ndimage import maximum_filter1d
 
-    order = 3 - min(len(tool), 2)
+    order = 3 - len(tool)
     if tally.limits.centripetal_acceleration is None or len(log.t) <= order:
         return
     t, q = log.middles(order)
@@ -216,7 +213,7 @@ def _record_peaks(
         certain = _smallest_factor(least, (change, changed), span + time_error, low, high)
         bound = np.where(change < 0, low, high)
         tally.record_rates(name, t, factor * bound, q, (factor - certain) * np.abs(bound))
-    if getattr(limits, names[1]) is not None:
+    if of_joints and limits.joint_jerk is not None:
         stretch, moments = span / np.maximum(span - time_error, 1e-6 * span), list[Column]()
         parts = [ends[0][0], *(x for y in ends[1:] for x in y)]
         for (x, error), scale, order in zip(parts, (16, 4, 2), (3, 2, 1), strict=False):
@@ -227,7 +224,7 @@ def _record_peaks(
         # above the jerk of the recorded motion.
         tally.narrow = False
         jerk, error = _smallest_jerk(moments)
-        tally.record_rates(names[1], t, np.maximum(jerk, 0.0), q, error)
+        tally.record_rates("joint_jerk", t, np.maximum(jerk, 0.0), q, error)
         tally.narrow = True
 
 

@@ -172,8 +172,6 @@ class Check(Result):
         if self.not_judged:
             names = ", ".join(self.not_judged)
             yield f"Not judged, because a limit, masses or samples are missing: {names}."
-        if "path_jerk" in self.not_judged:
-            yield "Jerk along the path is checked only for plans: samples have no arc length."
         for end, speed in zip(("start", "end"), self.end_speeds, strict=True):
             if speed > AT_REST:
                 yield (

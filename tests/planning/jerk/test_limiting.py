@@ -86,12 +86,6 @@ def test_motion_rests_where_the_second_derivative_jumps():
     assert law.speeds[1:-1].min() > 0
     law = ac.plan(path, limits=limits.replace(joint_jerk=[50.0, 50.0])).laws[0]
     np.testing.assert_allclose(law.s[1:-1][law.speeds[1:-1] == 0], [0.5])
-    # The third derivative of s itself does not mind.
-    law = ac.plan(path, limits=limits.replace(joint_jerk=np.inf, path_jerk=50.0)).laws[0]
-    assert law.speeds[1:-1].min() > 0
-    middle = (law.breaks[:-1] + law.breaks[1:]) / 2
-    jerk = law.path_position(np.arange(len(middle)), middle, 3)
-    assert 40 < np.abs(jerk).max() <= 50 * (1 + 1e-9)
 
 
 def test_speeds_at_the_ends(refuses):
@@ -133,17 +127,6 @@ def test_torque_that_margins_bracket_leaves_room(ur5e):
     assert free < trajectory.duration < 1.05 * free
     used = ur5e.torque(*(trajectory(trajectory.breaks, k) for k in range(3)))
     assert np.max(np.abs(used) / torque) <= 1 + 1e-9
-
-
-def test_the_tool_stops_at_jumps_of_curvature_not_at_rounding_errors(ur5e):
-    # The last joint hardly moves: its second derivative jumps by large shares of very little.
-    points = [(0.36, -0.02, 0.39), (0.45, 0.03, 0.235), (0.27, -0.11, 0.29)]
-    limits = ur5e.limits.replace(speed=0.1, tool_jerk=1.0, joint_torque=np.inf)
-    for continuity, stops in (("curvature", 0), ("tangent", 2)):
-        path = ac.round_corners(ac.Path.polyline(points), tolerance=1e-3, continuity=continuity)
-        traced = ac.trace(path.pointing((0.0, 0.0, -1.0)), ur5e, limits=limits)
-        (law,) = ac.plan(traced, ur5e, limits, ac.Optimal(intervals=100)).laws
-        assert (law.rates.ds[1:] == 0).sum() == stops
 
 
 def test_a_tool_that_turns_in_a_small_corner_or_along_a_tiny_segment_may_start(ur5e):
@@ -225,20 +208,3 @@ def test_a_plan_warns_of_stops_that_limits_of_jerk_add(arm):
     with warnings.catch_warnings(action="error"):
         ac.plan(arcs, arm, limits.replace(joint_jerk=np.inf))
         ac.plan(ac.round_corners(path, tolerance=5e-3, continuity="curvature"), arm, limits)
-
-
-def test_path_jerk_limits_the_arc_length_of_the_tool_itself(ur5e):
-    corners = [(0.4, -0.1, 0.2), (0.5, -0.1, 0.2), (0.5, 0.1, 0.2), (0.4, 0.1, 0.25)]
-    path = ac.Path.polyline(corners).pointing((0.0, 0.0, -1.0))
-    path = ac.round_corners(path, tolerance=2e-3, continuity="curvature")
-    limits = ur5e.limits.replace(speed=0.5, path_jerk=1.0)
-    planned = ac.plan(path, ur5e, limits)
-    t = np.linspace(0, planned.duration, 20_001)[1:-1]
-    q, dq, ddq, dddq = (planned(t, order) for order in range(4))
-    velocity, acceleration = ur5e.tool_velocity(q, dq), ur5e.tool_acceleration(q, dq, ddq)
-    jerk = ur5e.tool_jerk(q, dq, ddq, dddq)
-    speed = np.linalg.norm(velocity, axis=1)
-    along = np.sum(acceleration * velocity, axis=1) / speed
-    across = np.sum(acceleration**2, axis=1) - along**2
-    third = (np.sum(jerk * velocity, axis=1) + across) / speed
-    assert 0.95 < np.abs(third).max() <= 1 + 1e-6

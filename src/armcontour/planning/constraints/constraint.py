@@ -36,8 +36,8 @@ from armcontour.planning.topp.limit_forms import (
 )
 from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm, Limits
-from armcontour.robot.limit_use import States, use_of
-from armcontour.robot.limits import JERK_LIMITS, UNITS
+from armcontour.robot.limit_use import States
+from armcontour.robot.limits import UNITS
 
 # Times of the samples of an interval as shares of its duration, (5, 1)
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
@@ -86,24 +86,16 @@ class IntervalEnds:
         t[-1] = breaks[1:]
         return np.tile(np.arange(len(self.grid)), len(t)), t.ravel()
 
-    @cached_property
-    def inside(self) -> States:
-        """Joint states, including jerks, at the samples `places`."""
-        return States(self.arm, self.law.motion(*self.places, 3))
-
     def largest_use(self, name: str, limits: Limits) -> FloatArray:
         """Largest used share of a limit on each interval, (n, dof); for the tool (n, 1)."""
         # The jerk `q''' ds³ + 3 q'' ds dds + q' s'''` can be largest inside an interval, so it is
         # sampled.
         n = len(self.grid)
-        if name not in JERK_LIMITS:
+        if name != "joint_jerk":
             ratio = self.states.use(name, limits).ratio.reshape(n, 2, -1)
             return np.asarray(ratio.max(axis=1))
-        use = (
-            use_of(name, limits, self.law.path_position(*self.places, 3))
-            if name == "path_jerk"
-            else self.inside.use(name, limits)
-        )
+        inside = States(self.arm, self.law.motion(*self.places, 3))
+        use = inside.use(name, limits)
         return np.asarray(use.ratio.reshape(len(INSIDE), n, -1).max(axis=0))
 
 

@@ -65,12 +65,8 @@ class JerkSection(NamedTuple):
     # Point of contact of the tangent of each part with a^(-1/2) [m²/s²], (m,); changed during
     # the search
     about: FloatArray
-    # Vector rows `|vector| <= radius - margin`, or `|vector| <= radius f - margin`, (m, o, 3, 3)
-    round: FloatArray
-    radius: FloatArray  # radius, margin: Radii and margins of the vector rows, (m, o)
-    margin: FloatArray
-    # Index of the control point f of each vector row; -1 for a fixed radius, (o,)
-    round_points: IntArray
+    round: FloatArray  # Vector rows `|vector| <= radius`, (m, o, 2, 3)
+    radius: FloatArray  # Radii of the vector rows, (m, o)
 
 
 class _Duals(NamedTuple):
@@ -145,29 +141,15 @@ def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
 
 
 @compiled(inner=True, inline="always")
-def _radius(p: JerkSection, c: int, r: int, tangents: FloatArray) -> Any:
-    """Radius of a vector row less its margin, with derivatives, (value, x, y, z)."""
-    k, radius = p.round_points[r], p.radius[c, r]
-    if k < 0:
-        return radius - p.margin[c, r], 0.0, 0.0, 0.0
-    value, x, y, z = tangents[k, 0], tangents[k, 1], tangents[k, 2], tangents[k, 3]
-    return radius * value - p.margin[c, r], radius * x, radius * y, radius * z
-
-
-@compiled(inner=True, inline="always")
 def _vector(p: JerkSection, c: int, r: int, i: int, d: FloatArray) -> Any:
-    return (
-        _axis_value(p.round, c, r, 0, i, d),
-        _axis_value(p.round, c, r, 1, i, d),
-        _axis_value(p.round, c, r, 2, i, d),
-    )
+    return _axis_value(p.round, c, r, 0, i, d), _axis_value(p.round, c, r, 1, i, d)
 
 
 @compiled(inner=True, inline="always")
 def _round_slack(bound: float, vector: Any) -> float:
     """Slack of the limit `|vector| <= bound`; -1 if the bound is not positive."""
-    x, y, z = vector
-    return bound - (x * x + y * y + z * z) / bound if bound > 0.0 else -1.0
+    x, y = vector
+    return bound - (x * x + y * y) / bound if bound > 0.0 else -1.0
 
 
 @compiled(inner=True)
@@ -188,8 +170,7 @@ def _write_slacks(
             slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
             smallest = min(smallest, slack.curved[c, r, 0], slack.curved[c, r, 1])
         for r in range(p.round.shape[1]):
-            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            slack.round[c, r] = _round_slack(radius[0], vector)
+            slack.round[c, r] = _round_slack(p.radius[c, r], _vector(p, c, r, i, d))
             smallest = min(smallest, slack.round[c, r])
     for i in range(n + 2):
         slack.positive[i] = d[i]
@@ -236,8 +217,7 @@ def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
             # The sum of both slacks is twice the bound.
             smallest = min(smallest, min(upper, lower) / max(abs(upper + lower) / 2, TINY))
         for r in range(p.round.shape[1]):
-            bound = abs(_radius(p, c, r, tangents)[0])
-            smallest = min(smallest, slack.round[c, r] / max(bound, TINY))
+            smallest = min(smallest, slack.round[c, r] / max(abs(p.radius[c, r]), TINY))
         shares[i] = smallest
     return shares
 
@@ -348,17 +328,11 @@ def _add_barriers(
                 )
                 h, g = _accumulate(h, g, row, dual.curved[c, r, side] * one, mu * one)
         for r in range(p.round.shape[1]):
-            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            bound, x, y, z = radius
+            bound, vector = p.radius[c, r], _vector(p, c, r, i, d)
             one, weight = 1.0 / slack.round[c, r], dual.round[c, r]
-            h, g = _accumulate(h, g, _round_slope(p, c, r, radius, vector), weight * one, mu * one)
-            for k in range(3):
-                share = vector[k] / bound
-                row = (
-                    p.round[c, r, k, 0] - share * x,
-                    p.round[c, r, k, 1] - share * y,
-                    p.round[c, r, k, 2] - share * z,
-                )
+            h, g = _accumulate(h, g, _round_slope(p, c, r, vector), weight * one, mu * one)
+            for k in range(2):
+                row = (p.round[c, r, k, 0], p.round[c, r, k, 1], p.round[c, r, k, 2])
                 h, g = _accumulate(h, g, row, 2.0 * weight / bound, 0.0)
         _add_cell(bands, right, i, h, g)
     for i in range(n + 2):
@@ -368,16 +342,13 @@ def _add_barriers(
 
 
 @compiled(inner=True, inline="always")
-def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> Any:
-    """Derivatives of the slack `bound - |vector|² / bound` of a vector row, (x, y, z)."""
-    bound, x, y, z = radius
-    u, v, w = vector[0] / bound, vector[1] / bound, vector[2] / bound
-    factor = 1.0 + u * u + v * v + w * w
-    rows = p.round
+def _round_slope(p: JerkSection, c: int, r: int, vector: Any) -> Any:
+    """Derivatives of the slack `radius - |vector|² / radius` of a vector row, (x, y, z)."""
+    u, v, rows = vector[0] / p.radius[c, r], vector[1] / p.radius[c, r], p.round
     return (
-        factor * x - 2.0 * (u * rows[c, r, 0, 0] + v * rows[c, r, 1, 0] + w * rows[c, r, 2, 0]),
-        factor * y - 2.0 * (u * rows[c, r, 0, 1] + v * rows[c, r, 1, 1] + w * rows[c, r, 2, 1]),
-        factor * z - 2.0 * (u * rows[c, r, 0, 2] + v * rows[c, r, 1, 2] + w * rows[c, r, 2, 2]),
+        -2.0 * (u * rows[c, r, 0, 0] + v * rows[c, r, 1, 0]),
+        -2.0 * (u * rows[c, r, 0, 1] + v * rows[c, r, 1, 1]),
+        -2.0 * (u * rows[c, r, 0, 2] + v * rows[c, r, 1, 2]),
     )
 
 
@@ -393,16 +364,15 @@ def _longest_steps(slack: float, dual: float, rise: float, change: float, reach:
 
 
 @compiled(inner=True, inline="always")
-def _longest_round_step(bound: float, rise: float, vector: Any, change: Any, slack: float) -> float:
+def _longest_round_step(bound: float, vector: Any, change: Any, slack: float) -> float:
     """Longest step that uses at most the share NEAREST_ROUND of the slack of a vector row."""
     # With the remaining slack `left`, `bound² - |vector|² - left bound >= 0` is quadratic in the
     # step.
     start = NEAREST_ROUND * bound * slack
-    linear = (2.0 * bound - (1.0 - NEAREST_ROUND) * slack) * rise
-    linear -= 2.0 * (vector[0] * change[0] + vector[1] * change[1] + vector[2] * change[2])
-    square = rise * rise - change[0] ** 2 - change[1] ** 2 - change[2] ** 2
+    linear = -2.0 * (vector[0] * change[0] + vector[1] * change[1])
+    square = -(change[0] ** 2) - change[1] ** 2
     inner = linear * linear - 4.0 * square * start
-    if inner < 0.0 or (linear > 0.0 and square >= 0.0):
+    if linear > 0.0 and square >= 0.0:
         return math.inf
     root = math.sqrt(inner)
     step = (linear + root) / (-2.0 * square) if linear > 0.0 else 2.0 * start / (root - linear)
@@ -443,15 +413,15 @@ def _dual_changes(
                 reach = _longest_steps(room, old, rate, new, reach)
                 change.curved[c, r, side] = new
         for r in range(p.round.shape[1]):
-            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            x, y, z = _round_slope(p, c, r, radius, vector)
+            vector = _vector(p, c, r, i, d)
+            x, y, z = _round_slope(p, c, r, vector)
             rise = x * step[i] + y * step[i + 1] + z * step[i + 2]
             room, old = slack.round[c, r], dual.round[c, r]
             new = (mu - old * rise) / room - old
             one, other = _longest_steps(room, old, 0.0, new, reach)
-            turn = radius[1] * step[i] + radius[2] * step[i + 1] + radius[3] * step[i + 2]
             change_of = _vector(p, c, r, i, step)
-            reach = min(one, _longest_round_step(radius[0], turn, vector, change_of, room)), other
+            longest = _longest_round_step(p.radius[c, r], vector, change_of, room)
+            reach = min(one, longest), other
             change.round[c, r] = new
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
@@ -474,18 +444,12 @@ def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _
             bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
             good &= bound - f >= MIN_SLACK * slack.curved[c, r, 0]
             good &= bound + f >= MIN_SLACK * slack.curved[c, r, 1]
-        for r in range(p.round.shape[1]):
-            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            good &= _round_slack(radius[0], vector) >= MIN_SLACK * slack.round[c, r]
         if not good:
             p.about[c] = before
             continue
         for r in range(p.curved.shape[1]):
             bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
             slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
-        for r in range(p.round.shape[1]):
-            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            slack.round[c, r] = _round_slack(radius[0], vector)
 
 
 @compiled(inner=True, allocates=True)

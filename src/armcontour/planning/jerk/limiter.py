@@ -144,7 +144,7 @@ def _make_rows(
     task: Task, mesh: JerkMesh, near: PathLaw, bounds: MotionBounds | None = None
 ) -> MeshRows:
     about = square_at(near, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
-    return MeshRows(mesh, task.active, task.jerk, bounds, about, task.arm)
+    return MeshRows(mesh, task.active, task.jerk, bounds, about)
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:

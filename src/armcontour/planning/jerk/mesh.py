@@ -237,7 +237,7 @@ def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     return np.asarray(near + beyond)
 
 
-# A jump of d2q_ds2, or of its effect on the tool, requires a stop under two conditions. It exceeds
+# A jump of d2q_ds2 requires a stop under two conditions. It exceeds
 # the share KINK of the sum of the values on both sides. At the speed of the plan and with the jerk
 # limit, the change of acceleration takes more than the share TOO_SHORT of the duration.
 KINK, TOO_SHORT = 1e-6, 1e-8
@@ -268,18 +268,12 @@ def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
 
 def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
     """Breaks [m] where accelerations with a jerk limit jump, at the planned speed."""
-    path, jerk, inner = law.joint_path, task.jerk, np.arange(1, len(law.joint_path.breaks) - 1)
+    path, inner = law.joint_path, np.arange(1, len(law.joint_path.breaks) - 1)
     breaks = path.breaks[inner]
     before, after = (path.on_interval(inner - side, breaks, 2) for side in (1, 0))
-    jump, size, limit = np.abs(after - before), np.abs(before) + np.abs(after), jerk.joint
-    if np.isfinite(jerk.tool):
-        q = path.on_interval(inner, breaks, 0)
-        velocities = [task.arm.tool_velocity(q, x) for x in (after - before, before, after)]
-        turn, one, other = (np.linalg.norm(x, axis=1, keepdims=True) for x in velocities)
-        jump, size = np.hstack([jump, turn]), np.hstack([size, one + other])
-        limit = np.append(limit, jerk.tool)
+    jump, size = np.abs(after - before), np.abs(before) + np.abs(after)
     square = square_at(law, np.clip(breaks, law.s[0], law.s[-1]))[:, None]
-    soon = min(TOO_SHORT * law.breaks[-1], ROUNDING_TIME) * limit
+    soon = min(TOO_SHORT * law.breaks[-1], ROUNDING_TIME) * task.jerk
     return np.asarray(breaks[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])
 
 
@@ -297,8 +291,7 @@ def find_ends(
                 acceleration, largest_u(combine_forms([constraint.rows(path)], len(path)))
             )
     with np.errstate(divide="ignore"):
-        jerk = (task.jerk.joint / np.abs(first).max(axis=1)).min(axis=1)
-    jerk = np.minimum(jerk, min(task.jerk.path, task.jerk.tool))
+        jerk = (task.jerk / np.abs(first).max(axis=1)).min(axis=1)
     speed = np.maximum.reduceat(
         np.append(law.speeds, 0.0), np.searchsorted(law.s, section_ends, side="right")
     )[:-1]

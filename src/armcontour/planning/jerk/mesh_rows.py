@@ -6,26 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray, kernel_array
+from armcontour.core.checks import FloatArray, kernel_array
 from armcontour.planning.constraints import Constraint, JointMotion, OnGrid, limits_on
 from armcontour.planning.jerk.interior_point import JerkSection
 from armcontour.planning.jerk.mesh import JerkMesh
-from armcontour.planning.jerk.polynomials import (
-    DEGREE,
-    Basis,
-    ToolDerivatives,
-    arc_length_bounds,
-    basis,
-    elevated,
-    largest_at_ramps,
-    motion_rows,
-    raised,
-    to_bernstein,
-)
-from armcontour.planning.options import JerkLimits
+from armcontour.planning.jerk.polynomials import Basis, basis, motion_rows, raised, to_bernstein
 from armcontour.planning.topp.kernels import MotionBounds, rows_with_friction
 from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, margins_of
-from armcontour.robot import Arm
 
 # Smallest value at an end of the tangent that bounds ds², as a share of its value in the middle
 LEAST_SHARE = 0.25
@@ -38,14 +25,14 @@ class MeshRows:
         self,
         mesh: JerkMesh,
         active: Sequence[Constraint],
-        jerk: JerkLimits,
+        jerk: FloatArray,
         bounds: MotionBounds | None,
         about: FloatArray,
-        arm: Arm,
     ) -> None:
-        # `bounds`: bounds of ds² and dds on the parts of cells. They limit the plan, and determine
-        # the margins inside parts; None for no margins. `about`: ds² on each part about which
-        # nonlinear limits are linearized if there are no bounds, (m,).
+        # `jerk`: limits of joint jerk [rad/s³], (dof,). `bounds`: bounds of ds² and dds on the
+        # parts of cells. They limit the plan, and determine the margins inside parts; None for no
+        # margins. `about`: ds² on each part about which nonlinear limits are linearized if there
+        # are no bounds, (m,).
         self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
         grid = mesh.grid
         self.path = OnGrid(grid)
@@ -54,13 +41,6 @@ class MeshRows:
         self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
         used = np.flatnonzero(grid.joint_path.coefficients.any(axis=(0, 2)))
         self.degree = max(3, int(used[-1]) if len(used) else 3)
-        self.tool: ToolDerivatives | None = None
-        if np.isfinite(jerk.tool):
-            # The tangents of a^(-1/2) have the degree of the tool jerk.
-            self.tool, self.degree = ToolDerivatives.measure(grid, arm), DEGREE + 1
-        self.length: FloatArray | None = None
-        if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
-            self.length = arc_length_bounds(grid, arm)
         # Largest share of a limit that margins take on each part, (m,)
         self.lost = np.zeros(len(grid))
         self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
@@ -80,7 +60,7 @@ class MeshRows:
         # Indices of the joints with limits of acceleration, and of the joints with limits of jerk
         self.joints = (
             np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
-            np.flatnonzero(np.isfinite(jerk.joint)),
+            np.flatnonzero(np.isfinite(jerk)),
         )
         self.section = self._make_section()
 
@@ -122,7 +102,7 @@ class MeshRows:
     def exact(self) -> bool:
         """True if all limits are polynomials, which need no margins."""
         others = any(x.rise.size for x in self.limits[:3])
-        return not (others or self.tool or np.isfinite(self.limits.ceiling).any())
+        return not (others or np.isfinite(self.limits.ceiling).any())
 
     @property
     def count(self) -> int:
@@ -155,7 +135,6 @@ class MeshRows:
                 "about",
                 "round",
                 "radius",
-                "margin",
             )
         }
         return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
@@ -171,10 +150,8 @@ class MeshRows:
         slopes = np.abs(self.path.derivatives[0][0][start:end]).max(axis=1)
         begins = np.searchsorted(mesh.cell[start:end], np.arange(first, last))
         with np.errstate(divide="ignore"):
-            jerk = np.minimum((self.jerk.joint / slopes).min(axis=1), self.jerk.path)
+            jerk = (self.jerk / slopes).min(axis=1)
             rate = (self.bounded[:, start:end].min(axis=0) / slopes).min(axis=1)
-        if self.tool is not None:
-            jerk = np.minimum(jerk, self.jerk.tool / self.tool.largest[0, start:end])
         for x in (np.sqrt(4.5 * jerk) / 2, rate):
             slopes_by_cell.append(np.minimum.reduceat(x, begins))
         return slopes_by_cell[0], slopes_by_cell[1]
@@ -182,14 +159,9 @@ class MeshRows:
     def _make_section(self) -> JerkSection:
         cell, basis = self.mesh.cell, self.basis
         begin, end = control_points(self.mesh)
-        acceleration, jerk = self._motion_rows()
+        acceleration, rows = self._motion_rows()
         plain, low, high = self._plain_rows(acceleration)
-        curved, limits = [jerk], [np.repeat(self.jerk.joint[self.joints[1]], self.degree)]
-        if np.isfinite(self.jerk.path):
-            curved += self._path_jerk()
-            limits.append(np.full(self.degree * (len(curved) - 1), self.jerk.path))
-        rows = np.concatenate(curved, axis=1)
-        vectors, radius, margin, points = self._vector_rows()
+        vectors, radius = self._vector_rows()
 
         def local(points: FloatArray) -> FloatArray:
             """Convert rows of control points of ds² on each cell to rows of the unknowns."""
@@ -208,29 +180,13 @@ class MeshRows:
             low=low,
             high=high,
             curved=local(rows),
-            jerk=np.concatenate(limits),
-            curved_points=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
+            jerk=np.repeat(self.jerk[self.joints[1]], self.degree),
+            curved_points=np.tile(np.arange(self.degree), len(self.joints[1])),
             raised=local(raised(basis, self.degree - 1)),
             about=np.zeros(len(cell)),
             round=local(vectors),
             radius=radius,
-            margin=margin,
-            round_points=points,
         )
-
-    def _path_jerk(self) -> list[FloatArray]:
-        """Rows of the path jerk, divided by ds."""
-        # The path jerk divided by ds is `m slope + 3 m' dds + m'' ds²`, where m is the derivative
-        # of the arc length of the tool in s. m' and m'' are bounds, so both signs of each are
-        # included.
-        basis, last = self.basis, self.degree - 1
-        slope = np.repeat(basis.slope[:, None], self.degree, axis=1)
-        if self.length is None:
-            return [slope]
-        first, second, third = self.length[..., None, None]
-        rate = 3 * second * elevated(basis.rate, last)
-        square = third * raised(basis, last)
-        return [first * slope + x + y for x in (-rate, rate) for y in (-square, square)]
 
     def _motion_rows(self) -> tuple[FloatArray, FloatArray]:
         """Rows of the accelerations and jerks of the limited joints, in the order of the joints."""
@@ -274,11 +230,11 @@ class MeshRows:
         self._bound_next_to_ramps(top)
         return np.concatenate(rows, axis=1), bottom, top
 
-    def _vector_rows(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-        """Vector rows, (m, l, 3, 3), radii and margins, (m, l) each, and `round_points`, (l,)."""
+    def _vector_rows(self) -> tuple[FloatArray, FloatArray]:
+        """Vector rows, (m, l, 2, 3), and radii, (m, l)."""
         n, rounds = len(self.mesh.grid), self.limits.rounds
         products = rounds.products
-        vectors, radius = [np.zeros((n, 0, 3, 3))], []
+        vectors = [np.zeros((n, 0, 2, 3))]
         for r in range(rounds.radius.shape[1]):
             for e in range(2):
                 # Coordinates in the plane of both vectors; the first axis is parallel to the first
@@ -288,29 +244,11 @@ class MeshRows:
                 along = np.sqrt(aa)
                 with np.errstate(invalid="ignore", divide="ignore"):
                     part = np.where(aa > 0, ab / along, 0.0)
-                both = np.zeros((n, 1, 3, 3))
+                both = np.zeros((n, 1, 2, 3))
                 both[:, :, 0] = (along * rate[:, 0] + part * square[:, 0])[:, None]
                 both[:, :, 1] = (np.sqrt(np.maximum(bb - part * part, 0.0)) * square[:, 0])[:, None]
                 vectors.append(both)
-            radius += [rounds.radius[:, r]] * 2
-        points, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
-        if self.tool is not None:
-            vectors.append(self.tool.rows(self.basis))
-            left_out = np.zeros(n)
-            if self.bounds is not None:
-                left_out = self.tool.margin(self.bounds)
-                share = left_out * np.sqrt(self.bounds.x) / self.jerk.tool
-                self.lost = np.maximum(self.lost, share)
-            points += range(DEGREE + 1)
-            radius += [np.full(n, self.jerk.tool)] * (DEGREE + 1)
-            margin += [left_out] * (DEGREE + 1)
-        none = np.zeros((n, 0))
-        return (
-            np.concatenate(vectors, axis=1),
-            np.stack(radius, axis=1) if radius else none,
-            np.stack(margin, axis=1) if margin else none,
-            np.array(points, dtype=np.intp),
-        )
+        return np.concatenate(vectors, axis=1), np.repeat(rounds.radius, 2, axis=1)
 
     def _speed_ceiling(self) -> FloatArray:
         """Bounds of the control points of ds² under joint velocity limits, (n, 3)."""
@@ -370,9 +308,7 @@ class MeshRows:
             pull = second + first * rate[:, None]
             bounds.append((self.bounded.min(axis=0) / pull).min(axis=1))
             jerk = third + 2 * second / ramp_column + 2 / 9 * first / ramp_column**2
-            bounds.append(((self.jerk.joint / jerk) ** (2 / 3)).min(axis=1))
-            length = np.array([[1.0], [0.0], [0.0]]) if self.length is None else self.length
-            bounds.append(largest_at_ramps(length, self.jerk.path, h))
+            bounds.append(((self.jerk / jerk) ** (2 / 3)).min(axis=1))
             general, rounds = self.limits.rows.ends, self.limits.rounds
             for sign, column in ((1, HIGH), (-1, LOW)):
                 coefficient = np.maximum(sign * general[..., A], 0).max(axis=1) * rate[:, None]
@@ -387,8 +323,6 @@ class MeshRows:
             turned = rate[:, None, None]
             size = np.sqrt(np.maximum(aa * turned**2 + 2 * ab * turned + bb, 0.0)).max(axis=1)
             bounds.append((rounds.radius / size).min(axis=1, initial=np.inf))
-            if self.tool is not None:
-                bounds.append(largest_at_ramps(self.tool.largest, self.jerk.tool, h))
             if self.bounds is not None:
                 bounds += [self.bounds.x, self.bounds.u / rate]
         return np.asarray(np.nanmin(bounds, axis=0))

@@ -1,19 +1,15 @@
-"""Acceleration and jerk of joints and tool on parts of cells, as polynomials in Bernstein form."""
+"""Acceleration and jerk of joints on parts of cells, as polynomials in Bernstein form."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
-from armcontour.planning.path_grid import Grid
-from armcontour.planning.topp.kernels import MotionBounds
 from armcontour.planning.topp.limit_forms import Intervals
-from armcontour.robot import Arm
 
 # Highest degree of a joint path.
 HIGHEST = 5
@@ -62,13 +58,7 @@ def to_bernstein(degree: int) -> FloatArray:
 
 def raised(basis: Basis, degree: int) -> FloatArray:
     """Control points of ds² as a polynomial of a degree of at least 2, (m, degree + 1, 3)."""
-    return elevated(basis.square, degree)
-
-
-def elevated(powers: FloatArray, degree: int) -> FloatArray:
-    """Control points of the given degree of polynomials in powers of x, (m, degree + 1, 3)."""
-    matrix = to_bernstein(degree)[:, : powers.shape[2]]
-    return np.asarray(np.einsum("cm,pbm->pcb", matrix, powers))
+    return np.asarray(np.einsum("cm,pbm->pcb", to_bernstein(degree)[:, :3], basis.square))
 
 
 @compiled()
@@ -136,101 +126,3 @@ def motion_rows(
                         for m in range(c + 1):
                             total += of_powers[kind][c, m] * powers[m]
                         rows[kind][i, position * count + c, b] = total
-
-
-# Degree of the tool jerk divided by ds; derivatives of the tool position are parabolas on a part.
-DEGREE = 4
-# Positions of the samples on a part. Parabolas pass through every second sample, and are compared
-# with the other samples.
-SAMPLES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
-# Tool speed at ds = 1 below which the tool nearly rotates in place
-MIN_SPEED = 0.5
-# Safety factor of the measured distance from the parabolas
-MARGIN = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class ToolDerivatives:
-    """Derivatives of the tool position with respect to s on parts of cells."""
-
-    # Coefficients of parabolas through the first to third derivative, in powers of x from 0 to 1 on
-    # each part, (3, 3, n, 3)
-    powers: FloatArray
-    deviation: FloatArray  # Bounds of the distances of the derivatives from the parabolas, (3, n)
-    largest: FloatArray  # Bounds of the norms of the derivatives, (3, n)
-
-    @classmethod
-    def measure(cls, grid: Grid, arm: Arm) -> ToolDerivatives:
-        """Measure the derivatives by forward kinematics."""
-        return cls(*_parabolas(_derivatives(grid, arm)))
-
-    def rows(self, basis: Basis) -> FloatArray:
-        """Control points of jerk divided by ds, as rows of control points of ds², (n, 5, 3, 3)."""
-        # The jerk divided by ds is the vector `p''' ds² + 3 p'' dds + p' slope`.
-        first, second, third = self.powers
-        powers = np.zeros((DEGREE + 1, 3, *first.shape[1:]))  # power, control point, part, axis
-        for b in range(3):
-            for m in range(3):
-                for k in range(3):
-                    powers[m + k, b] += third[m] * basis.square[:, b, k, None]
-                for k in range(2):
-                    powers[m + k, b] += 3 * second[m] * basis.rate[:, b, k, None]
-                powers[m, b] += first[m] * basis.slope[:, b, None]
-        return np.asarray(np.einsum("cm,mbna->ncab", to_bernstein(DEGREE), powers))
-
-    def margin(self, bounds: MotionBounds) -> FloatArray:
-        """Bound of the error of the jerk rows, (n,)."""
-        return np.asarray(
-            self.deviation[2] * bounds.x
-            + 3 * self.deviation[1] * bounds.u
-            + self.deviation[0] * np.abs(bounds.k)
-        )
-
-
-def largest_at_ramps(derivatives: FloatArray, limit: float, h: FloatArray) -> FloatArray:
-    """Largest ds² at the moving end of cells of uniform jerk of lengths h [m], (n,)."""
-    # `derivatives`: bounds of the first to third derivative in s, (3, n); `limit`: the limit of
-    # jerk [m/s³].
-    first, second, third = derivatives
-    with np.errstate(divide="ignore"):
-        jerk = third + 2 * second / h + 2 / 9 * first / h**2
-        return np.asarray((limit / jerk) ** (2 / 3))
-
-
-def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
-    """Bounds of the derivatives of the tool's own arc length in s on parts of cells, (3, n)."""
-    # If joints follow a tool path, s is nearly the tool's arc length (the first derivative was 1
-    # within 1e-6 on a UR5e), but the third derivative of the small difference matters. If the tool
-    # rotates in place, s is not an arc length, and the limit applies to s.
-    p = _derivatives(grid, arm)
-    speed = np.linalg.norm(p[0], axis=2)
-    moving = (speed > MIN_SPEED).all(axis=0)
-    safe = np.where(moving, speed, 1.0)
-    rate = np.where(moving, np.sum(p[0] * p[1], axis=2) / safe, 0.0)
-    second = np.sum(p[0] * p[2] + p[1] * p[1], axis=2) - rate**2
-    values = np.stack([safe, rate, np.where(moving, second / safe, 0.0)])
-    return _parabolas(values[..., None])[2]
-
-
-def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
-    """First to third derivative of the tool's position at the samples of parts, (3, 5, n, 3)."""
-    s = grid.s[:-1] + SAMPLES[:, None] * grid.width
-    piece = np.broadcast_to(grid.piece, s.shape).ravel()
-    path = grid.joint_path
-    q, *rates = (path.on_interval(piece, s.ravel(), order) for order in range(4))
-    derivatives = [arm.tool_velocity(q, *rates[:1]), arm.tool_acceleration(q, *rates[:2])]
-    derivatives.append(arm.tool_jerk(q, *rates))
-    values = np.zeros((3, len(SAMPLES), len(grid), 3))
-    for k, derivative in enumerate(derivatives):
-        values[k, ..., : derivative.shape[1]] = derivative.reshape(*s.shape, -1)
-    return values
-
-
-def _parabolas(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Coefficients of parabolas through values at samples, their errors, and largest norms."""
-    powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
-    parabola = np.einsum("pm,kmnc->kpnc", SAMPLES[1::2, None] ** np.arange(3), powers)
-    deviation = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)
-    points = np.einsum("cm,kmnx->kcnx", to_bernstein(2), powers)
-    return powers, deviation, np.linalg.norm(points, axis=3).max(axis=1) + deviation

@@ -160,7 +160,7 @@ def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
     """Fastest rapid from rest that satisfies the joint limits on every robot of the box."""
     path = step.joint_path
     assert path is not None
-    steep = case.limits.jerk_limits or case.limits.joint_acceleration is None
+    steep = case.limits.limits_jerk or case.limits.joint_acceleration is None
     candidates = []
     for rise in (0.0,) if steep else RISES:
         factors: dict[str, float] = {}
