@@ -25,7 +25,7 @@ WARM = 0.2
 # In a shorter time not all is loaded, so that memory is only told [s].
 LONG = 40.0
 HANDLES = ("g.handle.waypoint", "g.handle.corner", "g.handle.middle", "g.place .handle")
-BUTTONS = "#viewbar button, #tabs [role=tab], #playback button, #undo, #redo, #theme"
+BUTTONS = "#viewbar button, #tabs [role=tab], #playback button, #undo, #redo"
 KEYS = (
     *("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Shift+ArrowUp", "Alt+ArrowLeft"),
     *("Tab", "Shift+Tab", "Escape", "Control+z", "Control+Shift+z", "Delete", "Insert", "Space"),
@@ -133,7 +133,7 @@ class Monkey:
         yield
 
     def _type(self) -> Iterator[None]:
-        entry = self._one("#panel input[type=text], #tab-waypoints input, #tab-corners input")
+        entry = self._one("#panel input[type=text], #tab-waypoints input")
         if entry is not None:
             self.studio.page.mouse.click(*entry, click_count=3)
             yield

@@ -186,7 +186,7 @@ def test_s7_no_drawings_arms_and_obstacles_elsewhere(studio, folder):
     text = JOB.replace("points:", "file: ../secret.csv #")
     request = {"text": text, "folder": str(folder), "allowed": [str(folder)]}
     with pytest.raises(InvalidInput, match="is not in"):
-        do("check", request, lambda step: None)
+        do("report", request, lambda step: None)
 
 
 def test_s7_uploads_have_plain_names(studio):

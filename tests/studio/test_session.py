@@ -67,9 +67,9 @@ NONSENSE = (
     {"op": "add_run", "name": "new", "like": ["fast"]},
     {"op": "remove_run", "name": "none"},
     *({"op": "pose", "t": "1", "of": "planned"}, {"op": "pose", "t": 1, "of": "nothing"}),
-    *({"op": "task", "id": "a", "task": "system"}, {"op": "task", "id": 1, "task": "check"}),
-    {"op": "task", "id": "#1", "task": "check"},
-    {"op": "task", "id": "a", "task": "check", "options": [1]},
+    *({"op": "task", "id": "a", "task": "system"}, {"op": "task", "id": 1, "task": "report"}),
+    {"op": "task", "id": "#1", "task": "report"},
+    {"op": "task", "id": "a", "task": "report", "options": [1]},
     {"op": "restore_draft"},
     # Half of a character (a lone surrogate), which no frame could hold.
     *({"op": "add_run", "name": "\ud800"}, {"op": "\udfff", "id": "\ud800"}),
@@ -276,7 +276,6 @@ def test_runs_are_shown_added_and_removed(session, tab):
 
 def test_saving_and_what_others_have_changed(session, tab, file):
     tab.edit(MOVE)
-    assert "-  points" in tab.say("diff")[0].header["text"]
     assert kinds(tab.say("save")) == ["saved", "document"]
     assert file.read_text() == session.document.text and not tab.last("document")["dirty"]
     file.write_text(f"{JOB}# by another program\n")
@@ -284,16 +283,13 @@ def test_saving_and_what_others_have_changed(session, tab, file):
     assert tab.last("document")["on_disk"] == "changed"
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     (frames,) = tab.say("save")
-    assert frames.kind == "conflict" and "-# by another program" in frames.header["diff"]
+    assert frames.kind == "conflict"
     assert file.read_text().endswith("# by another program\n")
     tab.say("reload")
     assert session.document.text.endswith("# by another program\n")
     tab.say("undo")
     tab.say("save", force=True)
     assert file.read_text() == session.document.text
-    tab.edit({**MOVE, "to": [0.38, 0.16]}, gesture=2)
-    tab.say("revert")
-    assert session.document.text == file.read_text() and session.document.can_undo
 
 
 def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
@@ -318,7 +314,7 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     lane = RecordingTaskWorker.last
     ((id, task, request),) = lane.given
     assert (id, task, request["options"]) == ("t1", "report", {"all": True})
-    assert "already in use" in sentence(tab.say("task", id="t1", task="check"))
+    assert "already in use" in sentence(tab.say("task", id="t1", task="report"))
     tab.say("cancel", id="t1")
     assert lane.cancelled == ["t1"] and tab.say("cancel", id="t2") == []
     lane.deliver(PageFrame("progress", {"id": "t1", "share": 0.5}))
@@ -326,7 +322,7 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     lane.deliver(PageFrame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
     assert session.display.pages.files[tab.last("result")["file"]].data == b"<html>"
     assert tab.last("progress")["share"] == 0.5
-    tab.say("task", id="t1", task="check")
+    tab.say("task", id="t1", task="report")
     assert len(lane.given) == 2
 
 

@@ -70,24 +70,6 @@ def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
     assert any(0 < PageFrame.unpack(x).header["share"] < 1 for x in progress_log)
 
 
-def test_a_check_has_a_row_per_limit(coarse):
-    answer = ask("check", coarse, "optimal").header
-    assert answer["verdict"] == "kept" and answer["sentence"].startswith("The plan respects")
-    heads, *rows = answer["table"]
-    (speed,) = (dict(zip(heads, x, strict=True)) for x in rows if x[0] == "speed")
-    assert (speed["Used"], speed["Allowed"]) == ("100.00 %", "150 mm/s")
-
-
-@needs_dynamics
-def test_clearance_over_time_is_not_below_what_is_proven(square):
-    answer = ask("clearance", square, "optimal")
-    assert answer.header["kept"] and answer.header["kinds"] == ["own"]
-    heads, *pairs = answer.header["table"]
-    (low,) = (x for x in answer.header["rows"] if x["name"] == "low")
-    assert f"{low['text']} {low['unit']}" in {x[heads.index("clearance")] for x in pairs}
-    assert answer.arrays["own"].min() >= low["value"]
-
-
 GASKET = """
 name: gasket
 arm: {name: ur5e, work: {position: [400 mm, -100 mm, 100 mm]}}

@@ -128,10 +128,8 @@ class Commands:
             "redo": self._redo,
             "save": self._save,
             "reload": self._reload,
-            "revert": self._revert,
             "restore_draft": self._restore,
             "discard_draft": self._discard,
-            "diff": self._diff,
             "select": self._select,
             "add_run": self._add_run,
             "remove_run": self._remove_run,
@@ -186,8 +184,7 @@ class Commands:
                 f"Another program has changed {document.file.name} since it was opened. Overwrite "
                 "or reload the file."
             )
-            facts = {"sentence": sentence, "diff": document.conflict()}
-            send(PageFrame("conflict", facts), to=page)
+            send(PageFrame("conflict", {"sentence": sentence}), to=page)
             return
         document.save(force=force)
         add_recent(document.file, None)
@@ -200,10 +197,6 @@ class Commands:
         self._display.scheduler.forget_figures()
         self._display.show_all()
 
-    def _revert(self, page: Page, message: PageMessage) -> None:
-        revision = self._editor.revise_text(self._editor.document.saved_text)
-        self._commit(revision, "go back to the saved job")
-
     def _restore(self, page: Page, message: PageMessage) -> None:
         """Restore the draft of an earlier session."""
         self._editor.restore()
@@ -213,9 +206,6 @@ class Commands:
         """Delete the draft of an earlier session."""
         self._editor.discard()
         self._display.show_document()
-
-    def _diff(self, page: Page, message: PageMessage) -> None:
-        self._display.send(PageFrame("diff", {"text": self._editor.document.diff()}), to=page)
 
     # Commands that open other jobs
 
@@ -294,8 +284,6 @@ class Commands:
         if not isinstance(options, dict):
             raise InvalidInput("The options of a task must be a mapping.")
         id, task = _required_text(message, "id"), _required_text(message, "task")
-        if task == "compare":
-            options = {**options, "text": self._editor.document.previous_text}
         self._display.scheduler.start_task(id, task, self._display.request(options))
 
     def _cancel(self, page: Page, message: PageMessage) -> None:

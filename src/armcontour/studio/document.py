@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import secrets
 from collections.abc import Mapping, Sequence
@@ -106,11 +105,6 @@ class Document:
         return bool(self._future)
 
     @property
-    def previous_text(self) -> str:
-        """The text before the last change; empty if there is no change."""
-        return self._past[-1].text if self._past else ""
-
-    @property
     def undo_label(self) -> str | None:
         """Label of the change that `undo` reverts; None if there is no such change."""
         return self._past[-1].label if self._past else None
@@ -171,16 +165,6 @@ class Document:
         write_file(self.file, content)
         self._saved, self.saved_text = content, self.text
         self.write_draft()
-
-    def diff(self) -> str:
-        """Unified diff from the text that was read or saved to the current text."""
-        return _diff(self.saved_text, self.text, self.source, "saved", "now")
-
-    def conflict(self) -> str:
-        """Unified diff from the file on disk to the current text."""
-        exists = self.on_disk() in (SAME, CHANGED)
-        text = decode_text(self._read_file(), self.file) if exists else ""
-        return _diff(text.removeprefix(BOM), self.text, self.source, "on disk", "now")
 
     def reload(self) -> None:
         """Replace the text by the file on disk, as one step of undo."""
@@ -270,11 +254,3 @@ class Document:
     def _read_file(self) -> bytes:
         assert self.file is not None
         return read_bytes(self.file, "job file")
-
-
-def _diff(old: str, new: str, name: str, before: str, after: str) -> str:
-    """Unified diff of two texts."""
-    lines = difflib.unified_diff(
-        old.splitlines(), new.splitlines(), f"{name} ({before})", f"{name} ({after})", lineterm=""
-    )
-    return "\n".join(lines)

@@ -4,7 +4,7 @@ import pytest
 from tests.browser.axe_faults import faults, load_axe
 
 pytestmark = pytest.mark.browser
-TABS = ("charts", "runs", "waypoints", "corners", "tasks", "text", "notes")
+TABS = ("charts", "runs", "waypoints", "tasks", "text", "notes")
 
 
 def test_axe_sees_a_fault(browser):

@@ -13,7 +13,6 @@ import { Link } from "./connection.js";
 import { init as marks } from "./markers.js";
 import { init as messages, notify } from "./messages.js";
 import { init as pen } from "./pen.js";
-import { init as splitter } from "./splitter.js";
 import { init as start } from "./start_page.js";
 import { Store } from "./state.js";
 import { init as theme } from "./theme.js";
@@ -65,7 +64,6 @@ function keepPressed({ target }) {
 
 makeAll([
   () => dock(store),
-  () => splitter(store),
   () => header(store, link),
   () => figures(store, link),
   () => viewbar(store, view),

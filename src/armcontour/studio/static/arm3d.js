@@ -5,7 +5,6 @@ import { PAINTS, cellOf, placedAll, pointsOf } from "./cell.js";
 import { find, make, say } from "./dom.js";
 import { place } from "./kinematics.js";
 import { motionOf } from "./motion.js";
-import { Readout } from "./readout.js";
 import { along, oncePerFrame } from "./state.js";
 import { passed, trailOf } from "./trail.js";
 
@@ -18,8 +17,6 @@ import { passed, trailOf } from "./trail.js";
 const SAME_TIME = 1e-9;
 /** Starts that differ by more are in different configurations [rad]. */
 const SAME_POSTURE = 0.01;
-/** Numbers change so often at most [ms]. */
-const READING = 80;
 /** So long after the last change the view rests [ms]. */
 const REST = 600;
 /** Programs that compute WebGL on the processor. */
@@ -63,10 +60,6 @@ class ArmView {
     /** @type {Frame | null} the newest answer to a question for a posture */
     this.exact = null;
     this.frames = 0;
-    /** @type {import("./readout.js").Posture | null} */
-    this.told = null;
-    /** @type {number | undefined} */
-    this.telling = undefined;
     this.draw = oncePerFrame(() => this.drawNow());
     this.canvas = make("canvas", {
       tabindex: 0, role: "img", class: "arm-canvas",
@@ -75,9 +68,7 @@ class ArmView {
     this.bar = this.makeBar();
     this.note = make("p", { class: "arm-note", role: "status" });
     this.box = make("div", { class: "arm-box" }, [this.canvas, this.bar, this.note]);
-    this.readout = new Readout();
-    this.readout.element.addEventListener("toggle", this.draw);
-    this.region.append(this.box, this.readout.element);
+    this.region.append(this.box);
     steer(this.canvas, this.camera, this.draw);
     this.canvas.addEventListener("webglcontextrestored", this.draw);
     new ResizeObserver(this.draw).observe(this.box);
@@ -201,8 +192,6 @@ class ArmView {
     scene?.mark(refused ? place(cell.work, refused) : null);
     Object.assign(this.camera, { aspect, size: cell.size, joints: cell.limbs.flatMap((x) => place(links[x.link], x.to)) });
     this.fitOnce(cell, links);
-    this.told = { cell, t, q, at, of: motion?.of ?? "planned" };
-    this.tellSoon();
     region.dataset.time = String(t);
     region.dataset.of = motion?.of ?? "none";
     region.dataset.exact = String(exact !== null);
@@ -212,14 +201,6 @@ class ArmView {
     region.dataset.refused = refused ? refused.join(",") : "";
     region.dataset.pieces = String(trail?.times.length ?? 0);
     say(this.note, this.noteText(motion));
-  }
-
-  /** Numbers are for reading: not in every frame. */
-  tellSoon() {
-    this.telling ??= setTimeout(() => {
-      this.telling = undefined;
-      if (this.told) this.readout.show(this.told);
-    }, READING);
   }
 
   /**

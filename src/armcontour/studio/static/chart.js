@@ -24,7 +24,6 @@ import { fixed } from "./format.js";
  * @property {[number, number]} [range] that the vertical axis shows at least
  * @property {string} summary content as a sentence
  * @property {string} [yUnit] unit of the values, if it changes
- * @property {(u: uPlot) => void} [over] draws on top
  */
 /**
  * @typedef {object} Axes
@@ -188,7 +187,6 @@ export class Chart {
       ],
       hooks: {
         drawClear: [(u) => drawLimits(u, content.limits ?? [])],
-        draw: [(u) => this.content?.over?.(u)],
       },
     };
   }

@@ -1,11 +1,10 @@
 // Charts: tool speed along the path, joint usage, and contour error.
 
 import { Chart, number, withGaps } from "./chart.js";
-import { RUN_COLOURS, styleOf, themed } from "./colours.js";
+import { RUN_COLOURS, themed } from "./colours.js";
 import { rowOf, textOf } from "./format.js";
 import { find } from "./dom.js";
 import { errorsOf } from "./motion.js";
-import { drawStrip, stripOf } from "./limit_strip.js";
 import { largest } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -105,7 +104,7 @@ class Charts {
     const picture = this.store.latest("picture");
     // A long drawing comes without a plan first.
     this.speed.element.hidden = !picture?.arrays.path_s.length;
-    if (picture?.arrays.path_s.length) this.speed.show(speedContent(picture, this.store.theme));
+    if (picture?.arrays.path_s.length) this.speed.show(speedContent(picture));
   }
 
   /** @param {number} k */
@@ -148,26 +147,18 @@ class Charts {
   }
 }
 
-/**
- * @param {Frame} picture
- * @param {"light" | "dark"} theme
- * @returns {Content}
- */
-function speedContent(picture, theme) {
-  const { path_s: places, binding } = picture.arrays;
+/** @param {Frame} picture @returns {Content} */
+function speedContent(picture) {
+  const { path_s: places } = picture.arrays;
   const s = refined(places);
   const [speed, assigned] = [picture.arrays.speed, picture.arrays.assigned].map((y) => resampled(places, y, s, 1000));
   const x = s.map((y) => 1000 * y);
   const curves = /** @type {Curve[]} */ ([]);
   if (assigned.some((y) => y !== null)) curves.push({ label: "assigned", colour: themed("--ink"), dash: [2, 3], width: 1.2, y: assigned });
   curves.push({ label: "tool", colour: RUN_COLOURS[1], width: 1.8, y: speed });
-  // A plan without an explanation has no limits to tell.
-  const strip = picture.head.limits.length ? stripOf(places, binding, picture.head.limits) : [];
-  const kinds = [...new Set(strip.map((part) => part.kind))].map((kind) => styleOf(kind, theme).label);
   return {
     x, curves, range: [0, 0],
-    summary: `At most ${number(largest(speed))} mm/s.${kinds.length ? ` Strip: ${kinds.join(", ")}.` : ""}`,
-    over: (u) => drawStrip(u, strip, theme),
+    summary: `At most ${number(largest(speed))} mm/s.`,
   };
 }
 

@@ -51,11 +51,3 @@ export async function ask(title, label, value) {
   field.select();
   return (await answer) === "yes" ? field.value.trim() : null;
 }
-
-/** A difference of texts, its lines coloured by their first sign. @param {string} text @returns {HTMLElement} */
-export function difference(text) {
-  const kinds = /** @type {Record<string, string>} */ ({ "+": "added", "-": "removed", "@": "place" });
-  const kindOf = (/** @type {string} */ line) => (/^(\+\+\+|---) /.test(line) ? "" : (kinds[line[0]] ?? ""));
-  const lines = text.split("\n").map((line) => make("span", { class: kindOf(line), text: `${line}\n` }));
-  return make("pre", { class: "diff", tabindex: 0, "aria-label": "Changes" }, lines);
-}

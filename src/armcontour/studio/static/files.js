@@ -1,6 +1,6 @@
-// Files: open by picker or drop, save, show differences, resolve conflicts with the disk, drafts.
+// Files: open by picker or drop, save, resolve conflicts with the disk, drafts.
 
-import { difference, show } from "./dialog.js";
+import { show } from "./dialog.js";
 import { find, give, make, mark } from "./dom.js";
 import { known } from "./form.js";
 import { hasChanges } from "./header.js";
@@ -24,7 +24,6 @@ class Files {
     this.offered = "";
     find("#open").addEventListener("click", () => this.picker.click());
     find("#save").addEventListener("click", () => link.send({ op: "save" }));
-    find("#diff").addEventListener("click", () => link.send({ op: "diff" }));
     this.picker.addEventListener("change", () => {
       const file = this.picker.files?.[0];
       this.picker.value = "";
@@ -34,7 +33,6 @@ class Files {
     store.on("open", (/** @type {any} */ { file, log }) => this.open(file, log));
     store.on("saved", (/** @type {any} */ frame) => notify(`Saved ${frame.head.file}.`));
     store.on("download", (/** @type {any} */ frame) => this.download(frame.head));
-    store.on("diff", (/** @type {any} */ frame) => this.showDiff(frame.head.text));
     store.on("conflict", (/** @type {any} */ frame) => this.conflict(frame.head));
     store.on("document", (/** @type {any} */ frame) => this.offerDraft(frame.head));
   }
@@ -109,21 +107,6 @@ class Files {
     return { ...(names && cells.value && { cell: cells.value }), ...(skips.checked && { unknown: "skip" }) };
   }
 
-  /** @param {string} text */
-  async showDiff(text) {
-    const content = text ? difference(text) : make("p", { text: "Saving would change nothing." });
-    const answer = await show(
-      "What saving would change",
-      [content],
-      [
-        { value: "", text: "Close" },
-        { value: "save", text: "Save" },
-        { value: "revert", text: "Back to the file" },
-      ],
-    );
-    if (answer) this.link.send({ op: answer });
-  }
-
   /** A job without a file is saved by the browser. @param {{file: string, name: string}} head */
   async download({ file, name }) {
     const answer = await this.link.request(`/files/${encodeURIComponent(file)}`);
@@ -132,10 +115,9 @@ class Files {
     notify(`${name} was given to the browser to save.`);
   }
 
-  /** @param {{sentence: string, diff?: string}} head */
-  async conflict({ sentence, diff }) {
-    const content = [make("p", { text: sentence }), ...(diff ? [difference(diff)] : [])];
-    const answer = await show("The file has changed on disk", content, [
+  /** @param {{sentence: string}} head */
+  async conflict({ sentence }) {
+    const answer = await show("The file has changed on disk", [make("p", { text: sentence })], [
       { value: "", text: "Keep both for now" },
       { value: "reload", text: "Take the file's" },
       { value: "force", text: "Overwrite the file" },

@@ -95,7 +95,7 @@ function cornersOf({ type, size, radius = 0, length = 0 }) {
 }
 
 /** The convex hull of points, counter-clockwise. @param {Point[]} points @returns {Point[]} */
-export function hull(points) {
+function hull(points) {
   const sorted = [...points].sort((p, q) => p[0] - q[0] || p[1] - q[1]);
   const half = (/** @type {Point[]} */ all) => {
     /** @type {Point[]} */

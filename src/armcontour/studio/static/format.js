@@ -39,24 +39,10 @@ export function short(x, digits = 4) {
   return String(Number(x.toPrecision(digits)));
 }
 
-const NUMBER = String.raw`[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?`;
-const PLAIN = RegExp(`^${NUMBER}$`);
+const PLAIN = /^[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?$/;
 
 /** True if a quantity is written without a unit. @param {string} text @returns {boolean} */
 export const isPlain = (text) => PLAIN.test(text);
-
-/**
- * What the user typed over a quantity: a plain number has the unit that is shown.
- * @param {string} typed @param {string} shown @param {string} [unit] where nothing with a unit is shown
- * @returns {string}
- */
-export function withUnit(typed, shown, unit = "") {
-  // Where the file has a plain number, in SI units, so is what is typed.
-  if (!isPlain(typed) || isPlain(shown)) return typed;
-  // The blank between belongs to neither: of "25 1/s" the unit is "1/s".
-  const known = RegExp(`^${NUMBER}(.*)$`).exec(shown)?.[1].trim() ?? unit;
-  return known ? `${typed} ${known}` : typed;
-}
 
 /** A quantity of a slider, such as "150 mm/s". @param {number} value SI @param {{unit: string, factor: number}} of @returns {string} */
 export const quantity = (value, { unit, factor }) => `${short(value / factor)}${unit ? ` ${unit}` : ""}`;

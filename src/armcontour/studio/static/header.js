@@ -22,7 +22,7 @@ function stateOf(head) {
 }
 
 /** Which button has the focus when one can do nothing any more: else the focus is lost. @type {Record<string, string[]>} */
-const HEIRS = { undo: ["redo", "save"], redo: ["undo", "save"], diff: ["save"] };
+const HEIRS = { undo: ["redo", "save"], redo: ["undo", "save"] };
 
 /** @param {Record<string, HTMLButtonElement>} buttons @param {Record<string, boolean>} dead by name */
 function disable(buttons, dead) {
@@ -34,7 +34,7 @@ function disable(buttons, dead) {
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const run = /** @type {HTMLSelectElement} */ (find("#run"));
-  const buttons = Object.fromEntries(["undo", "redo", "save", "diff"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]));
+  const buttons = Object.fromEntries(["undo", "redo", "save"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]));
   run.addEventListener("change", () => link.send({ op: "select", run: run.value }));
   buttons.undo.addEventListener("click", () => link.send({ op: "undo" }));
   buttons.redo.addEventListener("click", () => link.send({ op: "redo" }));
@@ -45,7 +45,7 @@ export function init(store, link) {
     document.title = `${hasChanges(head) ? "• " : ""}${head.name || "untitled"} – armcontour studio`;
     document.body.dataset.dirty = String(hasChanges(head));
     document.body.dataset.rev = String(head.rev);
-    disable(buttons, { undo: !head.can_undo, redo: !head.can_redo, diff: !head.dirty });
+    disable(buttons, { undo: !head.can_undo, redo: !head.can_redo });
     buttons.undo.title = `Undo${head.undo_label ? `: ${head.undo_label}` : ""} (Ctrl+Z)`;
     buttons.redo.title = `Redo${head.redo_label ? `: ${head.redo_label}` : ""} (Ctrl+Shift+Z)`;
     render(html`${head.runs.map((/** @type {any} */ { name }) => html`<option key=${name} value=${name} selected=${name === head.run}>${name}</option>`)}`, run);

@@ -8,7 +8,7 @@ import { find, make } from "./dom.js";
 
 /** Keys that concern the job: with Ctrl, and those that show another run. */
 const COMMAND = /^(ctrl\+.*|\[|\])$/;
-const TABS = ["charts", "runs", "waypoints", "corners", "tasks", "text", "notes"];
+const TABS = ["charts", "runs", "waypoints", "tasks", "text", "notes"];
 /** Content of the help. @type {[string, [string, string][]][]} */
 const HELP = [
   ["Drawing", [
@@ -29,13 +29,12 @@ const HELP = [
   ["Job", [
     ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
     ["Ctrl+S", "save"],
-    ["Ctrl+Shift+D", "what saving would change"],
     ["Ctrl+O", "open a file; or drop it on the page"],
     ["[ and ]", "the run before, the next run"],
     ["Ctrl+Enter", "apply the text of the job file"],
   ]],
   ["Page", [
-    ["Alt+1 … Alt+7", "tabs below the drawing"],
+    ["Alt+1 … Alt+6", "tabs below the drawing"],
     ["D", "show or hide the tabs"],
     ["Space", "play, pause"],
     ["?", "this help"],
@@ -80,7 +79,6 @@ function actions(store, link, view) {
     "ctrl+y": click("redo"),
     "ctrl+s": click("save"),
     "ctrl+o": click("open"),
-    "ctrl+shift+d": click("diff"),
     f: () => view.fit(),
     "+": () => view.zoomBy(1.4),
     "=": () => view.zoomBy(1.4),

@@ -124,12 +124,10 @@ export class Layers {
   }
 
   /**
-   * Factor by which errors are magnified: as wished, or such that the largest is well seen.
+   * Factor by which errors are magnified, such that the largest is well seen.
    * @param {number} scale px per m @returns {number}
    */
   magnification(scale) {
-    const wished = this.store.options.magnify;
-    if (wished > 0) return wished;
     const most = this.most("executed", "error") * scale;
     if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
       this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;

@@ -158,7 +158,7 @@ function move(element, [x, y]) {
 }
 
 /** Place of the tool at a time, on a rapid or at an arc length of the path [m]. @param {Frame} picture @param {number} t @param {number} s @returns {[number, number]} */
-export function pointOf(picture, t, s) {
+function pointOf(picture, t, s) {
   const { rapid, rapid_t: times, rapid_breaks: breaks } = picture.arrays;
   const k = breaks ? indexAt(breaks, indexAt(times, t)) : 0;
   const [from, to] = breaks ? [breaks[k], breaks[k + 1]] : [0, 0];

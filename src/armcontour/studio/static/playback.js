@@ -45,7 +45,6 @@ class Playback {
     /** Time to which it has played [s]. */
     this.played = 0;
     this.rate = 1;
-    this.loops = false;
     this.playing = false;
     this.last = 0;
     this.told = 0;
@@ -113,10 +112,10 @@ class Playback {
     this.last = now;
     const time = this.store.time + passed * this.rate;
     const ends = time >= motion.duration;
-    this.played = !ends ? time : this.loops ? time % motion.duration : motion.duration;
+    this.played = ends ? motion.duration : time;
     this.store.setTime(this.played);
     if (now - this.told > PLAYING) this.tell();
-    if (ends && !this.loops) this.pause();
+    if (ends) this.pause();
     else requestAnimationFrame((next) => this.advance(next));
   }
 
@@ -169,10 +168,6 @@ class Playback {
     const motion = this.motion;
     const duration = motion?.duration ?? 0;
     const { time, options } = this.store;
-    const loop = () => {
-      this.loops = !this.loops;
-      this.tell();
-    };
     const choice = (/** @type {string} */ name, /** @type {[string, string, boolean?][]} */ all, /** @type {string} */ chosen, /** @type {(value: string) => void} */ choose) =>
       html`<label class="field">${name} <select value=${chosen} onChange=${(/** @type {any} */ e) => choose(e.target.value)}>${all.map(([value, text, isOff]) => html`<option value=${value} disabled=${isOff} selected=${value === chosen}>${text}</option>`)}</select></label>`;
     render(
@@ -180,8 +175,7 @@ class Playback {
         <input type="range" class="scrub" min="0" max=${duration || 1} step="any" value=${time} aria-label="Time" aria-valuetext=${`${seconds(time)} s of ${seconds(duration)} s`} disabled=${!motion} onInput=${(/** @type {any} */ e) => this.scrub(Number(e.target.value))} />
         <output class="clock">${seconds(time)} / ${seconds(duration)} s</output>
         ${choice("Motion", [["planned", "planned"], ["executed", "executed", !motionOf(this.store, "executed")]], options.time, (x) => this.store.setView({ time: /** @type {Which} */ (x) }))}
-        ${choice("Rate", RATES.map((x) => [String(x), `${x}×`]), String(this.rate), (x) => (this.rate = Number(x)))}
-        <button type="button" aria-pressed=${String(this.loops)} disabled=${!motion} onClick=${loop}>loop</button>`,
+        ${choice("Rate", RATES.map((x) => [String(x), `${x}×`]), String(this.rate), (x) => (this.rate = Number(x)))}`,
       this.region,
     );
     this.region.dataset.state = this.playing ? "playing" : "paused";

@@ -7,7 +7,7 @@
 //   document, arm, picture, executed, figures, changes    a new frame of the shown run: listener(frame)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
-//   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice, start    listener(frame)
+//   pose, progress, result, cancelled, failed, saved, conflict, download, notice, start    listener(frame)
 //   time                    listener()                the shown time changed
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")
@@ -29,7 +29,6 @@
  * @typedef {Object} ViewOptions
  * @property {"limit" | "speed" | "error"} colour   what colours the path
  * @property {boolean} executed     whether the executed tool is drawn
- * @property {number} magnify       factor of its error; 0 = automatic
  * @property {string} pen          the shape that is drawn; "" for none
  * @property {boolean} place        whether the part is moved as a whole
  * @property {"planned" | "executed"} time   which motion is played
@@ -46,7 +45,6 @@ const PLANNED_ARRAYS = ["path", "path_breaks", "path_s", "path_t", "speed", "ass
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   colour: "limit",
   executed: true,
-  magnify: 0,
   pen: "",
   place: false,
   time: "planned",

@@ -1,8 +1,6 @@
-// Tables of waypoints and corners, as an alternative to dragging.
+// Table of waypoints, as an alternative to dragging.
 
-import { toleranceEdits } from "./corner.js";
 import { find, whileSeen } from "./dom.js";
-import { mm, withUnit } from "./format.js";
 import { insertable } from "./handles.js";
 import { Entry, Heads } from "./components.js";
 import { html, render } from "./vendor/preact.js";
@@ -12,14 +10,13 @@ import { html, render } from "./vendor/preact.js";
 
 const MAX_ROWS = 500;
 const AXES = ["x", "y", "z"];
-const CORNERS = ["(number)", "place mm", "error", "allowed", "radius", "what bounds it"];
 
 /** A table with a sentence above it. @param {{title: string, note: string, columns: string[], rows: any[]}} props */
 const Rows = ({ title, note, columns, rows }) => html`<p class="quiet">${note}</p>
   ${rows.length > 0 && html`<table><caption class="unseen">${title}</caption><${Heads} names=${columns} /><tbody>${rows.slice(0, MAX_ROWS)}</tbody></table>`}`;
 
 /** @param {Store} store @param {Link} link */
-function waypoints(store, link) {
+export function init(store, link) {
   const region = find("#tab-waypoints");
   /** A waypoint that is to have the focus once there are more than so many. */
   let inserted = { index: -1, count: Infinity };
@@ -58,28 +55,4 @@ function waypoints(store, link) {
     region.querySelectorAll("tbody tr")[inserted.index]?.querySelector("input")?.focus();
     inserted = { index: -1, count: Infinity };
   });
-}
-
-/** @param {Store} store @param {Link} link */
-function corners(store, link) {
-  const region = find("#tab-corners");
-  const row = (/** @type {any} */ corner, /** @type {number} */ k) => {
-    const { error, allowed, radius, reason } = corner;
-    const value = allowed === null || allowed === undefined ? "" : `${Number((1000 * allowed).toPrecision(6))} mm`;
-    return html`<tr key=${k}><th scope="row">${k + 1}</th>
-      <td>${corner.corner.map((/** @type {number} */ x) => mm(x, 2)).join(", ")}</td><td>${mm(error)} mm</td>
-      <td><${Entry} value=${value} send=${(/** @type {string} */ text) => link.edit(toleranceEdits(withUnit(text, value, "mm")))} aria-label="Tolerance of all corners" /></td>
-      <td>${mm(radius, 2)} mm</td><td class="words">${reason ?? ""}</td></tr>`;
-  };
-  whileSeen(store, region, ["picture"], () => {
-    const all = store.latest("picture")?.head.corners ?? [];
-    const note = all.length ? "" : "This run has no rounded corners: the tool stops at corners, or there are none.";
-    render(html`<${Rows} title="Corners" note=${note} columns=${CORNERS} rows=${all.slice(0, MAX_ROWS).map(row)} />`, region);
-  });
-}
-
-/** @param {Store} store @param {Link} link */
-export function init(store, link) {
-  waypoints(store, link);
-  corners(store, link);
 }

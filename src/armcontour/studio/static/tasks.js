@@ -1,12 +1,11 @@
-// Tasks by button: check, clearance, certificate, export, report, logs; and their results.
+// Tasks by button: certificate, export, report, logs; and their results.
 
-import { answerOf } from "./task_results.js";
-import { Chart } from "./chart.js";
 import { find, give, say } from "./dom.js";
+import { textOf } from "./format.js";
 import { known } from "./form.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
 import { Tabular } from "./components.js";
-import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSignal } from "./vendor/preact.js";
+import { html, render, signal, useComputed, useMemo, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -24,11 +23,13 @@ import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSigna
  */
 /** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
+/** @typedef {{title?: string, columns: string[], rows: string[][]}} Table */
+/** @typedef {{sentences: string[], tables?: Table[]}} Answer */
+
 /** Numbers of kept results, and of shown table rows. */
 const [MAX_RESULTS, MAX_ROWS] = [12, 200];
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
-const others = signal(/** @type {string[]} */ ([]));
 /** Joints of the arm, and whether the server hears. */
 const [joints, isOpen] = [signal(0), signal(false)];
 /** The newest first. */
@@ -36,12 +37,6 @@ const results = signal(/** @type {Result[]} */ ([]));
 
 /** All tasks, in the order of their buttons. @returns {Task[]} */
 const tasks = () => [
-  { task: "check", title: "Check", what: "Looks at every limit of the planned and the executed motion." },
-  {
-    task: "compare", title: "Variants", what: "The shown run against another one, or the job before its last edit: time by limit, errors, clearance.",
-    choices: [{ name: "with", label: "with", choices: [["", "the job before the last edit"], ...others.value.map((x) => /** @type {[string, string]} */ ([x, x]))] }], options: (values) => values,
-  },
-  { task: "clearance", title: "Clearance", what: "How near the arm comes to itself and to obstacles, at any time." },
   {
     task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.",
     choices: [{ name: "tolerance", label: "tolerance", value: "", min: 0, unit: "mm, or as in the job" }],
@@ -85,7 +80,7 @@ function Form({ start, ...task }) {
 /** @param {{result: Result, store: Store, link: Link}} props */
 function Outcome({ result: { id, task, title, time, state, told, frame, sentence }, store, link }) {
   const { steps = [], share, eta } = told ?? {};
-  const { sentences, tables = [], graphs = [] } = useMemo(() => (frame ? answerOf(task, frame) : { sentences: sentence ? [sentence] : [] }), [frame, sentence]);
+  const { sentences, tables = [] } = useMemo(() => (frame ? answerOf(task, frame) : { sentences: sentence ? [sentence] : [] }), [frame, sentence]);
   const step = told ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
   return html`<article class="task-result" data-task=${task} data-id=${id} data-state=${state} data-share=${share ?? ""}>
     <h3>${title} <span class="quiet">${time}</span></h3>
@@ -95,7 +90,6 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
       ${sentences.map((text) => html`<p class="task-sentence">${text}</p>`)}
       ${frame?.head.edits?.length > 0 && html`<p class="task-file"><button type="button" onClick=${() => link.edit(frame?.head.edits)}>${frame?.head.label}</button></p>`}
       ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
-      ${graphs.filter((x) => x.content.x.length).map((x) => html`<${Graph} key=${x.name} graph=${x} store=${store} />`)}
       ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
         <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
         ${all.length > MAX_ROWS && html`<p class="quiet">And ${all.length - MAX_ROWS} more rows.</p>`}</div>`)}
@@ -103,19 +97,36 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
   </article>`;
 }
 
-/** A chart; one over time or along the path has the cursor of all. @param {{graph: import("./task_results.js").Graph, store: Store}} props */
-function Graph({ graph: { name, axes, content, time, along }, store }) {
-  const place = useRef(/** @type {HTMLElement | null} */ (null));
-  useEffect(() => {
-    const chart = new Chart(name, axes, (x) => (along ? store.setPlace(x / 1000) : time && store.setTime(x)));
-    chart.show(content);
-    place.current?.append(chart.element);
-    const point = () => (time || along) && chart.point(along ? 1000 * store.place : store.time);
-    point();
-    const ends = [store.on("theme", () => chart.repaint()), store.on("time", point)];
-    return () => ends.forEach((end) => end());
-  }, []);
-  return html`<div ref=${place}></div>`;
+/**
+ * Content of a result.
+ * @param {string} task
+ * @param {Frame} frame
+ * @returns {Answer}
+ */
+function answerOf(task, frame) {
+  const found = ANSWERS[task]?.(frame) ?? { sentences: [] };
+  const notes = [...(frame.head.notes ?? []), ...(frame.head.warnings ?? [])];
+  return { ...found, sentences: [...found.sentences, ...notes] };
+}
+
+/** @type {Record<string, (frame: Frame) => Answer>} */
+const ANSWERS = {
+  certify: ({ head }) => ({ sentences: [head.sentence] }),
+  export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
+  report: () => ({ sentences: ["The report is ready."] }),
+  identify: ({ head }) => ({ sentences: [head.sentence], tables: tablesOf(head) }),
+  learn: ({ head }) => ({ sentences: [], tables: [figuresOf(head), ...tablesOf(head)] }),
+};
+
+/** Tables as the terminal prints them. @param {any} head @returns {Table[]} */
+const tablesOf = (head) => head.tables.map((/** @type {any} */ { title, cells }) => tableOf(title, cells));
+
+/** @param {any} head @returns {Table} */
+const figuresOf = (head) => ({ title: "figures", columns: ["figure", "value"], rows: head.rows.map((/** @type {any} */ x) => [x.label, textOf(x)]) });
+
+/** A table as Python gave it. @param {string} title @param {string[][]} rows the header first @returns {Table} */
+function tableOf(title, [columns, ...rows]) {
+  return { title, columns, rows };
 }
 
 /** A file to download, and to open where it can be. @param {{file: Kept, link: Link}} props */
@@ -163,8 +174,8 @@ export function init(store, link) {
   };
   store.on("progress", (/** @type {Frame} */ { head }) => renew(head.id, { told: /** @type {any} */ (head) }));
   store.on("result", (/** @type {Frame} */ frame) => {
-    const { id, kept, verdict } = frame.head;
-    renew(id, { state: kept === false || verdict === "violated" ? "refused" : "done", frame });
+    const { id, kept } = frame.head;
+    renew(id, { state: kept === false ? "refused" : "done", frame });
   });
   store.on("cancelled", (/** @type {Frame} */ x) => renew(x.head.id, { state: "cancelled", sentence: "Cancelled." }));
   store.on("failed", (/** @type {Frame} */ x) => renew(x.head.id, { state: "failed", sentence: x.head.sentence }));
@@ -173,7 +184,6 @@ export function init(store, link) {
     tell();
   });
   const update = () => {
-    others.value = (store.document?.runs ?? []).map((/** @type {any} */ x) => x.name).filter((/** @type {string} */ x) => x !== store.document.run);
     joints.value = store.latest("arm")?.head.joints.length ?? 0;
     isOpen.value = link.state.state === "open" && store.document !== null;
     if (!isOpen.value) for (const { id } of results.value) renew(id, { state: "failed", sentence: "The connection was lost, and this work with it." });

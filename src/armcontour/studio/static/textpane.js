@@ -5,8 +5,6 @@ import { find, make, say } from "./dom.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
 
-const KEPT_AS = "armcontour-typed";
-
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const area = make("textarea", { spellcheck: "false", autocomplete: "off", wrap: "off", "aria-label": "Job file" });
@@ -18,23 +16,15 @@ export function init(store, link) {
   let shown = "";
   /** Text sent without an answer. @type {string | null} */
   let sent = null;
-  /** What was typed before the page was loaded, after the document that it changes. @type {string[]} */
-  let before = JSON.parse(sessionStorage.getItem(KEPT_AS) ?? "[]");
   // The job whose refusal has been shown at its line.
   let marked = "";
   const changed = () => area.value !== shown;
-  // Typed text survives a reload of the page.
-  const keep = () => {
-    if (changed()) sessionStorage.setItem(KEPT_AS, JSON.stringify([text, area.value]));
-    else if (!before.length) sessionStorage.removeItem(KEPT_AS);
-  };
   const take = (/** @type {string} */ fresh) => {
     text = fresh;
     area.value = fresh;
     shown = area.value;
   };
   const update = () => {
-    keep();
     apply.disabled = back.disabled = !changed();
     const newer = changed() && sent === null && store.document?.text !== text;
     say(
@@ -79,11 +69,6 @@ export function init(store, link) {
     const applied = sent !== null && area.value === sent && frame.head.text.trimEnd() === sent.trimEnd();
     if (applied || (!changed() && frame.head.text !== text)) take(frame.head.text);
     if (applied) sent = null;
-    if (before[0] === text) {
-      area.value = before[1];
-      before = [];
-      store.setView({ tab: "text", dock: true });
-    }
     update();
     if (!changed()) show(frame.head);
   });

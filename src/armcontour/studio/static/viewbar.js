@@ -1,4 +1,4 @@
-// Toolbar of the drawing: colour of the path, magnification of errors, pen, fit, zoom and legend.
+// Toolbar of the drawing: colour of the path, pen, fit, zoom and legend.
 
 import { find, make } from "./dom.js";
 import { legendOf, scalesOf } from "./legend.js";
@@ -78,20 +78,12 @@ export function init(store, view) {
   });
   const update = () => {
     const { options } = store;
-    const magnify = Number(view.region.dataset.magnify);
     const set = (/** @type {string} */ name) => (/** @type {any} */ value) => store.setView({ [name]: value });
-    const held = document.activeElement?.matches("#viewbar input");
     const button = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ act) =>
       html`<button type="button" title=${title} aria-label=${`${text}: ${title}`} onClick=${act}>${text}</button>`;
     render(
       html`<${Choice} label="Colour by" names=${COLOURINGS} now=${options.colour} choose=${set("colour")} />
         <${Toggle} text="Executed" title="Show the executed tool, its error magnified (E)" is=${options.executed} act=${() => set("executed")(!store.options.executed)} />
-        <span class="group magnify">
-          <input type="range" min="0" max="3" step="0.05" aria-label="Magnification of the error" value=${held ? undefined : magnify ? Math.log10(magnify) : 2}
-            onInput=${(/** @type {any} */ e) => set("magnify")(Math.round(10 ** Number(e.target.value)))} />
-          <span class="times">${magnify ? `×${magnify}` : ""}</span>
-          <${Toggle} text="Auto" title="Magnify errors so that they are well seen" is=${options.magnify === 0} act=${() => set("magnify")(store.options.magnify ? 0 : Number(view.region.dataset.magnify) || 100)} />
-        </span>
         <${Toggle} text="Place part" title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
         <${Pen} now=${options.pen} can=${canDraw(store)} choose=${(/** @type {string} */ name) => set("pen")(store.options.pen === name ? "" : name)} />
         <button type="button" id="add-obstacle" data-later title="A box beside the part, with a name and a height; drag it or its corner, press F2 to change them">Add obstacle</button>

@@ -15,7 +15,7 @@ from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress, Step
 from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.tasks.figures import changes, check, clearance, compare, figures
+from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, report
 from armcontour.studio.tasks.logs import identify, learn
 from armcontour.studio.tasks.request import Request
@@ -37,10 +37,7 @@ runs: {one: {}}
 TASKS: dict[str, Callable[[Request], PageFrame]] = {
     "figures": figures,
     "changes": changes,
-    "check": check,
-    "compare": compare,
     "certify": certify,
-    "clearance": clearance,
     "export": export,
     "report": report,
     "identify": identify,
