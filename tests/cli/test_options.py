@@ -7,8 +7,9 @@ writes the file again.
 
 from pathlib import Path as FilePath
 
+from tools.job_form import options_text
+
 from armcontour.cli import options
-from armcontour.files.job_form import options_text
 
 FILE = FilePath(options.__file__).with_name("job_options.json")
 

@@ -5,7 +5,8 @@
 writes the file again.
 """
 
-from armcontour.files.job_form import form_text
+from tools.job_form import form_text
+
 from armcontour.studio import server
 
 FILE = server.STATIC / "form.json"

@@ -113,7 +113,7 @@ class Named:
 class About:
     """Options and sliders that set a field of a job: annotates the field, once per option."""
 
-    # `files/job_form.py` makes the short options of the command line and the sliders of the Studio.
+    # `tools/job_form.py` makes the short options of the command line and the sliders of the Studio.
 
     option: str = ""  # Option of the command line, such as "--units"; "" for none
     topic: str = ""  # Section of the help; by default that of the neighbouring keys

@@ -21,8 +21,6 @@ EXACT = 1e-9
 # The closed form returns no result for poses closer than this to the limit of the reach [m] or to a
 # singular posture [1]; the search determines their solutions.
 NEAR = 1e-6
-# Number of poses, times placements, in the first batch and in each further batch.
-FIRST, AT_ONCE = 8, 4096
 
 
 class JointAxis(NamedTuple):
@@ -151,30 +149,6 @@ class ClosedForm:
         q3 = (normal.along @ third.along) * elbow
         *q, exists = np.broadcast_arrays(q1, q2, q3, q4, q5, q6, exists)
         return np.asarray(np.pi - np.mod(np.pi - np.stack(q, axis=-1)[exists], 2 * np.pi))
-
-    def measure_excess(self, bases: FloatArray, poses: FloatArray, enough: float) -> FloatArray:
-        """Largest distance of poses beyond reach, per placement [m], (n,); at most 0 in reach."""
-        # bases: base frame of each placement, (n, 3, 4). poses: (m, 3, 4). The evaluation of a
-        # placement ends after a batch with a pose farther out of reach than `enough` [m]. The
-        # distance is infinite if no wrist orientation reaches a pose.
-        distances, index, count = np.full(len(bases), -np.inf), 0, FIRST
-        while index < len(poses) and (distances <= enough).any():
-            remaining = np.flatnonzero(distances <= enough)
-            few = poses[index : index + max(1, count // len(remaining))]
-            reach = self._reach(
-                np.repeat(bases[remaining], len(few), axis=0), np.tile(few, (len(remaining), 1, 1))
-            )
-            gap = np.where(reach.feasible, np.where(reach.flat, 0.0, reach.gap), np.inf).min(
-                axis=(1, 2)
-            )
-            gap = np.where(
-                reach.lacking > NEAR, reach.lacking, np.where(reach.lacking > -NEAR, 0.0, gap)
-            )
-            distances[remaining] = np.maximum(
-                distances[remaining], gap.reshape(len(remaining), -1).max(axis=1)
-            )
-            index, count = index + len(few), AT_ONCE
-        return distances
 
     @property
     def _links(self) -> tuple[FloatArray, FloatArray]:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import About
+from armcontour.core.text import describe_fields
 from armcontour.files.cell import GEOMETRY_KEYS
-from armcontour.files.job_form import usual_ranges
-from armcontour.files.job_model import JobModel
+from armcontour.files.job_model import JobModel, RunModel
 from armcontour.files.job_text_edits import Keys, line_of, value_at
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.patch import full_key, locate_key
-from armcontour.files.si_data import quantity_of
+from armcontour.files.si_data import alternatives, quantity_of
 from armcontour.files.units import unit_of
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
@@ -230,3 +233,30 @@ def _waypoints(handles: Handles) -> list[dict[str, Any]]:
         }
         for x in handles.waypoints
     ]
+
+
+def settings(
+    kind_of_file: type = JobModel, outer: Keys = ()
+) -> Iterator[tuple[Keys, About, Any, str]]:
+    """Yield the keys with an `About`: key path, `About`, annotation and description."""
+    overrides, texts = (
+        KEY_OVERRIDES.get(kind_of_file, KeyOverrides()),
+        describe_fields(kind_of_file),
+    )
+    hints = get_type_hints(kind_of_file, include_extras=True)
+    for field in dataclasses.fields(kind_of_file):
+        if field.name in overrides.omit:
+            continue
+        keys, hint = (*outer, overrides.names.get(field.name, field.name)), hints[field.name]
+        for about in getattr(hint, "__metadata__", ()):
+            if isinstance(about, About):
+                yield keys, about, hint, texts[field.name]
+        for kind in alternatives(hint):
+            if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+                yield from settings(kind, keys)
+
+
+def usual_ranges() -> dict[Keys, tuple[float, float]]:
+    """Usual ranges of quantities of a job and its runs in SI units, by key path."""
+    every = (x for model in (JobModel, RunModel) for x in settings(model))
+    return {keys: about.usual for keys, about, *_ in every if about.usual[1]}

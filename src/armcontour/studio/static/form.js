@@ -16,7 +16,7 @@ import { computed, html, render, signal, useComputed, useRef, useSignal } from "
  */
 /** @typedef {(string | number)[]} Key */
 /**
- * A field, see `files/job_form.py`; `at` is the key of those that are in a group.
+ * A field, see `tools/job_form.py`; `at` is the key of those that are in a group.
  * @typedef {{name: string, at?: string, label?: string, text?: string, unit?: string, example?: string, default?: any, choices?: any[],
  *   open?: boolean, tick?: boolean, plain?: boolean, list?: boolean, needed?: boolean, usual?: [number, number], fields?: Field[],
  *   each?: Field, items?: Field[]}} Field

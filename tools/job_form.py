@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, TypeAlias, get_type_hints
+from typing import Any, TypeAlias
 
 from armcontour.core.fields import parts_of
 from armcontour.core.quantities import About, AtLeast, Quantity
-from armcontour.core.text import capitalise, describe_fields
+from armcontour.core.text import capitalise
 from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.exports.formats import format_named
 from armcontour.files.job_file import json_schema
-from armcontour.files.job_model import JobModel, RunModel, SharedModel
+from armcontour.files.job_model import RunModel, SharedModel
 from armcontour.files.job_text_edits import Keys
-from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.patch import MERGED
 from armcontour.files.robots.loading import arm_names
-from armcontour.files.si_data import alternatives
 from armcontour.jobs.exports import ENDINGS
+from armcontour.studio.description import settings, usual_ranges
 
 # Topics of short options in the help of commands, by the first key of the option's key path.
 TOPICS = {
@@ -34,33 +32,6 @@ TOPICS = {
 # Help texts omit these parts of a description: "Whether to", units, shapes, backticks, and all
 # sentences after the first.
 OMITTED_TEXT = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
-
-
-def settings(
-    kind_of_file: type = JobModel, outer: Keys = ()
-) -> Iterator[tuple[Keys, About, Any, str]]:
-    """Yield the keys with an `About`: key path, `About`, annotation and description."""
-    overrides, texts = (
-        KEY_OVERRIDES.get(kind_of_file, KeyOverrides()),
-        describe_fields(kind_of_file),
-    )
-    hints = get_type_hints(kind_of_file, include_extras=True)
-    for field in dataclasses.fields(kind_of_file):
-        if field.name in overrides.omit:
-            continue
-        keys, hint = (*outer, overrides.names.get(field.name, field.name)), hints[field.name]
-        for about in getattr(hint, "__metadata__", ()):
-            if isinstance(about, About):
-                yield keys, about, hint, texts[field.name]
-        for kind in alternatives(hint):
-            if dataclasses.is_dataclass(kind) and isinstance(kind, type):
-                yield from settings(kind, keys)
-
-
-def usual_ranges() -> dict[Keys, tuple[float, float]]:
-    """Usual ranges of quantities of a job and its runs in SI units, by key path."""
-    every = (x for model in (JobModel, RunModel) for x in settings(model))
-    return {keys: about.usual for keys, about, *_ in every if about.usual[1]}
 
 
 def options_text() -> str:
