@@ -120,7 +120,7 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
     assert empty.chain.payload.mass == 0.0 and empty.controller_chain.payload.mass == 3.0
     rigid = build_plant(Experiment(), arm, servo, arm.limits, False)
     assert rigid.chain is arm.chain and Experiment().unknown == ""
-    assert rigid.joint_stiffness is None and not rigid.gravity_feedforward
+    assert not rigid.gravity_feedforward
 
 
 def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):

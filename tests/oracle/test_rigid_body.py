@@ -80,33 +80,6 @@ def by_pinocchio(chain, inertia, q, step, cycle, limit):
     return np.array(states)
 
 
-def by_pinocchio_with_springs(chain, plant, q, step, cycle, begin):
-    """Links and motors at the steps: Spong's equations with torques held, motion by DOP853."""
-    model, n = pinocchio_model(chain), len(chain)
-    data, stiffness, damping = model.createData(), plant.joint_stiffness, plant.joint_damping
-    kp, kv = plant.servo.kp, plant.servo.kv
-
-    def rate(t, x):
-        link, motor, turning, spinning = x.reshape(4, n)
-        mass = np.triu(pin.crba(model, data, link))
-        mass = mass + np.triu(mass, 1).T
-        spring = stiffness * (motor - link) + damping * (spinning - turning)
-        bias = pin.nonLinearEffects(model, data, link, turning)
-        faster = (torque - spring - chain.viscous * spinning) / chain.armature
-        return np.concatenate([turning, spinning, np.linalg.solve(mass, spring - bias), faster])
-
-    x, states, steps = np.concatenate([begin, np.zeros(2 * n)]), [], round(cycle / step)
-    for k in range(len(q) - 1):
-        for i in range(steps):
-            states.append(x[: 2 * n])
-            motor, spinning = x[n : 2 * n], x[3 * n :]
-            target = q[k] + (q[k + 1] - q[k]) * i / steps
-            torque = plant.nominal_inertia * kv * (kp * (target - motor) - spinning)
-            torque = torque + pin.computeGeneralizedGravity(model, data, motor)
-            x = solve_ivp(rate, (0, step), x, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
-    return np.array(states)
-
-
 def taught_data(q, cycle):
     still = np.zeros((1, q.shape[1]))
     law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, q.shape[1])), dq=still, ddq=still)
@@ -140,23 +113,3 @@ def test_nominal_inertia_is_the_bare_arms():
     mass = pin.crba(model, model.createData(), np.zeros(3))
     plant = ac.RigidBodyPlant(arm, ac.ServoModel(kp=KP, kv=KV))
     np.testing.assert_allclose(plant.nominal_inertia, np.diag(mass) + arm.chain.armature)
-
-
-@pytest.mark.parametrize("options", [{}, {"joint_damping": 0.0}])
-def test_joints_with_springs_move_as_in_spong_and_pinocchio(options):
-    whole = skew_arm().chain
-    names = "joints rotations positions axes masses centers inertias armature viscous".split()
-    first = {name: getattr(whole, name)[:2] for name in names}
-    arm = SerialArm(name="two", chain=whole.replace(**first, coulomb=None), limits=ac.Limits())
-    step, cycle = 2.5e-4, 0.004
-    t = np.arange(0, 0.08, cycle)[:, None]
-    q = np.array([0.3, -0.4]) + np.array([0.8, -1.1]) * (1 - np.cos(8 * t))
-    servo = ac.ServoModel(kp=[60.0, 80.0], kv=[300.0, 240.0])
-    plant = ac.RigidBodyPlant(arm, servo, step=step, joint_stiffness=[2e4, 1e4], **options)
-    execution = ac.simulate(taught_data(q, cycle), plant, resolution=step)
-    begin = np.concatenate([execution.q[0], execution.motor_q[0]])
-    expected = by_pinocchio_with_springs(arm.chain, plant, q, step, cycle, begin)
-    positions = np.hstack([execution.q, execution.motor_q])[: len(expected)]
-    assert np.abs(execution.dq).max() > 1 and np.abs(execution.q - execution.motor_q).max() > 2e-3
-    # The start rings the springs, which hardly anything damps: phase errors add up.
-    assert np.abs(positions - expected).max() < 4e-9

@@ -134,16 +134,14 @@ def test_it_starts_and_stays_in_equilibrium_and_sags_as_predicted():
 
 def test_an_integrator_holds_the_weight_and_leaves_no_sag():
     servo = ac.ServoModel(kp=KP, kv=KV, ki=8.0)
-    for spring in (None, SPRING):
-        sagging = {"gravity_feedforward": False, "joint_stiffness": spring}
-        set_points = taught_data(swing(1.2))
-        execution = ac.simulate(set_points, ac.RigidBodyPlant(pendulum(), servo, **sagging))
-        motor = execution.q if spring is None else execution.motor_q
-        assert motor[0, 0] == 0.0 and motor[-1, 0] == pytest.approx(1.2, abs=1e-6)
-        assert run(pendulum(), swing(1.2), **sagging).q[-1, 0] < 1.2 - 1e-3
-        still = ac.simulate(taught_data([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
-        assert np.ptp(still.q) < 1e-12
-        np.testing.assert_allclose(still.torque, WEIGHT * np.cos(still.q), rtol=1e-9)
+    sagging = {"gravity_feedforward": False}
+    set_points = taught_data(swing(1.2))
+    execution = ac.simulate(set_points, ac.RigidBodyPlant(pendulum(), servo, **sagging))
+    assert execution.q[0, 0] == 0.0 and execution.q[-1, 0] == pytest.approx(1.2, abs=1e-6)
+    assert run(pendulum(), swing(1.2), **sagging).q[-1, 0] < 1.2 - 1e-3
+    still = ac.simulate(taught_data([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
+    assert np.ptp(still.q) < 1e-12
+    np.testing.assert_allclose(still.torque, WEIGHT * np.cos(still.q), rtol=1e-9)
 
 
 @pytest.mark.parametrize("limit", [1e5, 1.0])
@@ -189,7 +187,7 @@ def test_coulomb_friction_leaves_its_dead_band():
         still = np.full((1500, 1), to)  # 6 s: the joint must not creep through the band
         execution = run(arm, np.concatenate([swing(to), still]))
         assert execution.q[-1, 0] - to == pytest.approx(-np.sign(to) * band, rel=1e-3)
-        free = run(arm, swing(to), friction=False)
+        free = run(pendulum(gravity=WEIGHTLESS), swing(to))
         assert free.q[-1, 0] == pytest.approx(to, abs=1e-7)
     # It moves once the servo asks for more than friction takes: 1/2 and 2 times that.
     for share, moves in ((0.5, False), (2.0, True)):
@@ -346,13 +344,13 @@ def test_the_resolution_changes_nothing():
 
 @pytest.mark.parametrize("name", ["pmk3s", "ur5e", "panda"])
 def test_arms_of_the_library(name):
-    arm = ac.load_arm(name)
+    arm = ac.load_arm(name).with_dynamics(coulomb=0.0, viscous=0.0)
     low, high = arm.limits.joint_range(arm.dof)
     middle = plant(arm).reference
     assert ((middle >= low) & (middle <= high)).all()
     # Stretched, some joints turn about one line, where arms without drives are light.
     q = middle + 0.8 + swing(np.full(arm.dof, 0.02), duration=2.0)
-    execution = run(arm, q, friction=False)
+    execution = run(arm, q)
     np.testing.assert_allclose(execution.q[-1], q[-1], atol=2e-6)
     needed = arm.dynamics.torque(execution.q, execution.dq, execution.ddq)
     # ddq is the mean over the step that follows: half a step off.
@@ -455,12 +453,6 @@ def test_refused(refuses, monkeypatch):
         (partial(plant_of, friction=1e-3), "without friction and cycle"),
         (partial(plant_of, drive_cycle=1e-3), "without friction and cycle"),
         (partial(plant_of, acceleration_limit=5.0), "acceleration_limit of 5.0 rad/s²"),
-        (partial(plant, pendulum(), joint_stiffness=0.0), "but is 0 N m/rad"),
-        (partial(plant, pendulum(), joint_stiffness=[1e4, 1e4]), "joint_stiffness has 2 values"),
-        (partial(plant, pendulum(), joint_stiffness=1e4, joint_damping=-1.0), "joint_damping"),
-        (partial(plant, pendulum(), joint_damping=1.0), "requires joint_stiffness"),
-        (partial(plant, two_link(armature=[0.1, 0.0]), joint_stiffness=SPRING), "joint 2 (elbow)"),
-        (partial(run, empty, swing(), joint_stiffness=SPRING), "joint 1 (hinge) moves none"),
     ):
         refuses(call, ac.InvalidInput, words)
     monkeypatch.setitem(sys.modules, "mujoco", None)
@@ -483,86 +475,9 @@ def test_late_and_cubic_commands_are_those_of_the_servo_plant():
             assert np.abs(positions - other).max() > 3e-3, (interpolation, dead)
 
 
-SPRING = 2e4
-
-
-def test_a_spring_bends_by_torque_over_stiffness_and_the_start_is_at_rest():
-    held = run(pendulum(), [[0.3]], joint_stiffness=SPRING)
-    motor, link = held.motor_q[0, 0], held.q[0, 0]
-    weight = WEIGHT * np.cos(link)
-    assert link - motor == pytest.approx(-weight / SPRING, rel=1e-12)
-    # What is fed forward is the weight at the motor's position.
-    assert motor - 0.3 == pytest.approx((WEIGHT * np.cos(motor) - weight) / STIFFNESS, abs=1e-12)
-    np.testing.assert_allclose(held.q, link, atol=1e-9)
-    np.testing.assert_allclose(held.motor_q, motor, atol=1e-9)
-    np.testing.assert_allclose(held.torque, weight, rtol=1e-6)
-    assert run(pendulum(), [[0.3]]).motor_q is None
-    # The loops hold what is not fed forward, and the spring holds all.
-    sagged = run(pendulum(), swing(0.8), joint_stiffness=SPRING, gravity_feedforward=False)
-    motor, link = sagged.motor_q[-1, 0], sagged.q[-1, 0]
-    assert link - motor == pytest.approx(-WEIGHT * np.cos(link) / SPRING, rel=1e-5)
-    assert motor - 0.8 == pytest.approx(-WEIGHT * np.cos(link) / STIFFNESS, rel=1e-5)
-
-
-def test_stiff_springs_are_rigid_joints():
-    q = swing(0.3, 0.4)
-    rigid, errors = run(pendulum(), q), []
-    for stiffness in (2e4, 2e5):
-        execution = run(pendulum(), q, joint_stiffness=stiffness)
-        errors.append(np.abs(execution.q[: len(q)] - rigid.q[: len(q)]).max())
-    assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
-    assert errors[1] < 1e-4
-
-
-def test_springs_keep_energy_and_dampers_take_it():
-    arm = two_link()
-    chain, stiffness = arm.chain, np.array([2e3, 3e3])
-
-    def energy(data):
-        link, motor, turning, spinning = np.concatenate([data.qpos, data.qvel]).reshape(4, 2)
-        moving = turning @ arm.dynamics.mass_matrix(link) @ turning
-        moving -= turning @ (chain.armature * turning)  # drives turn with their motors
-        spinning = spinning @ (chain.armature * spinning)
-        return (moving + spinning + stiffness @ (motor - link) ** 2) / 2
-
-    def share_left(damping):
-        springs = mujoco_model.Springs(stiffness, damping)
-        model = mujoco_model.build_model(chain, 5e-5, friction=False, springs=springs)
-        data = mujoco_model.import_mujoco().MjData(model)
-        data.qpos[:], data.qvel[:] = [0.0, 1.0, 0.0, 1.0], [1.0, -2.0, 0.5, 3.0]
-        before = energy(data)
-        mujoco_model.import_mujoco().mj_step(model, data, 4000)
-        assert np.abs(data.qpos[:2] - data.qpos[2:]).max() < 0.1
-        return energy(data) / before
-
-    assert share_left(np.zeros(2)) == pytest.approx(1, abs=2e-8)
-    assert share_left(stiffness * 1e-4) < 0.95
-
-
-def test_friction_acts_at_the_motor():
-    coulomb = 4.0
-    arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
-    execution = run(arm, np.concatenate([swing(), np.full((100, 1), 0.5)]), joint_stiffness=SPRING)
-    assert execution.motor_q[-1, 0] - 0.5 == pytest.approx(-coulomb / STIFFNESS, rel=1e-3)
-    # The torque that holds the motor does not go through the spring.
-    assert execution.q[-1, 0] == pytest.approx(execution.motor_q[-1, 0], abs=1e-7)
-
-
-def test_steps_too_long_for_springs_are_errors(fails):
-    arm = pendulum(gravity=WEIGHTLESS)
-    fails(
-        partial(run, arm, swing(), joint_stiffness=SPRING, step=4e-3),
-        "runs away",
-        "shorten the step",
-    )
-    # Rigid, the same step is stable.
-    assert run(arm, swing(), step=4e-3).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
-    execution = run(arm, swing(), joint_stiffness=SPRING, step=1e-3)
-    assert execution.q[-1, 0] == pytest.approx(0.5, abs=1e-5)
-    for stiffness, damping in ((1e10, None), (1e12, None), (1.0, 1e12)):
-        springs = {"joint_stiffness": stiffness, "joint_damping": damping}
-        fails(partial(run, arm, swing(), **springs), "at most 50", joint=ANY)
-    # Friction that brakes a link within a step is integrated as finely as a spring.
+def test_friction_that_brakes_a_link_within_a_step_is_integrated_more_finely(fails):
+    stiff = pendulum(gravity=WEIGHTLESS, viscous=[1e9])
+    fails(partial(run, stiff, swing()), "at most 50", joint=ANY)
     slow = {"kp": 10.0, "kv": 40.0, "cycle": 0.02, "step": 0.02, "resolution": 0.02}
     rubbed = run(pendulum(gravity=WEIGHTLESS, viscous=[200.0]), swing(0.1, cycle=0.02), **slow)
     assert np.diff(rubbed.q[:, 0]).min() > -1e-9

@@ -163,8 +163,6 @@ Ratio = Annotated[float, Quantity("1", "10 %")]
 Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 
 DEAD_TIME = Quantity("s", "4 ms", "not negative")
-STIFFNESS = Quantity("N m/rad", "2e4 N m/rad", "positive")
-DAMPING = Quantity("N m s/rad", "2 N m s/rad", "not negative")
 MORE_PAYLOAD = Quantity("kg", "2 kg")
 GAIN_ERROR = Quantity("1", "10 %", "share")
 # One value for all joints, or one per joint. An infinite limit is no limit.

@@ -59,8 +59,6 @@ class Execution(Checked):
         saturated_time: Time in saturation of each joint [s], (dof,).
         torque: Torques of the drives [N m], (n, dof); None from a plant without torques.
         torque_demand: Torques before saturation [N m], (n, dof); None without `torque`.
-        motor_q: Positions of the motors of elastic joints, which encoders measure [rad], (n, dof);
-            None if they equal those of the links, q.
         unsettled: Distances of the joints from the last set-point at the end [rad], (dof,); None if
             the joints are at rest there.
         model_error: Largest error of each joint that the servo model of the plant does not explain
@@ -83,7 +81,6 @@ class Execution(Checked):
     saturated_time: FloatArray
     torque: FloatArray | None = None
     torque_demand: FloatArray | None = None
-    motor_q: FloatArray | None = None
     unsettled: FloatArray | None = None
     model_error: FloatArray | None = None
     plant: MotionSource | None = None

@@ -6,7 +6,7 @@ import ctypes
 import importlib
 import os
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,13 +26,6 @@ STOPPING_STEPS = 2.0
 # or at most LEAST_INERTIA [kg m²].
 SINGULAR_SHARE = 1e-12
 LEAST_INERTIA = 1e-13
-
-
-class Springs(NamedTuple):
-    """Springs and dampers between drives and links."""
-
-    stiffness: FloatArray  # Torque per angle between motor and link [N m/rad], (dof,)
-    damping: FloatArray  # Torque per velocity between motor and link [N m s/rad], (dof,)
 
 
 def import_mujoco() -> Any:
@@ -59,13 +52,8 @@ def function_addresses() -> Functions:
     return Functions(find("mj_step"), find("mj_kinematics"), find("mj_comPos"), find("mj_rne"))
 
 
-def build_model(
-    chain: Chain, step: float, *, friction: bool, springs: Springs | None = None
-) -> Any:
+def build_model(chain: Chain, step: float, *, friction: bool) -> Any:
     """Build the MuJoCo model of a chain; its payload becomes part of the last link."""
-    # The degrees of freedom are the links, with springs followed by the motors: rotors with the
-    # armature and the friction of the drives. A fixed tendon connects each rotor to its link; its
-    # length is the angle between both.
     mujoco = import_mujoco()
     spec = mujoco.MjSpec()
     spec.option.timestep = step
@@ -83,31 +71,23 @@ def build_model(
         disabled |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     spec.option.disableflags = disabled
     masses, moments = _add_links(mujoco, spec, chain)
-    if springs is not None:
-        _add_motors(mujoco, spec, len(chain))
-        masses, moments = masses + [0.0] * len(chain), moments + [np.zeros(3)] * len(chain)
     model = spec.compile()
-    if springs is not None:
-        model.tendon_stiffness[:], model.tendon_damping[:] = springs
     # Masses and moments are set after compilation, because MuJoCo's compiler rejects rods, laminas
     # with rounding errors, and links without mass, although the dynamics support them.
     model.body_mass[1:], model.body_inertia[1:] = masses, moments
-    # The drives are the last degrees of freedom; without springs they are all of them.
-    drives = slice(-len(chain), None)
     if friction:
-        model.dof_damping[drives] = np.asarray(chain.viscous)
-        model.dof_frictionloss[drives] = np.asarray(chain.coulomb)
+        model.dof_damping[:] = np.asarray(chain.viscous)
+        model.dof_frictionloss[:] = np.asarray(chain.coulomb)
     model.dof_solimp[:] = [MAX_IMPEDANCE, MAX_IMPEDANCE, 1e-3, 0.5, 2.0]
     set_step(model, step)
     # Joints without inertia are detected with additional inertia at every joint, because otherwise
     # MuJoCo writes a warning to a file.
     for extra in (1.0, 0.0):
-        model.dof_armature[:] = extra
-        model.dof_armature[drives] += np.asarray(chain.armature)
+        model.dof_armature[:] = extra + np.asarray(chain.armature)
         mujoco.mj_setConst(model, mujoco.MjData(model))
         if extra:
             still = np.zeros(len(chain))
-            _check_inertia(chain, mass_matrix(model, still) - extra * np.eye(model.nv), springs)
+            _check_inertia(chain, mass_matrix(model, still) - extra * np.eye(model.nv))
     return model
 
 
@@ -118,8 +98,7 @@ def set_step(model: Any, step: float) -> None:
 
 
 def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
-    """Mass matrix at positions q of the links, including the armature [kg m²]."""
-    # The shape is (dof, dof), with springs (2 dof, 2 dof).
+    """Mass matrix at positions q of the links, including the armature [kg m²], (dof, dof)."""
     return np.asarray(mass_matrices(model, q[None])[0])
 
 
@@ -130,7 +109,7 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
     data, units = mujoco.MjData(model), np.eye(model.nv)
     matrices = np.empty((len(q), model.nv, model.nv))
     for position, matrix in zip(q, matrices, strict=True):
-        data.qpos[: len(position)] = position
+        data.qpos[:] = position
         for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb):
             compute(model, data)
         for column, unit in zip(matrix, units, strict=True):
@@ -141,22 +120,21 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
 def gravity_torques(model: Any, data: Any, q: FloatArray) -> FloatArray:
     """Gravity torques at positions q of the links [N m], (dof,); overwrites the state `data`."""
     mujoco, torque = import_mujoco(), np.zeros(model.nv)
-    data.qpos[: len(q)] = q
+    data.qpos[:] = q
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_rne(model, data, 0, torque)
-    return torque[: len(q)]
+    return torque
 
 
-def _check_inertia(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
+def _check_inertia(chain: Chain, matrix: FloatArray) -> None:
     """Raise an error if the mass matrix is singular; the message names the joint."""
     values, vectors = np.linalg.eigh(matrix)
     if values[0] <= max(SINGULAR_SHARE * values[-1], LEAST_INERTIA):
-        j = int(np.argmax(np.abs(vectors[:, 0]))) % len(chain)
-        drive = f"{', or' if springs is None else ', and'} an armature of its drive"
+        j = int(np.argmax(np.abs(vectors[:, 0])))
         raise InvalidInput(
             f"Every joint must move an inertia, but joint {j + 1} ({chain.joints[j]}) moves none. "
-            f"Specify mass and inertia of the link after the joint{drive}."
+            "Specify mass and inertia of the link after the joint, or an armature of its drive."
         )
 
 
@@ -182,16 +160,6 @@ def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[
     return masses, moments
 
 
-def _add_motors(mujoco: Any, spec: Any, count: int) -> None:
-    """Add a rotor per drive to a specification, and a tendon between each rotor and its link."""
-    for k in range(count):
-        rotor = spec.worldbody.add_body(mass=1.0, inertia=np.ones(3), explicitinertial=True)
-        rotor.add_joint(name=f"motor {k}", type=mujoco.mjtJoint.mjJNT_HINGE)
-        spring = spec.add_tendon(springlength=[0.0, 0.0])
-        spring.wrap_joint(f"motor {k}", 1.0)
-        spring.wrap_joint(f"link {k}", -1.0)
-
-
 def _link_body(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
     """Mass, centre of mass and central inertia of link k; the last link includes the payload."""
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
@@ -213,49 +181,36 @@ def _to_quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
 
 # Largest number of set-points at which stability is checked before the simulation.
 MAX_CHECKS = 50
-# MAX_PHASE: largest phase [rad] or decay exponent of the fastest mode of springs and viscous
-# friction per integration step; the integrator is stable up to 2.8. MAX_PARTS: largest number of
-# integration steps per step of the drives.
+# MAX_PHASE: largest decay exponent of the fastest mode of viscous friction per integration step;
+# the integrator is stable up to 2.8. MAX_PARTS: largest number of integration steps per step of the
+# drives.
 MAX_PHASE = 0.5
 MAX_PARTS = 50
 
 
 def count_parts(
-    model: Any,
-    set_points: SetPoints,
-    step: float,
-    loop: FloatArray,
-    viscous: FloatArray,
-    springs: Springs | None,
+    model: Any, set_points: SetPoints, step: float, loop: FloatArray, viscous: FloatArray
 ) -> int:
     """Number of integration steps per step of the drives; raises an error for unstable drives."""
-    # loop: J K_v [N m s/rad], (dof,). With a torque that is constant for a step h, rigid joints are
-    # stable if the rate K_v J / M of each mode of the velocity loops times h is below 2. Drives
-    # with springs are not checked, because the simulation detects their instability.
-    k, d = (np.zeros_like(loop),) * 2 if springs is None else springs
-    pulls = np.ones((1, 1)) if springs is None else np.array([[1.0, -1.0], [-1.0, 1.0]])
-    stiffness, damping = np.kron(pulls, np.diag(k)), np.kron(pulls, np.diag(d))
-    damping[-len(loop) :, -len(loop) :] += np.diag(viscous)
-    largest, n = 1, len(damping)
+    # loop: J K_v [N m s/rad], (dof,). With a torque that is constant for a step h, joints are
+    # stable if the rate K_v J / M of each mode of the velocity loops times h is below 2.
+    largest = 1
     looks = np.unique(np.linspace(0, len(set_points.q) - 1, MAX_CHECKS).astype(int))
     for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
         t = float(set_points.start_time + i * set_points.cycle)
-        state = np.eye(2 * n, k=n)
-        state[n:] = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
-        parts = int(np.ceil(np.abs(np.linalg.eigvals(state)).max() * step / MAX_PHASE))
+        rates = np.linalg.eigvals(np.linalg.solve(mass, np.diag(viscous)))
+        parts = int(np.ceil(np.abs(rates).max() * step / MAX_PHASE))
         if parts > MAX_PARTS:
             raise ExecutionError(
-                f"Springs or viscous friction of the joints require {parts} integration steps in a "
-                f"step of {step:.3g} s at t = {t:.4g} s, but at most {MAX_PARTS} are supported. "
-                "Reduce joint_stiffness, joint_damping or viscous friction, increase the inertias "
-                "of drives (armature), or shorten the step.",
+                f"Viscous friction of the joints requires {parts} integration steps in a step of "
+                f"{step:.3g} s at t = {t:.4g} s, but at most {MAX_PARTS} are supported. Reduce the "
+                "viscous friction, increase the inertias of drives (armature), or shorten the "
+                "step.",
                 t=t,
                 needed=float(parts),
                 allowed=float(MAX_PARTS),
             )
         largest = max(largest, parts)
-        if springs is not None:
-            continue
         rate = np.sqrt(loop)
         values, vectors = np.linalg.eigh(rate[:, None] * np.linalg.inv(mass) * rate)
         fastest = float(values[-1])

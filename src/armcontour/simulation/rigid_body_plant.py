@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.quantities import DAMPING, STIFFNESS, AtLeast, Quantity
+from armcontour.core.quantities import AtLeast, Quantity
 from armcontour.motion import Execution, FineMotion, SetPoints
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.chain import Chain
@@ -22,7 +21,7 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import polynomials, sample_command
 from armcontour.simulation import drive_loop, mujoco_model
 from armcontour.simulation.drive_loop import Bodies, Loops, Rows
-from armcontour.simulation.mujoco_model import Springs, count_parts
+from armcontour.simulation.mujoco_model import count_parts
 from armcontour.simulation.plant import (
     LONGEST_SETTLING,
     RUNAWAY_SPEED,
@@ -56,10 +55,6 @@ REST_NOISE = 4.0
 # of iterations.
 EQUILIBRIUM_TOLERANCE = 1e-13
 MAX_ITERATIONS = 200
-# Default ratio of the damping of a joint spring to its stiffness [s]. It is 0.3 % of critical
-# damping at 10 Hz, less than that of gears. Without damping, modes that are faster than the drive
-# cycle take minutes to decay, because torques that are held for a cycle hardly damp them.
-DAMPING_TIME = 1e-4
 # Number of random poses in which the default torque limits allow the acceleration limits.
 RATED_POSES = 200
 # Duration of one block of the simulation [s].
@@ -79,15 +74,6 @@ class RigidBodyPlant(LimitedPlant):
     its drive, without payload, with all joints in the middle of their ranges (at 0 without a
     range). Therefore J does not depend on the job.
 
-    With `joint_stiffness`, drives move the links through springs and dampers (Spong's model):
-
-        M(q) q'' + c(q, q') + g(q) = K (theta - q) + D (theta' - q')
-        B theta'' + friction(theta') = tau - K (theta - q) - D (theta' - q')
-
-    theta are the motor positions reflected to the joints, and B are the inertias of the drives
-    (armature). The loops and the gravity feed-forward use theta, because encoders are at the
-    motors. The rotation of rotors with the links that carry them is neglected, as in Spong (1987).
-
     >>> heavy = arm.with_dynamics(payload=ac.Payload(mass=0.5), armature=0.1)
     >>> plant = ac.RigidBodyPlant(heavy, servo, noise=1e-5, seed=1)
     >>> ac.simulate(set_points, plant).q.shape[1]
@@ -103,17 +89,12 @@ class RigidBodyPlant(LimitedPlant):
         step: Cycle time of the drives [s]; it is shortened to an integer fraction of the cycle.
         gravity_feedforward: True if the controller adds the gravity torque, including that of the
             payload in its model.
-        friction: True to simulate viscous and Coulomb friction of the arm.
         noise: Standard deviation of measured joint positions [rad], independent in every step.
             Measured velocities have no noise, because the filters of drives are unknown.
         seed: Seed of the noise, which is the same in every run.
         controller: The controller's model of the arm, for example without a payload that the
             controller does not know; by default the arm itself. It determines J, the gravity
             torque, and torque limits that follow from acceleration limits.
-        joint_stiffness: Stiffness K between each drive and its link [N m/rad], one for all joints
-            or one per joint; None for rigid joints.
-        joint_damping: Damping D between each drive and its link [N m s/rad], one for all joints or
-            one per joint; by default 1e-4 s times the stiffness, which is less than that of gears.
 
     A plant is immutable.
 
@@ -126,8 +107,7 @@ class RigidBodyPlant(LimitedPlant):
     Raises:
         InvalidInput: The arm or `controller` has no masses, gains or limits do not fit the arm, the
             servo is not of order "second" or has friction, a drive cycle or an acceleration limit,
-            the step is not from 1 µs to 0.1 s, the noise is too large, a drive with a spring has no
-            inertia, or mujoco is not installed.
+            the step is not from 1 µs to 0.1 s, the noise is too large, or mujoco is not installed.
     """
 
     torque_limit: FloatArray
@@ -142,12 +122,9 @@ class RigidBodyPlant(LimitedPlant):
         *,
         step: DriveCycle = DEFAULT_STEP,
         gravity_feedforward: bool = True,
-        friction: bool = True,
         noise: PositionNoise = 0.0,
         seed: Annotated[int, AtLeast(0)] = 0,
         controller: Arm | None = None,
-        joint_stiffness: Annotated[npt.ArrayLike, STIFFNESS] | None = None,
-        joint_damping: Annotated[npt.ArrayLike, DAMPING] | None = None,
     ) -> None:
         self.arm = arm
         self.chain = _require_chain(arm)
@@ -170,7 +147,6 @@ class RigidBodyPlant(LimitedPlant):
         self.kv = self.servo.kv
         self.step = step
         self.gravity_feedforward = gravity_feedforward
-        self.friction = friction
         self.noise = noise
         self.seed = seed
         self.reference = arm.limits.middle(arm.dof)
@@ -184,7 +160,6 @@ class RigidBodyPlant(LimitedPlant):
             self.nominal_inertia = self.servo.inertia
         self.limits = limits
         vars(self).update(self._saturation_values(None))
-        self._springs = _make_springs(self.chain, joint_stiffness, joint_damping)
 
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
         """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""
@@ -196,16 +171,6 @@ class RigidBodyPlant(LimitedPlant):
             "torque_limit": checks.frozen_array(torques),
             "_gravity_added": resolved.joint_torque is None,
         }
-
-    @property
-    def joint_stiffness(self) -> FloatArray | None:
-        """Stiffness between each drive and its link [N m/rad], (dof,); None for rigid joints."""
-        return None if self._springs is None else self._springs.stiffness
-
-    @property
-    def joint_damping(self) -> FloatArray | None:
-        """Damping between each drive and its link [N m s/rad], (dof,); None for rigid joints."""
-        return None if self._springs is None else self._springs.damping
 
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
         """Execute set-points from the equilibrium at the first set-point.
@@ -228,10 +193,7 @@ class RigidBodyPlant(LimitedPlant):
         every = _steps_per_result(steps, span, resolution)
         robot = _Robot(self, span, set_points)
         loop, viscous = self.nominal_inertia * self.kv, np.asarray(self.chain.viscous)
-        parts = count_parts(
-            robot.model, set_points, span, loop, viscous * self.friction, self._springs
-        )
-        robot.refine(parts)
+        robot.refine(count_parts(robot.model, set_points, span, loop, viscous))
         rows = max(1, round(BLOCK_DURATION / set_points.cycle))
         logs = []
         command = self._command(set_points, steps, self.servo)
@@ -279,9 +241,8 @@ class RigidBodyPlant(LimitedPlant):
             if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
                 self._check_strength(log, set_points.q[-1], robot.now)
                 return logs
-        worst = int(np.argmax(moved))
-        j = worst % self.arm.dof
-        offset = abs(float(log.q[-1, worst] - set_points.q[-1, j]))
+        j = int(np.argmax(moved))
+        offset = abs(float(log.q[-1, j] - set_points.q[-1, j]))
         missing = (
             " The inertia of its drive (armature) is missing."
             if np.asarray(self.chain.armature)[j] == 0
@@ -289,7 +250,7 @@ class RigidBodyPlant(LimitedPlant):
         )
         raise ExecutionError(
             f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point. It "
-            f"moves by {moved[worst]:.3g} rad in {window:.3g} s, {offset:.3g} rad from the "
+            f"moves by {moved[j]:.3g} rad in {window:.3g} s, {offset:.3g} rad from the "
             "set-point. With its servo gains, torque limit and friction, the joint does not "
             f"settle.{missing}",
             t=robot.now,
@@ -303,7 +264,7 @@ class RigidBodyPlant(LimitedPlant):
             return
         j = int(np.argmax(weak))
         needed, allowed = (float(abs(x[-1, j])) for x in (log.torque_demand, log.torque))
-        offset = log.q[-1, -self.arm.dof :] - last
+        offset = log.q[-1] - last
         raise ExecutionError(
             f"Joint {j + 1} rests {abs(offset[j]):.3g} rad from its last set-point, because its "
             f"servo requires {needed:.4g} N m, but the torque limit of its drive is {allowed:.4g} "
@@ -318,12 +279,10 @@ class RigidBodyPlant(LimitedPlant):
     def _execution(self, set_points: SetPoints, logs: list[_Log], span: float) -> Execution:
         """Join consecutive logs with the time `span` between results [s] to an execution."""
         columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in LOGGED}
-        dof = self.arm.dof
         return Execution(
             arm=self.arm,
             set_points=set_points,
             t=set_points.times(len(columns["q"]), span),
-            motor_q=None if self._springs is None else columns["q"][:, dof:],
             demand_range=np.stack(
                 [
                     np.min([x.demand_range[0] for x in logs], axis=0),
@@ -332,7 +291,7 @@ class RigidBodyPlant(LimitedPlant):
             ),
             saturated_time=np.sum([x.saturated for x in logs], axis=0),
             plant=self,
-            **{name: values[:, :dof] for name, values in columns.items()},
+            **columns,
         )
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion:
@@ -353,10 +312,8 @@ LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
 class _Log:
     """Results of n successive steps of the drives."""
 
-    # q, dq: positions [rad] and velocities [rad/s] of the links at the starts of the steps,
-    # (n, dof); with joint springs followed by those of the motors, (n, 2 dof).
-    q: FloatArray
-    dq: FloatArray
+    q: FloatArray  # Positions at the starts of the steps [rad], (n, dof)
+    dq: FloatArray  # Velocities at the starts of the steps [rad/s], (n, dof)
     ddq: FloatArray  # Mean accelerations over the steps [rad/s²], of the same shape
     demand: FloatArray  # Demanded accelerations [rad/s²], (n, dof)
     torque_demand: FloatArray  # Torques before saturation [N m], (n, dof)
@@ -387,7 +344,7 @@ class _Log:
         )
 
     def moved(self, step: float) -> FloatArray:
-        """Range of motion of links and motors, also within steps [rad], (dof,) or (2 dof,)."""
+        """Range of motion of the joints, also within steps [rad], (dof,)."""
         return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
 
     def thinned(self, every: int) -> _Log:
@@ -408,25 +365,19 @@ class _Robot:
         self.start = set_points.start_time
         self.steps = 0
         self.mujoco = mujoco_model.import_mujoco()
-        springs = plant._springs
-        self.model = mujoco_model.build_model(
-            plant.chain, step, friction=plant.friction, springs=springs
-        )
+        self.model = mujoco_model.build_model(plant.chain, step, friction=True)
         self.data = self.mujoco.MjData(self.model)
         self.parts = 1
         # controller_model, controller_data: the controller's model with a state at rest, for
         # gravity torques.
         self.controller_model = (
             self.model
-            if plant.controller_chain is plant.chain and springs is None
+            if plant.controller_chain is plant.chain
             else mujoco_model.build_model(plant.controller_chain, step, friction=False)
         )
         self.controller_data = self.mujoco.MjData(self.controller_model)
         self.rng = np.random.default_rng(plant.seed)
-        motors, links, torque = self._equilibrium(np.array(set_points.q[0]))
-        # Without springs, motors and links are the same degrees of freedom.
-        self.data.qpos[-len(motors) :] = motors
-        self.data.qpos[: len(links)] = links
+        self.data.qpos[:], torque = self._equilibrium(np.array(set_points.q[0]))
         self.functions = mujoco_model.function_addresses()
         self.bodies = Bodies.from_model(self.model, self.data)
         self.controller = Bodies.from_model(self.controller_model, self.controller_data)
@@ -480,37 +431,25 @@ class _Robot:
         self.steps += n
         return _Log.from_steps(*rows, self.step)
 
-    def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rest positions of motors and links [rad], and torques of the loops [N m], (dof,) each."""
+    def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rest positions [rad], and torques of the loops [N m], (dof,) each."""
         # The command is the first set-point. The integrator, or without it the position loop,
-        # compensates the weight that is not fed forward. Springs carry the whole weight. Without
-        # springs, motors and links have the same positions.
-        plant, springs = self.plant, self.plant._springs
+        # compensates the weight that is not fed forward.
+        plant, q = self.plant, first
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
-        motors = links = first
-        weight, fed = (
-            mujoco_model.gravity_torques(self.model, self.data, links),
-            self._controller_gravity(motors),
-        )
         for _ in range(MAX_ITERATIONS):
-            before = motors, links
-            motors = first - (weight - fed) / gain
-            links = motors if springs is None else motors - weight / springs.stiffness
-            moved = np.abs(np.subtract((motors, links), before)).max(axis=0)
+            weight, fed = self._weight(q)
+            before, q = q, first - (weight - fed) / gain
+            moved = np.abs(q - before)
             if moved.max() <= EQUILIBRIUM_TOLERANCE:
                 break
-            weight, fed = (
-                mujoco_model.gravity_torques(self.model, self.data, links),
-                self._controller_gravity(motors),
-            )
         else:
             j = int(np.argmax(moved))
-            loops = "servo gains are" if springs is None else "servo gains or its stiffness are"
             raise ExecutionError(
-                f"Joint {j + 1} has no equilibrium near its first set-point, because its {loops} "
-                "too low for the weight that gravity feed-forward does not compensate. Increase "
-                "them, or use gravity feed-forward.",
+                f"Joint {j + 1} has no equilibrium near its first set-point, because its servo "
+                "gains are too low for the weight that gravity feed-forward does not compensate. "
+                "Increase them, or use gravity feed-forward.",
                 t=self.start,
                 joint=j,
             )
@@ -518,19 +457,21 @@ class _Robot:
         if plant._gravity_added and plant.gravity_feedforward:
             weight, location = torque, f"{location}, in addition to gravity feed-forward"
         check_weight(np.abs(weight), plant.torque_limit, location, self.start)
-        return motors, links, torque
+        return q, torque
 
-    def _controller_gravity(self, q: FloatArray) -> FloatArray:
-        """Gravity torques that the controller adds at positions q [N m], (dof,)."""
+    def _weight(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Gravity torques at positions q, and those that the controller adds [N m], (dof,) each."""
+        weight = mujoco_model.gravity_torques(self.model, self.data, q)
         if not self.plant.gravity_feedforward:
-            return np.zeros(len(q))
-        return mujoco_model.gravity_torques(self.controller_model, self.controller_data, q)
+            return weight, np.zeros(len(q))
+        controller = self.controller_model, self.controller_data
+        return weight, mujoco_model.gravity_torques(*controller, q)
 
     def _raise_runaway(self, k: int) -> None:
         """Raise the error for a joint that is faster than RUNAWAY_SPEED in step k."""
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
-        speed, j = velocity[j], j % self.plant.arm.dof
+        speed = velocity[j]
         t = self.start + (self.steps + k + 1) * self.step
         raise ExecutionError(
             f"Joint {j + 1} runs away at t = {t:.4g} s with {speed:.3g} rad/s, because its servo "
@@ -557,15 +498,6 @@ def rest_window(servo: ServoModel) -> float:
     return min(max(REST_TIME, float(slowest.max())), LONGEST_SETTLING)
 
 
-def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
-    """Raise an error if joint damping is specified without joint stiffness."""
-    if stiffness is None and damping is not None:
-        raise InvalidInput(
-            "joint_damping requires joint_stiffness, because it is the damping of the springs "
-            "between drives and links. Specify both."
-        )
-
-
 def _interpolate(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
     """Interpolated or held commands at the starts of all steps between set-points q [rad]."""
     if interpolation == "step":
@@ -589,29 +521,6 @@ def _require_chain(arm: Arm) -> Chain:
             f"{arm.dof} joints and its chain has {len(chain)}."
         )
     return chain
-
-
-def _make_springs(
-    chain: Chain, stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None
-) -> Springs | None:
-    """Check and make the springs between drives and links; None for rigid joints."""
-    check_damping(stiffness, damping)
-    if stiffness is None:
-        return None
-    dof = len(chain)
-    k = checks.per_joint("joint_stiffness", stiffness, dof, "N m/rad")
-    d = DAMPING_TIME * k
-    if damping is not None:
-        d = checks.per_joint("joint_damping", damping, dof, "N m s/rad")
-    light = np.asarray(chain.armature) == 0
-    if light.any():
-        j = int(np.argmax(light))
-        raise InvalidInput(
-            f"joint_stiffness requires the inertia of each drive, but the drive of joint {j + 1} "
-            f"({chain.joints[j]}) has none. Specify the inertias of the drives (armature) of the "
-            "arm, or remove joint_stiffness."
-        )
-    return Springs(checks.frozen_array(k), checks.frozen_array(d))
 
 
 def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:

@@ -379,7 +379,7 @@ def _with_fewer_samples(execution: Execution) -> Execution:
     step = len(execution.t) // MOVING_SAMPLES
     if step < 2:
         return execution
-    names = ("t", "q", "dq", "ddq", "demand", "torque", "torque_demand", "motor_q")
+    names = ("t", "q", "dq", "ddq", "demand", "torque", "torque_demand")
     columns = {x: getattr(execution, x) for x in names}
     fewer = {name: x[::step] for name, x in columns.items() if x is not None}
     return dataclasses.replace(execution, **fewer, plant=None)

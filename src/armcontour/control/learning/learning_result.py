@@ -98,8 +98,7 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             )
         recording = Recording(
             t=executed.t + set_points.start_time - executed_points.start_time,
-            # Encoders of the drives measure the motor positions.
-            q=executed.q if executed.motor_q is None else executed.motor_q,
+            q=executed.q,
             in_plan_time=True,
             exact=True,
             source="the execution",

@@ -73,9 +73,8 @@ def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalToleran
     if factor < 1:
         raise InvalidInput(f"factor must be at least 1, but is {factor:g}.", allowed=1.0)
     commands, t = execution.set_points, execution.t
-    measured = execution.q if execution.motor_q is None else execution.motor_q
     command = np.column_stack([np.interp(t, commands.t, q) for q in commands.q.T])
-    errors = np.abs(command - measured)
+    errors = np.abs(command - execution.q)
     late = float(t[-1] - commands.t[-1])
     return GoalTolerances(
         path=np.maximum(factor * errors.max(axis=0), MIN_TOLERANCE),
