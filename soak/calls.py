@@ -27,7 +27,6 @@ from armcontour.files.exports import (
     RosYamlFormat,
     TemplateFormat,
     URScriptFormat,
-    interpolate_set_points,
 )
 from armcontour.planning.constraints import SecondOrder
 from armcontour.program import Analog, Lead, Pierce, Switch, Tabs, Weave, smooth_curvature
@@ -138,8 +137,6 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.check, {"samples": x["trajectory"].sample(0.01), **on}),
         (check_interpolation,
          {"points": x["trajectory"].sample(0.01), "controller": "jtc", "rate": 100.0, **on}),
-        (interpolate_set_points,
-         {"set_points": x["set_points"], "controller": "jtc", "rate": 100.0}),
         (ac.check_clearance, {"motion": x["trajectory"], "arm": x["arm"]}),
         *((ac.compensate, {"trajectory": x["slow"], "servo": x["servo"], "options": m, **on})
           for m in (ac.NoCompensation(), ac.Inverse(), ac.PolePlacement())),

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable
 from importlib.util import find_spec
 
+import numpy as np
 import pytest
 
 REASON = "needs pip install 'armcontour[dynamics]'"
@@ -13,6 +14,29 @@ needs_dynamics = pytest.mark.skipif(find_spec("coal") is None, reason=REASON)
 def pinocchio():
     """The module pinocchio; skips the calling test or file without it."""
     return pytest.importorskip("pinocchio", reason=REASON)
+
+
+def pinocchio_model(chain, loaded=True):
+    """Pinocchio's model of a chain with the frame `tool`, without friction and armature."""
+    pin = pinocchio()
+    model, joint = pin.Model(), 0
+    model.gravity.linear = np.array(chain.gravity)
+    for k in range(len(chain)):
+        place = pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k]))
+        axis = pin.JointModelRevoluteUnaligned(np.array(chain.axes[k]))
+        joint = model.addJoint(joint, axis, place, f"joint {k}")
+        if chain.masses is not None:
+            values = float(chain.masses[k]), np.array(chain.centers[k]), np.array(chain.inertias[k])
+            model.appendBodyToJoint(joint, pin.Inertia(*values), pin.SE3.Identity())
+    if loaded and chain.payload is not None:
+        load = chain.payload
+        carried = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))
+        tip = pin.SE3(np.array(chain.tip.rotation), np.array(chain.tip.position))
+        model.appendBodyToJoint(joint, carried, tip)
+    end = chain.tip @ chain.tool
+    place = pin.SE3(np.array(end.rotation), np.array(end.position))
+    model.addFrame(pin.Frame("tool", joint, place, pin.FrameType.OP_FRAME))
+    return model
 
 
 def mark_all_but(names: Iterable[str], others: Collection[str]):

@@ -10,7 +10,7 @@ OWNED = {
     "control.identification": "Identification",
     "control.learning": "LearningResult LearningRun Recording",
     "controllers": "LinuxCNC Motion Played PlayedMotion Stop",
-    "files.exports": "CsvFormat RosYamlFormat TemplateFormat URScriptFormat interpolate_set_points",
+    "files.exports": "CsvFormat RosYamlFormat TemplateFormat URScriptFormat",
     "geometry": "Orientation RoundedPath ShapedPath",
     "jobs": "JobResult",
     "planning": "Explanation PlanOptions",

@@ -155,13 +155,6 @@ def test_the_worse_execution_of_a_job_with_an_experiment_is_the_verdict(seed):
     assert run.judged.contour_error.max == pytest.approx(worst, rel=1e-3)
 
 
-def test_a_table_of_runs_has_the_figures_of_the_worse_execution():
-    study = ac.run(parse_job(yaml.safe_dump({**JOB, "experiment": {}, "runs": {"one": {}}})))
-    unjudged, judged = study.runs["one"].evaluation, study.runs["one"].experiment.evaluation
-    assert unjudged.contour_error.max > judged.contour_error.max
-    assert study.to_dict()["largest"] == [judged.contour_error.max]
-
-
 def test_a_run_that_is_not_kept_on_rigid_bodies_is_repaired_for_them():
     changes = {"corners": {"tolerance": 3e-4}, "experiment": {}}
     runs = {"one": {"compensation": {"method": "inverse"}}}

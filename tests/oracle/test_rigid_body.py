@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from tests.dynamics_extra import pinocchio
+from tests.dynamics_extra import pinocchio, pinocchio_model
 
 import armcontour as ac
 from armcontour.core.frames import Frame, from_rpy
@@ -36,23 +36,6 @@ def skew_arm():
         payload=Payload(mass=1.5, center=[0.1, 0.0, 0.05], inertia=np.diag([0.01, 0.02, 0.025])),
     )
     return SerialArm(name="skew", chain=chain, limits=ac.Limits())
-
-
-def pinocchio_model(chain, loaded=True):
-    model, joint = pin.Model(), 0
-    model.gravity.linear = np.array(chain.gravity)
-    for k in range(len(chain)):
-        place = pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k]))
-        axis = pin.JointModelRevoluteUnaligned(np.array(chain.axes[k]))
-        joint = model.addJoint(joint, axis, place, f"joint {k}")
-        body = pin.Inertia(chain.masses[k], np.array(chain.centers[k]), np.array(chain.inertias[k]))
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    if loaded:
-        load = chain.payload
-        carried = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))
-        tip = pin.SE3(np.array(chain.tip.rotation), np.array(chain.tip.position))
-        model.appendBodyToJoint(joint, carried, tip)
-    return model
 
 
 def by_pinocchio(chain, inertia, q, step, cycle, limit):

@@ -119,7 +119,6 @@ def test_what_has_no_torques_is_refused(monkeypatch, states):
         (lambda: dynamics.mass_matrix(p), "3 columns"),
         (lambda: dynamics.torque(q, q[0], q), "one shape", "(3,)"),
         (lambda: dynamics.derivatives(q, q, p), "one shape"),
-        (lambda: ac.load_arm("pmk3s").pinocchio, "pip install 'armcontour[dynamics]'"),
     )
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.dynamics_extra import pinocchio
+from tests.dynamics_extra import pinocchio, pinocchio_model
 
 import armcontour as ac
 
@@ -22,7 +22,8 @@ def inside(arm, seed=0, count=4):
 @pytest.mark.parametrize("name", NAMES)
 def test_poses_and_jacobians_are_those_of_pinocchio(name):
     pin, arm = pinocchio(), ac.load_arm(name)
-    model = arm.pinocchio
+    model = pinocchio_model(arm.chain)
+    model.armature = np.array(arm.chain.armature)
     data, tool = model.createData(), model.getFrameId("tool")
     for q in inside(arm):
         pin.framesForwardKinematics(model, data, q)

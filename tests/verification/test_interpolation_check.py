@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.files.exports import interpolate_set_points, make_table
+from armcontour.files.exports import make_table
 from armcontour.verification import check_interpolation
 
 ARM = ac.load_arm("ur5e")
@@ -98,26 +98,3 @@ def test_advice_and_the_path(square):
     assert spline.joint_deviation == pytest.approx(4e-3**2 / 6 * 6.4, rel=0.02)
     with pytest.raises(ac.InvalidInput, match="joints"):
         check_interpolation(table, ac.load_arm("pmk3s"), "jtc", 500.0)
-
-
-@pytest.mark.filterwarnings("ignore:Limits are above")
-def test_a_plant_behind_a_controller(square):
-    # Errors RMS and largest [mm] behind drives that hold each command; the other program
-    # integrates them in steps of 0.05 ms.
-    path, _, plan = square
-    set_points = ac.compensate(plan, SERVO, ac.Inverse(), cycle=4e-3)
-    limits = ac.Limits.only(joint_acceleration=8.0)
-    holding = ac.ServoPlant(ARM, SERVO.replace(interpolation="step"), limits)
-    for rate, printed in ((100.0, "0.119 0.503"), (250.0, "0.026 0.133"), (500.0, "0.0038 0.021")):
-        commands = interpolate_set_points(set_points, "jtc", rate)
-        assert commands.cycle == 1 / rate
-        assert commands.start_time == pytest.approx(set_points.start_time - 2 / rate)
-        error = ac.evaluate(ac.simulate(commands, holding), path).contour_error
-        for value, text in zip((error.rms, error.max), printed.split(), strict=True):
-            assert agrees(value * 1e3, text, rel=0.02), rate
-    joining = ac.ServoPlant(ARM, SERVO, limits)
-    same = interpolate_set_points(set_points, "jtc", 250.0, derivatives=0)
-    executed = [
-        ac.evaluate(ac.simulate(x, joining), path).contour_error.max for x in (set_points, same)
-    ]
-    assert executed[1] == pytest.approx(executed[0], rel=1e-3)

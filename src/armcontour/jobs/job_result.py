@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
 
 from armcontour._version import __version__
 from armcontour.control.compensation import NoCompensation
@@ -212,16 +211,6 @@ class RunResult(Planned, Result):
         return max(judges, key=lambda x: x.contour_error.max, default=None)
 
 
-# Columns of `JobResult.to_dict`, each with the name of its value in the data of a run.
-COLUMNS = {
-    "motion": "duration",
-    "settled": "settled",
-    "rms": "contour_error.rms",
-    "largest": "contour_error.max",
-    "demand": "demand_ratio",
-}
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JobResult:
     """A job and the results of its runs.
@@ -242,24 +231,6 @@ class JobResult:
     def simulated(self) -> bool:
         """True if any run was simulated."""
         return any(x.execution is not None for x in self.runs.values())
-
-    def to_dict(self) -> dict[str, list[Any]]:
-        """Values of all runs as columns by name, for example for `pandas.DataFrame`.
-
-            pandas.DataFrame(study.to_dict()).sort_values("largest")
-
-        Returns:
-            `run`; `motion`, `settled` [s]; `rms`, `largest` contour error [m]; `demand`, the
-            largest share of a limit of acceleration. None where nothing was simulated.
-        """
-        rows = [
-            {x.name: x for x in judging_rows(self.runs[name], data.rows)}
-            for name, data in self.figures.items()
-        ]
-        return {"run": list(self.runs)} | {
-            column: [x[name].figure if name in x else None for x in rows]
-            for column, name in COLUMNS.items()
-        }
 
     @cached_property
     def figures(self) -> dict[str, Data]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +11,6 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.robot.chain import Chain, joint_frames
-from armcontour.robot.limits import Limits, or_unlimited
 
 
 class Dynamics:
@@ -110,18 +108,6 @@ class Dynamics:
         return [np.require(x.reshape(-1, dof), requirements=["C", "W"]) for x in arrays]
 
 
-def pinocchio() -> Any:
-    """Import the module pinocchio."""
-    try:
-        import pinocchio as module
-    except ImportError as error:
-        raise InvalidInput(
-            f"This function requires pinocchio, which cannot be imported ({error}). Install it "
-            "with pip install 'armcontour[dynamics]' (not available for Windows)."
-        ) from None
-    return module
-
-
 def _link_data(chain: Chain) -> FloatArray:
     """Data of the links for the compiled dynamics, (dof, 24), in frames with z on joint axes."""
     # Columns: rotation (9) and position (3) relative to the previous frame; mass; first moment (3);
@@ -148,38 +134,3 @@ def _link_data(chain: Chain) -> FloatArray:
     rows[:, 22] = np.cumsum(rows[::-1, 12])[::-1]
     rows[:, 23] = chain.armature
     return rows
-
-
-def pinocchio_model(chain: Chain, limits: Limits) -> Any:
-    """Make the pinocchio model of a chain; see `ChainArm.pinocchio`."""
-    pin, dof = pinocchio(), len(chain)
-    model = pin.Model()
-    model.gravity.linear = np.array(chain.gravity)
-    joint = 0
-    for k, name in enumerate(chain.joints):
-        joint = model.addJoint(
-            joint,
-            pin.JointModelRevoluteUnaligned(np.array(chain.axes[k])),
-            pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k])),
-            name,
-        )
-        if chain.masses is not None and chain.centers is not None and chain.inertias is not None:
-            body = pin.Inertia(
-                float(chain.masses[k]), np.array(chain.centers[k]), np.array(chain.inertias[k])
-            )
-            model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    if chain.payload is not None:
-        load = chain.payload
-        body = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))
-        tip = pin.SE3(np.array(chain.tip.rotation), np.array(chain.tip.position))
-        model.appendBodyToJoint(joint, body, tip)
-    for name, offset in (("tip", chain.tip), ("tool", chain.tip @ chain.tool)):
-        placement = pin.SE3(np.array(offset.rotation), np.array(offset.position))
-        model.addFrame(pin.Frame(name, dof, placement, pin.FrameType.OP_FRAME))
-    model.lowerPositionLimit, model.upperPositionLimit = limits.joint_range(dof)
-    model.velocityLimit = limits.velocity_bounds(dof)[1]
-    model.effortLimit = or_unlimited(limits.joint_torque, dof)
-    for name in ("armature", "damping", "upperDryFrictionLimit"):
-        values = {"damping": chain.viscous, "upperDryFrictionLimit": chain.coulomb}
-        setattr(model, name, np.array(values.get(name, chain.armature)))
-    return model

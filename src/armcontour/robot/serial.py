@@ -47,22 +47,6 @@ class ChainArm(Arm):
         self.limits_hint = limits_hint
         self.link_table = link_table(chain)
 
-    @property
-    def pinocchio(self) -> Any:
-        """A new `pinocchio.Model` of the arm in the frame of its base.
-
-        It has the masses, the payload, friction and limits, and the frames `tip` and `tool`.
-
-            model = arm.pinocchio
-            mass = pinocchio.crba(model, model.createData(), q)
-
-        Raises:
-            InvalidInput: pinocchio is not installed.
-        """
-        from armcontour.robot.dynamics import pinocchio_model
-
-        return pinocchio_model(self.chain, self.limits)
-
     @cached_property
     def span(self) -> float:
         """Sum of the distances from joint to joint and from the last joint to the tool [m]."""

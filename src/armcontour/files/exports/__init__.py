@@ -6,7 +6,6 @@ from armcontour.files.exports.formats import (
     TemplateFormat,
     URScriptFormat,
     export,
-    interpolate_set_points,
 )
 from armcontour.files.exports.ros import GoalTolerances, predict_tolerances
 from armcontour.files.exports.table import SetPointTable, make_table
@@ -19,7 +18,6 @@ __all__ = [
     "TemplateFormat",
     "URScriptFormat",
     "export",
-    "interpolate_set_points",
     "make_table",
     "predict_tolerances",
 ]

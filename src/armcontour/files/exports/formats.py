@@ -7,20 +7,19 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path as FilePath
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from armcontour.core import checks, staging
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
-from armcontour.core.quantities import AtLeast, Choice, Frequency
+from armcontour.core.quantities import AtLeast
 from armcontour.files.exports.ros import GoalTolerances, select_points, write_ros_yaml
 from armcontour.files.exports.table import SetPointTable, make_table, write_csv
 from armcontour.files.exports.template import LAST_DIGIT, describe_program, write_template
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.jobs.exports import ENDINGS, Exports, PointTolerance, ending_of
 from armcontour.motion import SetPoints, Trajectory
-from armcontour.motion.controller_laws import NAMES, interpolate_points
 from armcontour.robot import Arm
 
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
@@ -317,34 +316,3 @@ def write_destination(file: FilePath, write: Callable[[FilePath], None]) -> None
         staging.write_atomically(file, write)
     except OSError as error:
         raise staging.unwritable(file, error) from None
-
-
-@checked
-def interpolate_set_points(
-    set_points: SetPoints,
-    controller: Annotated[str, Choice(NAMES)],
-    rate: Frequency,
-    *,
-    derivatives: Derivatives = 2,
-) -> SetPoints:
-    """Commands that a controller sends to its drives for exported set-points.
-
-    A plant executes the commands as set-points with the controller's cycle. The interpolation of
-    the plant is "linear", with a dead time of one cycle, for a drive that moves linearly to each
-    command within one cycle. It is "step" for a drive that holds each command (zero-order hold).
-
-    Args:
-        set_points: The exported set-points.
-        controller: Name of the controller, as in
-            `armcontour.motion.controller_laws.interpolate_points`.
-        rate: Rate of the controller [1/s].
-        derivatives: Derivatives of the points, as in `export`: 2, 1 or 0.
-
-    Raises:
-        InvalidInput: The controller does not support these points.
-    """
-    table = make_table(set_points, name="set-points", derivatives=derivatives)
-    t, q = interpolate_points(table, controller).commands(rate)
-    start = set_points.start_time + float(t[0])
-    changed: dict[str, Any] = {"cycle": 1.0 / rate, "q": q, "start_time": start}
-    return replace(set_points, **changed, command_limits=None, limit_cost=None)
