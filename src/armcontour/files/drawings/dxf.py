@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import io
-import itertools
 import logging
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,7 +29,6 @@ from armcontour.files.drawings.dxf_entities import (
 from armcontour.files.drawings.outlines import Outline
 from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, hex_of
 from armcontour.files.drawings.walk import (
-    MAX_NAMED,
     TRAVERSAL_SHARE,
     EntityOutlines,
     Inherited,
@@ -85,22 +81,8 @@ WHITE = frozenset({"7", "#ffffff", "#000000"})
 BINARY = b"AutoCAD Binary DXF"
 DRAWING_DATABASE = b"AC10"
 CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours may be missing."
-# Types of the tags that structure the file and are not entities.
-STRUCTURE = ("SECTION", "ENDSEC", "TABLE", "ENDTAB", "EOF")
-# Subclass markers, which ezdxf requires for entities of these types, and the group codes before the
-# marker.
-SUBCLASSES = {
-    "LWPOLYLINE": "AcDbPolyline",
-    "SPLINE": "AcDbSpline",
-    "MTEXT": "AcDbMText",
-    "LEADER": "AcDbLeader",
-    "HATCH": "AcDbHatch",
-}
 # Types of the tags whose numbers determine contours.
 WITH_NUMBERS = {*SHAPES, "VERTEX", "INSERT", "BLOCK", "MLINE", "MLINESTYLE", "SPATIAL_FILTER"}
-COMMON_CODES = frozenset(
-    "0 5 6 8 48 60 62 67 92 102 160 284 310 330 347 348 360 370 380 390 410 420 430 440".split()
-)
 # Matches a number; numbers that are not finite are refused later.
 _FLOAT = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf)", re.IGNORECASE)
 # Matches the object handle in ezdxf's messages.
@@ -115,8 +97,8 @@ def read_dxf(
     # If all points have z = 0, the program is in the plane, otherwise in space. The name of a
     # contour is the handle of its first entity. In a block, the handle of the INSERT precedes it.
     with silence_log(), np.errstate(all="ignore"):
-        document, notes = open_document(data, source, skip=options.skips)
-        walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)
+        document, notes = open_document(data, source)
+        walk = DxfWalk(document, source, options, progress)
         # If the file has no header, ezdxf adds one with the unit metre, which is ignored.
         stated = b"$INSUNITS" in data
         unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, options)
@@ -169,13 +151,12 @@ class DxfWalk(Walk):
     def __init__(
         self,
         document: Any,
-        line_of: Callable[[str], str],
         source: str,
         options: ReadOptions,
         progress: Progress | None,
     ) -> None:
         super().__init__(source, options, progress)
-        self.document, self.line_of = document, line_of
+        self.document = document
         self._copies = 0
         self._block_sizes: dict[str, int] = {}
         self._layers: dict[str, tuple[str, str]] = {DEFPOINTS: ("Defpoints", UNPLOTTED)}
@@ -233,12 +214,12 @@ class DxfWalk(Walk):
                 else:
                     yield from self._read_entity(entity, kind, name, layer, block)
             except Unreadable as error:
-                self._refuse_or_skip(kind, name, layer, str(error), handle)
+                self._refuse_or_skip(kind, name, layer, str(error))
             except InvalidInput:
                 raise
             except Exception as error:
                 # For a damaged entity, ezdxf can raise exceptions of any class.
-                self._refuse_or_skip(kind, name, layer, f"is damaged ({error_line(error)})", handle)
+                self._refuse_or_skip(kind, name, layer, f"is damaged ({error_line(error)})")
 
     def _read_entity(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
@@ -349,14 +330,11 @@ class DxfWalk(Walk):
         rows, columns = insert_grid(entity)
         return rows * columns * self._block_sizes[name]
 
-    def _refuse_or_skip(self, kind: str, name: str, layer: str, reason: str, handle: str) -> None:
+    def _refuse_or_skip(self, kind: str, name: str, layer: str, reason: str) -> None:
         """Refuse an entity that cannot be read, or record it if the options skip such entities."""
         if kind != "INSERT" and not self.wants_layer(layer):
             return
-        # The search for a line number reads the whole file, so only entities that the note lists
-        # get a line number.
-        line = self.line_of(handle) if len(self.omitted.get(BROKEN, ())) < MAX_NAMED else ""
-        defect = f"{kind} {name}{line} on layer {layer!r} {reason}"
+        defect = f"{kind} {name} on layer {layer!r} {reason}"
         if not self.skip:
             raise InvalidInput(
                 f"{self.source}: {defect}. Correct the entity in the drawing, select other layers "
@@ -396,11 +374,8 @@ def _color_names(entity: Any, number: int) -> frozenset[str]:
     return frozenset({str(number), hex_of(*aci2rgb(number))})
 
 
-def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
-    """Open a DXF file; returns ezdxf's document, and notes on damage.
-
-    With `skip`, entities that ezdxf cannot load are skipped with a note.
-    """
+def open_document(data: bytes, source: str) -> tuple[Any, list[str]]:
+    """Open a DXF file; returns ezdxf's document, and notes on damage."""
     try:
         import ezdxf  # noqa: F401
     except ImportError:
@@ -421,12 +396,11 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     except Exception as error:
         first = error
     wrong = _wrong_number(data)
-    raise_if(wrong != "" and not skip, f"{source}: {wrong}. Correct the drawing, or {SKIP_ADVICE}.")
+    # Of a wrong number, ezdxf would read the digits before the error, such as 12 of 12,7.
+    raise_if(wrong != "", f"{source}: {wrong}. Correct the drawing.")
     try:
         from ezdxf import recover
 
-        # Of a wrong number, ezdxf would read the digits before the error, such as 12 of 12,7.
-        raise_if(wrong != "", wrong)
         document, auditor = recover.read(io.BytesIO(data))
         changes = len(auditor.errors) + len(auditor.fixes)
         if notes and not changes:
@@ -437,26 +411,8 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         damage = f"The file is damaged ({reason}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
-        intact, broken = (b"", []) if data.startswith(BINARY) else _remove_broken(data)
-    if not broken:
-        with contextlib.suppress(Exception):
-            return _read(intact), notes
-        raise InvalidInput(
-            f"{source} cannot be read as DXF: {' '.join([_explain_error(first), *notes])}"
-        )
-    if not skip:
-        raise InvalidInput(
-            f"{source} has an entity that cannot be read, {broken[0]}: correct the entity, or "
-            f"{SKIP_ADVICE}."
-        )
-    try:
-        document = _read(intact)
-    except Exception as error:
-        raise InvalidInput(f"{source} cannot be read as DXF ({error_line(error)}).") from None
-    return document, [
-        *notes,
-        f"{BROKEN}: {list_some(broken, MAX_NAMED)}.",
-    ]
+        text = " ".join([_explain_error(first), *notes])
+        raise InvalidInput(f"{source} cannot be read as DXF: {text}") from None
 
 
 def _wrong_number(data: bytes) -> str:
@@ -499,69 +455,6 @@ def _explain_error(error: Exception) -> str:
     if isinstance(error, DXFError):
         return f"{ADDRESS.sub('', error_line(error))}."
     return "its structure is damaged. Open the file in a CAD program, and save it again."
-
-
-def _remove_broken(data: bytes) -> tuple[bytes, list[str]]:
-    """An ASCII file without the entities that ezdxf cannot load, and descriptions of these."""
-    from ezdxf.entities import factory
-    from ezdxf.lldxf.extendedtags import ExtendedTags
-
-    text = data.decode("utf-8", errors="surrogateescape")
-    lines = text.replace("\r\n", "\n").split("\n")
-    first = next(
-        (i for i, x in enumerate(lines) if x.strip() in ("BLOCKS", "ENTITIES")), len(lines)
-    )
-    # Lines with codes and values alternate; the code 0 starts an entity.
-    begins = [i for i in range(first + 1, len(lines) - 1, 2) if lines[i].strip() == "0"]
-    intact, broken = lines[: begins[0] if begins else len(lines)], []
-    marked = False
-    for i, end in itertools.pairwise([*begins, len(lines)]):
-        kind, part = lines[i + 1].strip(), lines[i:end]
-        if kind in SUBCLASSES:
-            part, before = _add_subclass_markers(part, SUBCLASSES[kind]), part
-            marked = marked or part is not before
-        try:
-            if kind not in STRUCTURE:
-                factory.load(ExtendedTags.from_text("\n".join(part) + "\n"), None)
-        except Exception as error:
-            broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', error_line(error))})")
-        else:
-            intact += part
-    if marked:
-        intact = _raise_version(intact)
-    return "\n".join([*intact, ""]).encode("utf-8", errors="surrogateescape"), broken
-
-
-def _raise_version(lines: list[str]) -> list[str]:
-    """Raise the version of an R12 file, so that ezdxf supports subclass markers in the file."""
-    names = [x.strip() for x in lines]
-    version = ["9", "$ACADVER", "1", "AC1015"]
-    if "$ACADVER" in names:
-        k = names.index("$ACADVER") + 2
-        return [*lines[:k], "AC1015" if names[k] == "AC1009" else lines[k], *lines[k + 1 :]]
-    if "HEADER" in names:
-        k = names.index("HEADER") + 1
-        return [*lines[:k], *version, *lines[k:]]
-    return ["0", "SECTION", "2", "HEADER", *version, "0", "ENDSEC", *lines]
-
-
-def _add_subclass_markers(lines: list[str], name: str) -> list[str]:
-    """The lines of an entity with subclass markers, which are added if they are missing."""
-    codes = [x.strip() for x in lines[::2]]
-    if "100" in codes:
-        return lines
-    position = 2 * next((k for k, x in enumerate(codes) if x not in COMMON_CODES), len(codes))
-    return [*lines[:position], "100", "AcDbEntity", "100", name, *lines[position:]]
-
-
-def line_of_handle(data: bytes, handle: str) -> str:
-    """Text with the line number of an entity, ` in line 12`; "" if its handle is not found."""
-    match = re.search(
-        rb"^[ \t]*5[ \t]*\r?\n[ \t]*0*" + re.escape(handle.encode()) + rb"[ \t]*\r?$",
-        data,
-        re.MULTILINE | re.IGNORECASE,
-    )
-    return f" in line {data.count(bytes([10]), 0, match.start()) + 2}" if match else ""
 
 
 def error_line(error: Exception) -> str:
