@@ -143,11 +143,6 @@ def field(cls, name):
 # A file, a pattern with the value and maybe its unit, and the value in use.
 STATED = [
     (
-        "docs/guides/identify.md",
-        r"dead time of the search, (\S+) (ms) by default",
-        field(ac.ServoFit, "longest_dead_time"),
-    ),
-    (
         "docs/guides/gcode.md",
         r"tolerance \((\S+) (um) by default\)",
         field(ac.ReadOptions, "chord_tolerance"),

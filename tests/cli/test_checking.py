@@ -153,7 +153,6 @@ def test_wrong_files_and_options_are_refused(folder, refused):
             ("planned.csv", *arm.split(), "--noise", "1 mrad, 1 rad/s"),
             ["--noise has 2 values", "no velocities"],
         ),
-        ("planned.csv --path job.yaml --tip tcp", ["--package require --arm"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
 
@@ -190,9 +189,10 @@ def test_an_arm_from_a_description_with_its_limits(tmp_path, check):
     t = np.linspace(0, 1, 51)
     q = np.outer(3 * t**2 - 2 * t**3, [1.0, 0.2, 0.2, 0.2])
     write(tmp_path / "log.csv", "t [s],pan [rad],tilt [rad],elbow [rad],roll [rad]", t, q)
-    arm = ("--arm", data / "robot.urdf", "--tip", "tcp", "--base", "base_link")
-    limits = ("--joint-limits", data / "joint_limits.yaml")
-    outcome = check(tmp_path, "log.csv", *arm, *limits, "--json")
+    keys = f"file: {data}/robot.urdf, tip: tcp, base: base_link"
+    keys += f", joint_limits: {data}/joint_limits.yaml"
+    (tmp_path / "cell.yaml").write_text(f"arm: {{{keys}}}\n")
+    outcome = check(tmp_path, "log.csv", "--arm", "cell.yaml", "--json")
     assert outcome.code in (0, 1), outcome.errors
     report = json.loads(outcome.out)
     velocity = next(x for x in report["limits"] if x["name"] == "joint_velocity")

@@ -456,18 +456,17 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--drive-cycle": ("# s", "# ms"),
     "--from": ("# s", "# ms"),
     "--to": ("# s", "# ms"),
-    "--longest-dead-time": ("# s", "# ms"),
     "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
     # Options of play and of --on are tested in tests/controllers.
     "--address", "--band", "--on", "--reserve", "--speed-factor",
-    "--arm", "--base", "--cell", "--color", "--columns", "--continuity",
+    "--arm", "--cell", "--columns",
     "--contour", "--controller", "--corner-shape", "--export", "--format",
-    "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
-    "--model", "--move", "--only-tool", "--out", "--package", "--path",
+    "--interpolation", "--layer", "--limits", "--log",
+    "--model", "--move", "--out", "--path",
     "--validate", "--run", "--scene", "--set-points",
-    "--tip", "--tool-positions", "--units",
+    "--units",
     "--waypoint-columns",
 }  # fmt: skip
 

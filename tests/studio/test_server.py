@@ -3,8 +3,6 @@
 import asyncio
 import contextlib
 import socket
-from itertools import count
-from types import SimpleNamespace
 
 import pytest
 from tests.studio.running_studio import running
@@ -31,37 +29,6 @@ def test_a_page_talks_with_the_session(file):
         status, reply = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
         assert (status, reply) == (200, "")
         assert other.hear("document").header["path"]["kind"] == "file"
-
-
-def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
-    class Loop:
-        """A clock of ten seconds a look."""
-
-        time = count(0, 10).__next__
-
-    class Pages(list):
-        """Pages at each look: none yet, one for long, then none."""
-
-        looks = iter([*[False] * 20, *[True] * 20, *[False] * 20])
-        seen = 0
-
-        def __bool__(self):
-            Pages.seen += 1
-            return next(self.looks)
-
-    async def watch():
-        session_host = SessionHost(lambda say: None)
-        session_host.pages = Pages()
-        watching = asyncio.create_task(server.watch(session_host, True))
-        session_host.stop = watching.cancel
-        with contextlib.suppress(asyncio.CancelledError):
-            await watching
-
-    fake = SimpleNamespace(sleep=lambda seconds: asyncio.sleep(0), get_running_loop=Loop)
-    monkeypatch.setattr(server, "asyncio", fake)
-    asyncio.run(watch())
-    # The last look at a page was the 40th.
-    assert Pages.seen == 40 + server.EXIT_DELAY / 10
 
 
 def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):

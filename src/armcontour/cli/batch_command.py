@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import Console, open_page
+from armcontour.cli.console import Console
 
 if TYPE_CHECKING:
     from armcontour.cli.options import BatchOptions, JobOptions
@@ -56,6 +56,4 @@ def batch_file(
         console.print(line)
     console.print(f"Table: {out / 'results.csv'}")
     console.print(f"Report: {report.as_uri()}")
-    if options.open_report:
-        open_page(report)
     return int(FAILED in result.counts)

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.console import Console, open_page
+from armcontour.cli.console import Console
 from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
@@ -21,8 +21,8 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder, certificate_json
 
-    if options.out is None and (options.open_report or options.force):
-        raise InvalidInput("--open and --force require --out, the folder for the report.")
+    if options.out is None and options.force:
+        raise InvalidInput("--force requires --out, the folder for the report.")
     with (
         nullcontext()
         if options.out is None
@@ -41,8 +41,6 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
         _print_certificate(
             certificate, None if options.out is None else options.out / "report.html"
         )
-    if options.open_report and options.out is not None:
-        open_page(options.out / "report.html")
     return int(not certificate.kept)
 
 

@@ -14,7 +14,7 @@ from armcontour.cli.console import Console
 from armcontour.core.text import clock, digits, joint_label, list_some, show
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import CheckOptions, DescriptionOptions
+    from armcontour.cli.options import CheckOptions
     from armcontour.core.checks import FloatArray
     from armcontour.files.joint_table import TrajectoryFile
     from armcontour.jobs import Job, Run
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 MIN_NOISE = 1e-9
 # Maximum number of listed column titles.
 MAX_TITLES = 8
-# Options for robot descriptions; these options require --arm.
-ARM_OPTIONS = ("tip", "base", "joint_limits", "package")
 # Exit codes by verdict; no error has the exit code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
@@ -160,47 +158,28 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
     from armcontour.core.errors import InvalidInput
 
     if options.arm is not None:
-        return named_arm(options.arm, options)
+        return named_arm(options.arm)
     if default is None:
         raise InvalidInput(
             "The check requires an arm. Specify it with --arm, with the job of --path, or with the "
             "cell of --scene."
         )
-    if any(getattr(options, x) is not None for x in ARM_OPTIONS):
-        raise InvalidInput(
-            "--tip, --base, --joint-limits and --package require --arm; they do not apply to the "
-            "arm of a job or cell."
-        )
     return default
 
 
-def named_arm(name: str, command: DescriptionOptions) -> Arm:
-    """Load an arm by name or file, with the options for robot descriptions."""
-    from armcontour.files.robots.arm_options import ArmOptions
+def named_arm(name: str) -> Arm:
+    """Load a built-in arm, an arm file, or the arm of a job file or cell."""
+    from armcontour.core.file_access import read_text
+    from armcontour.core.yaml_loader import load
+    from armcontour.files.cell import YAML, read_cell_scene
     from armcontour.files.robots.loading import load_arm
 
-    arm_options = ArmOptions(
-        tip=command.tip,
-        base=command.base,
-        joint_limits=command.joint_limits,
-        packages=_pairs("--package", command.package),
-    )
-    return load_arm(name, arm_options)
-
-
-def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
-    """Values of an option by name, from texts NAME=VALUE."""
-    from armcontour.core.errors import InvalidInput
-
-    pairs = {}
-    for text in texts or []:
-        name, equals, value = text.partition("=")
-        if not name or not equals:
-            raise InvalidInput(
-                f"The value of {option} must be NAME=VALUE, such as {option} a=b, but is {text!r}."
-            )
-        pairs[name.strip()] = value.strip()
-    return pairs
+    if name.lower().endswith(YAML):
+        data = load(read_text(FilePath(name), "arm file"), name)
+        arm = read_cell_scene(name)[0] if isinstance(data, dict) and "arm" in data else None
+        if arm is not None:
+            return arm
+    return load_arm(name)
 
 
 def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> TrajectoryFile:

@@ -26,7 +26,6 @@ from armcontour.cli.options import (
     IdentifyOptions,
     JobOptions,
     LearnOptions,
-    Open,
     Out,
     PlaceOptions,
     PlayOptions,
@@ -151,19 +150,18 @@ def run(
         read,
         out,
         force=options.force,
-        open_report=options.open_report,
         simulate=options.simulate,
         changes=options.changes,
     )
     raise typer.Exit(code)
 
 
-@_command(RUN, "demo --open")
-def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = False) -> None:
+@_command(RUN, "demo")
+def demo(out: Out = FilePath("demo"), force: Force = False) -> None:
     """Run two built-in jobs: the paper's job on the PMK-3s, and a plate that a UR5e cuts."""
     from armcontour.cli.run_command import run_demo
 
-    run_demo(out, force=force, open_report=open_report)
+    run_demo(out, force=force)
 
 
 @_command(RUN, "studio gasket.dxf --cell ur5e")

@@ -1,4 +1,4 @@
-"""Output on the terminal: tables and lines; opening the report in a browser.
+"""Output on the terminal: tables and lines.
 
 `to_line` makes all text printable, because names come from files of users.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Collection, Iterable, Sequence
-from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
 
 from armcontour.core.text import to_line
@@ -80,10 +79,3 @@ def show_notes(notes: Iterable[str]) -> None:
     """Print notes about input files to the standard error."""
     for note in notes:
         sys.stderr.write(f"Note: {to_line(note)}\n")
-
-
-def open_page(page: FilePath) -> None:
-    """Open a page in the browser."""
-    import webbrowser
-
-    webbrowser.open(page.resolve().as_uri())

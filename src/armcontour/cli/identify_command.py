@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.console import Console, open_page, show_notes
+from armcontour.cli.console import Console, show_notes
 
 if TYPE_CHECKING:
     from armcontour.cli.options import IdentifyOptions
@@ -23,22 +23,18 @@ STOPPED_EARLY = "nothing was identified."
 
 def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     """Identify servos, print the result, and return the exit code."""
-    from armcontour.cli.check_command import ARM_OPTIONS, named_arm
+    from armcontour.cli.check_command import named_arm
     from armcontour.cli.play_command import refuse_without_controller
     from armcontour.core.checks import raise_if
 
-    lonely = options.out is None and (options.open_report or options.force)
-    raise_if(lonely, "--open and --force require --out, the folder for the report.")
+    lonely = options.out is None and options.force
+    raise_if(lonely, "--force requires --out, the folder for the report.")
     if options.on is not None:
         return _identify_robot(logs, options)
     others = {"run_name": "--run", "sets": "--set", "excitation": "--excitation"}
     refuse_without_controller(options, others)
-    if options.arm is None:
-        for name in ARM_OPTIONS:
-            message = f"--{name.replace('_', '-')} requires --arm. Specify the arm too."
-            raise_if(getattr(options, name) is not None, message)
-        return _identify_servos(logs, options, None)
-    return _identify_servos(logs, options, named_arm(options.arm, options))
+    arm = None if options.arm is None else named_arm(options.arm)
+    return _identify_servos(logs, options, arm)
 
 
 def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | None) -> int:
@@ -116,9 +112,6 @@ def _shared_options(command: IdentifyOptions) -> dict[str, Any]:
 
     options = {
         "interpolation": command.interpolation,
-        "longest_dead_time": read_option(
-            "--longest-dead-time", command.longest_dead_time, Interval
-        ),
         "drive_cycle": read_option("--drive-cycle", command.drive_cycle, Interval),
     }
     return {name: value for name, value in options.items() if value is not None}
@@ -134,7 +127,6 @@ def _read(log: FilePath, command: IdentifyOptions) -> Log:
         log,
         start=start,
         end=end,
-        unwrap=command.unwrap,
         columns=command.columns,
     )
     show_notes(content.notes)
@@ -176,5 +168,3 @@ def _conclude(
             console.show(y)
         if options.out is not None:
             console.print(f"Written to {options.out}: {', '.join([*files, 'report.html'])}{remark}")
-    if options.out is not None and options.open_report:
-        open_page(options.out / "report.html")

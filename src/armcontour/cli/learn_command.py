@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import Console, open_page, show_notes
+from armcontour.cli.console import Console, show_notes
 from armcontour.cli.inputs import open_job, read_window
 from armcontour.cli.progress_bars import search_progress
 from armcontour.core.progress import Progress, Step, subprogress
@@ -33,8 +33,6 @@ def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -
         print(data_json(study.to_data()), end="")
     else:
         _print_study(study, options.out)
-    if options.open_report:
-        open_page(options.out / "report.html")
 
 
 def _refuse_missing(options: LearnOptions) -> None:
@@ -43,8 +41,6 @@ def _refuse_missing(options: LearnOptions) -> None:
     from armcontour.core.errors import InvalidInput
 
     refuse_without_controller(options)
-    if options.out is None and (options.open_report or options.force):
-        raise InvalidInput("--open and --force require --out, the folder for the report.")
     if options.set_points is None or options.log is None:
         raise InvalidInput(
             "learn requires the executed set-points and the log. Specify them with --set-points "
@@ -77,7 +73,6 @@ def _learn_from_log(
         options.log,
         job.arm.joint_names,
         window=window,
-        unwrap=options.unwrap,
         columns=options.columns,
     )
     show_notes(log.notes)

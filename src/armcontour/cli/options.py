@@ -34,13 +34,13 @@ TOPICS: dict[str, tuple[str, ...]] = {
     "Speed, corners and start": ("sets",),
     "Certificate": (),
     "Log and files of numbers": ("log", "set_points", "start", "end", "columns",
-                                 "unwrap", "interpolation"),
+                                 "interpolation"),
     "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
                          "reserve", "excitation", "band"),
-    "Arm": ("arm", "tip", "base", "joint_limits", "package"),
+    "Arm": ("arm",),
     **dict.fromkeys((FILES, POINTS), ()),
     "Processes": ("workers",),
-    "Results": ("out", "force", "open_report", "open_page", "as_json"),
+    "Results": ("out", "force", "open_page", "as_json"),
 }  # fmt: skip
 for _name, _row in SHORT.items():
     TOPICS[_row["topic"]] += (_name,)
@@ -198,7 +198,6 @@ CellOfDrawing = Annotated[
         "file without a path.",
     ),
 ]
-Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Workers = Annotated[
     int | None,
@@ -226,7 +225,6 @@ class RunOptions:
     simulate: Annotated[bool, typer.Option("--simulate/--no-simulation")] = True
     changes: Annotated[bool | None, typer.Option("--changes/--no-changes")] = None
     force: Force = False
-    open_report: Open = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,13 +255,11 @@ class StudioOptions:
     Args:
         open_page: Open the page in a browser.
         port: Port on this machine; 0 for any.
-        exit_when_closed: End a minute after the last page is closed.
     """
 
     cell: CellOfDrawing = None
     open_page: Annotated[bool, typer.Option("--open/--no-open")] = True
     port: Annotated[int, typer.Option("--port", min=0, max=65535)] = 0
-    exit_when_closed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,12 +281,10 @@ class WindowOptions(LogOptions):
     Args:
         start: First time of the log to use, such as '2 s'.
         end: Last time of the log to use, such as '30 s'.
-        unwrap: Remove jumps by full turns from the log.
     """
 
     start: Annotated[Text, typer.Option("--from")] = None
     end: Annotated[Text, typer.Option("--to")] = None
-    unwrap: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -319,28 +313,12 @@ class StoredExportOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DescriptionOptions:
-    """Options of an arm from a robot description.
-
-    Args:
-        tip: Link at the end of an arm from .urdf; by default tool0 or flange.
-        base: Fixed link at the base of such an arm.
-        joint_limits: A joint_limits.yaml of MoveIt for that arm.
-        package: Folder of a ROS package with meshes of the arm: NAME=FOLDER; may be repeated.
-    """
-
-    tip: Text = None
-    base: Text = None
-    joint_limits: File = None
-    package: Texts = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class CheckOptions(DescriptionOptions, LogOptions):
+class CheckOptions(LogOptions):
     """Options of the command `check`.
 
     Args:
-        arm: Built-in arm, or an arm file (.yaml, .urdf); by default the job's.
+        arm: Built-in arm, an arm file (.yaml, .urdf), or a job file or cell with the arm; by
+            default the job's.
         limits: Limits file (YAML); by default the limits of the job, or of the arm.
         path: Job file (YAML) with the required path of the tool.
         run_name: Run of that job, if its runs differ in corners.
@@ -386,7 +364,7 @@ class ControllerOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
+class IdentifyOptions(ControllerOptions, WindowOptions):
     """Options of the command `identify`.
 
     Args:
@@ -396,14 +374,12 @@ class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
         excitation: With --on, always excite all joints, so that servos are judged with two
             programs.
         sets: With --on, any key of the job with its value; may be repeated.
-        arm: Arm with whose tool the errors are also reported. Built-in arm, or an arm file (.yaml,
-            .urdf).
+        arm: Arm with whose tool the errors are also reported: as for check.
         drive_cycle: Cycle of the drives' loops; by default continuous.
         out: Folder for servo file and report; by default none is written.
         model: Model of the servo: auto, second or first.
         interpolation: Command between set-points: linear or step; by default determined from
             the log.
-        longest_dead_time: Longest dead time in the search.
         validate: Log that is used only to validate the model; may be repeated.
     """
 
@@ -417,10 +393,8 @@ class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
     out: Annotated[File, typer.Option("--out", "-o")] = None
     model: str = "auto"
     interpolation: Text = None
-    longest_dead_time: str = "250 ms"
     validate: list[FilePath] | None = None
     force: Force = False
-    open_report: Open = False
     as_json: AsJson = False
 
 
@@ -436,7 +410,6 @@ class CertifyOptions:
     run_name: Name = None
     out: Annotated[File, typer.Option("--out", "-o")] = None
     force: Force = False
-    open_report: Open = False
     as_json: AsJson = False
 
 
@@ -460,7 +433,6 @@ class PlaceOptions:
     workers: Workers = None
     run_name: Name = None
     force: Force = False
-    open_report: Open = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -490,7 +462,6 @@ class LearnOptions(ControllerOptions, WindowOptions):
     log: File = None
     out: Annotated[File, typer.Option("--out", "-o")] = None
     force: Force = False
-    open_report: Open = False
     as_json: AsJson = False
 
 
@@ -530,4 +501,3 @@ class BatchOptions:
 
     over: Annotated[list[str], typer.Option("--over")]
     workers: Workers = None
-    open_report: Open = False

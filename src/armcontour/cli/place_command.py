@@ -6,7 +6,7 @@ import re
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import Console, open_page
+from armcontour.cli.console import Console
 from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
@@ -66,8 +66,6 @@ def place_file(
     if JOB in folder.files:
         console.print(f"Job: {out / JOB}")
     console.print(f"Report: {report.as_uri()}")
-    if options.open_report:
-        open_page(report)
     return int(placement.best is None)
 
 

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.console import Console, open_page
+from armcontour.cli.console import Console
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interrupts import on_interrupt
 from armcontour.cli.options import JobOptions
@@ -117,8 +117,6 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
         print(data_json(result.to_data()), end="")
     else:
         _print_learning(result, file, options)
-    if options.out is not None and options.open_report and result.lesson is not None:
-        open_page(options.out / "report.html")
     return STOPPED if result.stopped else DONE
 
 

@@ -8,10 +8,10 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import Console, open_page
+from armcontour.cli.console import Console
 from armcontour.cli.exports import rehearse, write_exports
 from armcontour.cli.inputs import library_file
-from armcontour.cli.progress_bars import job_progress
+from armcontour.cli.progress_bars import search_progress
 from armcontour.core.progress import Progress, Step, subprogress
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ WRITING = Step(("writing the results",))
 COMPARED = ("conventional", "proposed", "shaped")
 
 
-def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
+def run_demo(out: FilePath, *, force: bool) -> None:
     """Run three runs of the paper's job and cut a plate with a UR5e; write one report of both."""
     # The results of the paper's job are written to the folder itself, the results of the plate to a
     # subfolder. An earlier result of the demo is replaced if its files are unchanged.
@@ -35,15 +35,13 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
 
     with (
         ResultFolder(out, force=force, replaces="demo") as folder,
-        job_progress() as progress,
+        search_progress("running") as progress,
     ):
         jobs = {"": _compared_runs(), "plate/": read_job(library_file("plate.yaml"))}
         with compile_for_run(None, progress):
-            from armcontour.jobs import run, steps_of
+            from armcontour.jobs import run
             from armcontour.report import render_demo
 
-            steps = [step for job in jobs.values() for x in job.runs for step in steps_of(x)]
-            progress.expect([*steps, WRITING.names[0]])
             studies = {name: run(job, progress=progress) for name, job in jobs.items()}
             progress(WRITING)
 
@@ -57,15 +55,13 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
             folder.write("report.html", render_demo(list(studies.values())))
     for study in studies.values():
         _print_results(study, [])
-    _show_report(out, open_report)
+    _show_report(out)
 
 
-def _show_report(out: FilePath, open_report: bool) -> None:
-    """Print the address of a report, and open it if requested."""
+def _show_report(out: FilePath) -> None:
+    """Print the address of a report."""
     report = (out / "report.html").resolve()
     Console().print(f"Report: {report.as_uri()}")
-    if open_report:
-        open_page(report)
 
 
 def built_in_job() -> Job:
@@ -87,35 +83,25 @@ def run_job(
     out: FilePath,
     *,
     force: bool = False,
-    open_report: bool = False,
     simulate: bool = True,
     changes: bool | None = None,
 ) -> int:
     """Read and run a job, print and write its results; return 1 if no run is kept, otherwise 0."""
     # Slow imports follow the checks, so that an invalid folder or job is rejected at once.
     from armcontour.core.compilation import compile_for_run
-    from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
 
-    if open_report and not simulate:
-        raise InvalidInput(
-            "--open requires a simulation, because only a simulation has a report. Remove "
-            "--no-simulation or --open."
-        )
-    with ResultFolder(out, force=force) as folder, job_progress() as progress:
+    with ResultFolder(out, force=force) as folder, search_progress("running") as progress:
         job = read(subprogress(progress, "reading"))
         if job.export.formats:
             # Exports are tested before the run, so that invalid options are rejected at once.
             rehearse(job, folder.scratch)
         with compile_for_run(job.arm.dimension, progress):
-            from armcontour.jobs import run, steps_of
-            from armcontour.jobs.advice import STEP, is_small, with_advice
+            from armcontour.jobs import run
+            from armcontour.jobs.advice import is_small, with_advice
 
-            steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
             advises = simulate and (is_small(job) if changes is None else changes)
-            steps += [STEP] * len(job.runs) * advises
-            progress.expect([*steps, WRITING.names[0]])
             study = run(job, simulate=simulate, progress=progress)
             if advises:
                 study = with_advice(study, progress)
@@ -133,7 +119,7 @@ def run_job(
             folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
     _print_results(study, notes)
     if simulate:
-        _show_report(out, open_report)
+        _show_report(out)
     else:
         Console().print(f"The run was not simulated. Set-points: {out.resolve()}")
     # Runs that are not kept may be there for comparison with a run that is kept.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def open_studio(file: FilePath | None, options: StudioOptions) -> None:
-    """Serve the Studio until a signal, or with --exit-when-closed until its pages are closed."""
+    """Serve the Studio until a signal."""
     from armcontour.cli.interrupts import before_interrupt
     from armcontour.studio.server import require_server, serve
 
@@ -31,7 +31,6 @@ def open_studio(file: FilePath | None, options: StudioOptions) -> None:
             lambda say: _session(file, options, say),
             port=options.port,
             announce=lambda address: _announce(address, options.open_page),
-            exit_when_closed=options.exit_when_closed,
             opened=session_hosts.append,
         )
 

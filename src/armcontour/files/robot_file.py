@@ -53,7 +53,7 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
     if "joint_limits" in data:
         raise InvalidInput(
             f"{location.name} has joint limits of MoveIt, which belong to the arm. Specify it with "
-            "--joint-limits."
+            "arm.joint_limits of a job."
         )
     specified = read_keys(SpecifiedKeys(LimitsFile), data, location.name)
     deviations = [specified.pop(name, None) for name in ("deviation", "orientation_deviation")]

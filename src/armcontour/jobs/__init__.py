@@ -13,6 +13,6 @@ _HOME = {
     "planned_run": "Planned ShapingGain",
     "run_plan": "plan_one prepare_and_round",
     "job_result": "ExperimentResult JobResult RunResult warnings_of",
-    "study": "STEPS run steps_of",
+    "study": "STEPS run",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -19,4 +19,3 @@ from armcontour.jobs.run_plan import plan_one as plan_one
 from armcontour.jobs.run_plan import prepare_and_round as prepare_and_round
 from armcontour.jobs.study import STEPS as STEPS
 from armcontour.jobs.study import run as run
-from armcontour.jobs.study import steps_of as steps_of

@@ -83,9 +83,7 @@ class Rounding(Checked):
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
-    continuity: Annotated[
-        Annotated[Continuity, Choice(CONTINUITIES)] | None, About("--continuity")
-    ] = None
+    continuity: Annotated[Continuity, Choice(CONTINUITIES)] | None = None
 
     @property
     def free(self) -> bool:

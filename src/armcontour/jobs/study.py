@@ -18,7 +18,7 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse
-from armcontour.jobs.run_plan import ROUNDING, SHAPING, explain_plan, plan_one
+from armcontour.jobs.run_plan import ROUNDING, explain_plan, plan_one
 from armcontour.jobs.run_warnings import sample_rates
 from armcontour.jobs.verdict import ExpectedErrors
 from armcontour.motion import Execution, Method, SetPoints, Trajectory
@@ -216,11 +216,3 @@ def simulate_rigid_bodies(
         evaluation=evaluate_run(run, executed, path, objective),
         uncompensated=uncompensated,
     )
-
-
-def steps_of(run: Run, *, simulated: bool = True) -> tuple[str, ...]:
-    """Names of the steps of a run, in order."""
-    steps = STEPS if simulated else PLAN_STEPS
-    if run.is_shaped:
-        steps = (SHAPING, *steps[1:])
-    return steps if run.experiment is None or not simulated else (*steps, EXPERIMENT)

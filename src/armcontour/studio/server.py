@@ -60,8 +60,6 @@ MAX_PAGES = 16
 MAX_CONNECTIONS = 100
 # Maximum number of connections without a request in progress.
 MAX_IDLE = 50
-# With `exit_when_closed`, time from the closing of the last page to the exit of the server [s].
-EXIT_DELAY = 60.0
 # Maximum period of the checks for open pages and for changes of the job file [s].
 FILE_CHECK_PERIOD = 2.0
 # Interval at which the interpreter switches threads [s].
@@ -205,7 +203,6 @@ def serve(
     *,
     port: int = 0,
     announce: Callable[[str], None],
-    exit_when_closed: bool = False,
     opened: Callable[[SessionHost], None] = lambda session_host: None,
 ) -> None:
     """Serve the Studio on this machine until it is stopped."""
@@ -218,7 +215,7 @@ def serve(
         session_host = SessionHost(make)
         opened(session_host)
         try:
-            asyncio.run(_serve(listening, endpoint, session_host, exit_when_closed))
+            asyncio.run(_serve(listening, endpoint, session_host))
         finally:
             gc.unfreeze()
             if session_host.session is not None:
@@ -282,9 +279,7 @@ def _http_protocol() -> type[asyncio.Protocol]:
     return IdleLimitedProtocol
 
 
-async def _serve(
-    listening: socket.socket, endpoint: Endpoint, session_host: SessionHost, exit_when_closed: bool
-) -> None:
+async def _serve(listening: socket.socket, endpoint: Endpoint, session_host: SessionHost) -> None:
     import uvicorn
 
     # Only errors are logged. The access log is disabled, so that no addresses are logged.
@@ -317,7 +312,7 @@ async def _serve(
     sys.setswitchinterval(SWITCH_INTERVAL)
     session_host.stop = stop
     threading.Thread(target=_start, args=(session_host,), name="starting", daemon=True).start()
-    watching = asyncio.create_task(watch(session_host, exit_when_closed))
+    watching = asyncio.create_task(_watch(session_host))
     try:
         await server.serve(sockets=[listening])
     finally:
@@ -336,18 +331,12 @@ def _start(session_host: SessionHost) -> None:
     gc.freeze()
 
 
-async def watch(session_host: SessionHost, exit_when_closed: bool) -> None:
-    """Check periodically for changes of the job file, and stop the server without open pages."""
-    loop = asyncio.get_running_loop()
-    was_open, last = False, loop.time()
+async def _watch(session_host: SessionHost) -> None:
+    """Check periodically for changes of the job file."""
     while True:
-        await asyncio.sleep(min(FILE_CHECK_PERIOD, EXIT_DELAY / 4))
+        await asyncio.sleep(FILE_CHECK_PERIOD)
         if session_host.session is not None:
             await asyncio.to_thread(session_host.session.look)
-        if session_host.pages:
-            was_open, last = True, loop.time()
-        elif exit_when_closed and was_open and loop.time() - last >= EXIT_DELAY:
-            session_host.stop()
 
 
 async def _read_body(receive: Receive) -> bytes:

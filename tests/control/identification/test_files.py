@@ -129,10 +129,9 @@ def test_refusals(refuses, tmp_path):
     for options, words in (
         ({"start": "2"}, "--from requires a unit"),
         ({"end": "3"}, "--to requires a unit"),
-        ({"longest_dead_time": "0.5"}, "--longest-dead-time requires a unit"),
-        ({"longest_dead_time": "0"}, "--longest-dead-time: must be above zero"),
+        ({"drive_cycle": "0.5"}, "--drive-cycle requires a unit"),
         ({"start": "2 rad"}, "--from: must be a quantity in s"),
-        ({"open_report": True}, "--out"),
+        ({"force": True}, "--out"),
     ):
         refuses(partial(identify_files, [file], IdentifyOptions(**options)), InvalidInput, words)
 

@@ -576,7 +576,7 @@ def test_the_tip_is_tool0_else_flange(tmp_path):
         assert arm.joint_names == ("a1", "a2", "a3", "a4", "a5", "a6")
         named = load_joints(tmp_path, joints, tip=tip)
         assert (named.tool_position([0.1] * 6) == arm.tool_position([0.1] * 6)).all()
-    words = "no link tool0 or flange ... (in a job, arm.tip; ... --tip) ... "
+    words = "no link tool0 or flange ... (in a job, arm.tip; ... --arm JOB) ... "
     table = [(SIX, words + "l6"), ([*SIX, *FINGERS], words)]
     refusals(lambda x: load_joints(tmp_path, x), table)
 

@@ -190,7 +190,7 @@ class ReadOptions(Checked):
     scale: Annotated[Factor, About("--scale")] = 1.0
     layers: Annotated[Sequence[str] | Mapping[str, SegmentLimits] | None, About("--layer")] = None
     names: Annotated[Sequence[str] | None, About("--contour")] = None
-    colors: Annotated[Sequence[str | int] | None, About("--color")] = None
+    colors: Sequence[str | int] | None = None
     ignore_z: Annotated[bool, About("--ignore-z")] = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5

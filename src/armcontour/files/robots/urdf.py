@@ -124,7 +124,7 @@ def _default_tip(tree: Tree, base: str) -> str:
     ends = [x.child for x in tree.below(base) if not tree.child_joints(x.child)]
     raise InvalidInput(
         f"{tree.file} has no link {' or '.join(TOOL_FRAMES)}, so its tip must be specified with "
-        f"tip= (in a job, arm.tip; on the command line, --tip). Links without a child are "
+        f"tip= (in a job, arm.tip; on the command line, --arm JOB). Links without a child are "
         f"{list_some(ends, MAX_NAMED)}."
     )
 
