@@ -177,7 +177,6 @@ def test_s7_no_drawings_arms_and_obstacles_elsewhere(studio, folder):
         "{file: ../secret.urdf}",
         "{file: out/secret.urdf}",
         "{name: ur5e, joint_limits: ../secret.yaml}",
-        "{file: robot.urdf, packages: {p: ..}}",
         "{name: ur5e, srdf: ../secret.urdf}",
     ):
         assert SECRET not in refusal_of(studio, JOB.replace("arm: pmk3s", f"arm: {arm}")), arm

@@ -51,7 +51,6 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
         model,
         joint_limits=None if model.joint_limits is None else folder / model.joint_limits,
         calibration=None if model.calibration is None else folder / model.calibration,
-        packages={name: folder / x for name, x in (model.packages or {}).items()},
         # `arm_of` reads the SRDF after it has added the shapes of the job.
         srdf=None,
     )

@@ -253,7 +253,6 @@ KEY_OVERRIDES[Rounding] = KeyOverrides(omit=frozenset({"iterations"}))
 KEY_OVERRIDES[ArmModel] = KeyOverrides(
     types={
         **dict.fromkeys(("joint_limits", "srdf"), str | None),
-        "packages": dict[str, str] | None,
     }
 )
 

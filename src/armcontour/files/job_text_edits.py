@@ -23,7 +23,7 @@ from armcontour.files.yaml_text import SharedValue, Splice, YamlText, equal_data
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
 # Keys whose values are file names relative to the folder of the job file.
-FILE_NAME_KEYS = ("file", "files", "joint_limits", "srdf", "packages")
+FILE_NAME_KEYS = ("file", "files", "joint_limits", "srdf")
 
 
 class Remove(Enum):
@@ -95,8 +95,6 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
         return
     for key, value in root.value:
         values = value.value if isinstance(value, yaml.SequenceNode) else [value]
-        if key.value == "packages" and isinstance(value, yaml.MappingNode):
-            values = [x for _, x in value.value]
         for node in values:
             if not isinstance(node, yaml.ScalarNode):
                 yield from _file_names(node)

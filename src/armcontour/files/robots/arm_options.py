@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 
@@ -34,8 +33,6 @@ class ArmOptions(Checked):
         base: Fixed link at the start of the arm, for a robot description; by default the root.
         joint_limits: A joint_limits.yaml of MoveIt, which replaces limits of the arm's own file.
             Its default scaling factors are not applied.
-        packages: Folders of ROS packages by name, for a robot description. Other packages are
-            searched by their `package.xml` near the file.
         calibration: File of UR's `ur_calibration` for a built-in UR arm (.yaml): the transforms of
             the six links of your robot, which differ from the nominal ones by up to centimetres at
             the tool.
@@ -48,7 +45,6 @@ class ArmOptions(Checked):
     tip: str | None = None
     base: str | None = None
     joint_limits: str | FilePath | None = None
-    packages: Mapping[str, str | FilePath] | None = None
     calibration: str | FilePath | None = None
     srdf: str | FilePath | None = None
 

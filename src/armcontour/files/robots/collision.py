@@ -45,21 +45,15 @@ def read_excluded_pairs(file: str | FilePath, links: Collection[str]) -> tuple[L
 
 def _pair(element: ET.Element, location: FilePath) -> LeftOut:
     """Excluded pair of links of an element, with the reason in the file."""
-    first, second = _names(element, location)
-    reason = shorten(make_printable(element.get("reason", "").strip()), LONGEST_NAME)
-    reason = reason or "no reason given"
-    return LeftOut(first=first, second=second, reason=f"{location.name}: {reason}")
-
-
-def _names(element: ET.Element, location: FilePath) -> tuple[str, str]:
-    """Names of the two links of an element."""
     first, second = (element.get(key, "").strip() for key in ("link1", "link2"))
     if not first or not second or first == second:
         raise InvalidInput(
             f"{location}: {element.tag} must have two different links, link1 and link2, but has "
             f"{show(first)} and {show(second)}."
         )
-    return first, second
+    reason = shorten(make_printable(element.get("reason", "").strip()), LONGEST_NAME)
+    reason = reason or "no reason given"
+    return LeftOut(first=first, second=second, reason=f"{location.name}: {reason}")
 
 
 # Maximum number of files that a note lists.
@@ -72,9 +66,6 @@ MAX_UP = 4
 MAX_FOLDERS = 2000
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
-
-# Folders of ROS packages, by name.
-Packages = Mapping[str, str | FilePath]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,7 +80,6 @@ class CollisionElement:
 def link_shapes(
     tree: Tree,
     carried: Mapping[str, tuple[int, Frame]],
-    packages: Packages | None = None,
     last: str = "",
 ) -> tuple[LinkShape, ...]:
     """Shapes of the links of a description; links after the link `last` are tools.
@@ -100,7 +90,7 @@ def link_shapes(
     for name, (link, frame) in carried.items():
         tool = last in carried and link == carried[last][0] and name != last
         for element in collision_elements(tree, name):
-            shape = shape_of(tree, element, packages)
+            shape = shape_of(tree, element)
             body = LinkShape(
                 name=name, link=link, shape=shape, place=frame @ element.place, tool=tool
             )
@@ -122,13 +112,8 @@ def collision_elements(tree: Tree, link: str) -> Iterator[CollisionElement]:
         yield CollisionElement(where=location, geometry=geometry[0], place=place)
 
 
-def shape_of(
-    tree: Tree,
-    collision: CollisionElement,
-    packages: Packages | None = None,
-    unit: str | None = None,
-) -> Shape:
-    """Shape of a collision element; `unit` is the unit of a mesh without a scale."""
+def shape_of(tree: Tree, collision: CollisionElement) -> Shape:
+    """Shape of a collision element."""
     kind, element, location = collision.geometry.tag, collision.geometry, collision.where
     if kind == "box":
         return Box(size=read_numbers(location, "size", element.get("size", "")))
@@ -149,16 +134,16 @@ def shape_of(
         # m.
         scale = None if (scale == 1).all() else scale
     name = element.get("filename", "")
-    file = find_mesh(tree, name, packages)
+    file = find_mesh(tree, name)
     if file is None or not file.is_file():
         raise InvalidInput(
             f"{location} names the mesh {show(name)}, which does not exist"
             f"{'' if file is None else f' ({file})'}. To fix this, {_advise_mesh(name)}."
         )
-    return read_mesh(file, unit=unit if scale is None else None, scale=scale)
+    return read_mesh(file, scale=scale)
 
 
-def find_mesh(tree: Tree, name: str, packages: Packages | None) -> FilePath | None:
+def find_mesh(tree: Tree, name: str) -> FilePath | None:
     """File that a description names by package://, file:// or a path; None if it is not found."""
     folder = FilePath(tree.file).absolute().parent
     scheme, _, path = name.rpartition("://")
@@ -167,12 +152,11 @@ def find_mesh(tree: Tree, name: str, packages: Packages | None) -> FilePath | No
     if scheme != "package":
         return folder / path
     package, _, path = path.partition("/")
-    specified = (packages or {}).get(package)
-    root = find_near(folder, package) if specified is None else FilePath(specified)
+    root = find_near(folder, package)
     return None if root is None else root / path
 
 
-def missing_meshes(tree: Tree, packages: Packages | None) -> str:
+def missing_meshes(tree: Tree) -> str:
     """Note on missing and unsupported meshes of collision elements; empty if there are none."""
     names = [
         mesh.get("filename", "")
@@ -185,7 +169,7 @@ def missing_meshes(tree: Tree, packages: Packages | None) -> str:
     for name in dict.fromkeys(names):
         folder = os.path.dirname(name)
         if folder not in roots:
-            file = find_mesh(tree, name, packages)
+            file = find_mesh(tree, name)
             roots[folder] = None if file is None else file.parent
         root = roots[folder]
         exists = root is not None and (root / os.path.basename(name)).is_file()
@@ -205,10 +189,9 @@ def _advise_mesh(name: str) -> str:
     if not name.lower().endswith(MESHES):
         return f"convert it to {' or '.join(MESHES)}"
     if name.startswith("package://"):
-        package = name.split("/")[2]
         return (
-            f"specify the folder of its package with packages={{{package!r}: FOLDER}} (in a job, "
-            "arm.packages)"
+            f"copy the ROS package {name.split('/')[2]} with its {PACKAGE_FILE} next to the "
+            "description"
         )
     return "copy it to this path, relative to the description"
 

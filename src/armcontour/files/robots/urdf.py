@@ -28,7 +28,6 @@ from armcontour.robot.scene import ArmShapes
 from armcontour.robot.serial import SerialArm
 
 if TYPE_CHECKING:
-    from armcontour.files.robots.collision import Packages
     from armcontour.files.robots.urdf_chain import Description
 
 # Links that are the tip if the options do not name it (REP 199), the preferred first.
@@ -82,7 +81,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     limits, lacking, assumed = _limits(
         tree, moving, options.limits_file, has_bodies=chain.masses is not None
     )
-    missing = missing_meshes(tree, options.packages)
+    missing = missing_meshes(tree)
     notes = (*description.notes, lacking, missing)
     arm = SerialArm(
         name=tree.name,
@@ -95,10 +94,10 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     )
     if all(x.find("collision") is None for x in tree.links.values()):
         return arm
-    return arm.with_shapes(partial(_shapes, arm, description, options.packages))
+    return arm.with_shapes(partial(_shapes, arm, description))
 
 
-def _shapes(arm: SerialArm, description: Description, packages: Packages | None) -> ArmShapes:
+def _shapes(arm: SerialArm, description: Description) -> ArmShapes:
     """Shapes of the links of a description; links after the last moving link are tools."""
     # Imported here, because the import loads compiled code of motions.
     from armcontour.files.robots.collision import link_shapes
@@ -111,7 +110,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     back = others[description.base][1].inverse
     still = {name: (0, back @ place) for name, (_, place) in others.items() if name not in carried}
     last = description.moving[-1].child
-    shapes = link_shapes(tree, {**still, **carried}, packages, last)
+    shapes = link_shapes(tree, {**still, **carried}, last)
     source = f"collision elements of {FilePath(tree.file).name}"
     return exclude_touching(arm.with_shapes(ArmShapes(shapes=shapes, source=source)))
 
