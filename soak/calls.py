@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import armcontour as ac
-from armcontour import files, geometry
+from armcontour import files, geometry, jobs
 from armcontour.control.compensation import fastest_poles
 from armcontour.control.learning import Recording
 from armcontour.files.exports import (
@@ -31,7 +31,6 @@ from armcontour.files.exports import (
 from armcontour.planning.constraints import SecondOrder
 from armcontour.program import Analog, Lead, Pierce, Switch, Tabs, Weave, smooth_curvature
 from armcontour.robot import scene
-from armcontour.simulation import robustness
 from armcontour.studies.placement import Placement
 from armcontour.verification import check_interpolation
 from armcontour.verification.clearance import Cell
@@ -61,7 +60,7 @@ INNER = {
     *("Orientation.join", "Orientation.place", "SecondOrder.allowed", "SecondOrder.discretize"),
     *("SecondOrder.usage", "ServoModel.check_orders", "ServoModel.check_gains"),
     *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
-    *("Uncertainty.dead_time_of", "Uncertainty.gains_of", "Uncertainty.check_payload"),
+    "Uncertainty.half_widths",
     *("rates_on_piece", "run", "times"),
     *(
         f"{name}Format.{method}"
@@ -126,8 +125,6 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     x = right()
     on = {"arm": x["arm"], "limits": x["limits"]}
     learned = {"set_points": x["set_points"], "executed": x["executed"], "arm": x["arm"]}
-    robot = {"set_points": x["set_points"], "path": x["path"], **on, "servo": x["servo"]}
-    robot["box"] = robustness.Uncertainty(dead_time=1e-3)
     shaped = ac.Shaped(tolerance=1e-3, iterations=1)
     return [
         (ac.arm_names, {}),
@@ -169,8 +166,6 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         # Names on the pages that only a package has.
         (geometry.round_with_parabolas, {"path": x["objective"], "tolerance": 1e-3}),
         (files.parse_job, {"text": FILES["bend.yaml"]}),
-        (robustness.spread, robot | {"samples": 10}),
-        (robustness.worst_corner, robot),
         (plan_with, {"coefficients": nothing}),
     ]  # fmt: skip
 
@@ -215,7 +210,7 @@ def instances() -> Iterator[Any]:
     yield scene.Mesh(points=np.random.default_rng(0).normal(size=(10, 3)))
     yield ac.Obstacle(name="ball", shape=scene.Sphere(radius=0.1))
     yield SecondOrder("own", nothing, [-0.05], [0.05])
-    yield robustness.Uncertainty(dead_time=1e-3)
+    yield jobs.Uncertainty(dead_time=1e-3)
     yield from (CsvFormat(), RosYamlFormat())
     yield from (URScriptFormat(), TemplateFormat(template="krl"))
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())

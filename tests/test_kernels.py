@@ -141,7 +141,7 @@ def test_usual_runs_leave_out_what_they_do_not_need():
     assert 0 < len(usual) < len(everything)
     names = {module for module, _ in usual}
     assert "armcontour.robot.servo.march" in names
-    assert not any(".jerk." in x or ".robustness." in x for x in names)
+    assert not any(".jerk." in x for x in names)
     assert all(".newton" not in module for module, _ in read_list("plane"))
     assert any(".newton" in module for module, _ in read_list("space"))
 
@@ -216,4 +216,4 @@ def test_what_is_kept_of_a_function_ends_with_the_files_of_those_that_it_calls(k
         assert files <= stamped, kernel
         apart += len(files) > 1
     # Not in vain: many functions call those of other files.
-    assert apart > 10
+    assert apart > 5

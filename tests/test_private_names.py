@@ -8,9 +8,7 @@ TESTS = Path(__file__).parent
 ROOT = TESTS.parent
 FILES = sorted(TESTS.rglob("*.py"))
 # Tests of code that is being rewritten; its new public functions will take the place of these.
-EXCEPTIONS = {
-    "simulation/robustness/test_monte_carlo.py": {"_payload_inertia", "_search_corners"},
-}
+EXCEPTIONS = {}
 
 
 def is_private(name):

@@ -19,7 +19,6 @@ from armcontour import files
 from armcontour.cli.run_command import built_in_job
 from armcontour.files.exports import CsvFormat
 from armcontour.program import Lead, smooth_curvature
-from armcontour.simulation import robustness
 
 
 def test_every_public_name_exists():
@@ -50,13 +49,13 @@ def test_stubs_have_the_names_of_the_packages():
     assert len(written) > 10
     for file, text in written.items():
         assert file.read_text(encoding="utf-8") == text
-    for package in (ac, files, robustness):
+    for package in (ac, files):
         names = [x for homes in package._HOME.values() for x in homes.split()]
         assert len(names) == len(set(names))
 
 
 def test_every_name_is_there_and_kept():
-    for package in (armcontour, files, robustness):
+    for package in (armcontour, files):
         for name in package.__all__:
             assert getattr(package, name) is vars(package)[name]
         with pytest.raises(AttributeError, match=f"'{package.__name__}' has no attribute 'no_na"):
@@ -67,18 +66,13 @@ def test_a_plan_without_limits_of_jerk_loads_nothing_of_them():
     code = """if True:
         import sys
         import armcontour as ac
-        from armcontour.simulation.robustness.uncertainty import Uncertainty
         arm = ac.load_arm("pmk3s")
         ac.plan(ac.Path.polyline([[0.30, 0.20], [0.34, 0.20]]), arm, arm.limits.replace(speed=0.1))
         print(*(x for x in sys.modules if x.startswith("armcontour.")))
     """
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
     assert "armcontour.planning.optimal" in loaded.split()
-    for name in (
-        "planning.jerk.limiter",
-        "planning.jerk.interior_point",
-        "simulation.robustness.monte_carlo",
-    ):
+    for name in ("planning.jerk.limiter", "planning.jerk.interior_point"):
         assert f"armcontour.{name}" not in loaded.split()
 
 

@@ -50,7 +50,7 @@ SHOWN = {
     ),
     "05_certified": Shown(
         "Set-points, planned and executed motion of a joint; the set-points lead",
-        {"certificate": "../guides/certificate.md", "robustness": "../concepts/robustness.md"},
+        {"certificate": "../guides/certificate.md"},
     ),
     "06_drawing": Shown(
         "Contours, leads and rapids of a gasket, with the points where the laser is switched",

@@ -109,7 +109,7 @@ limits: {joint_velocity: [90 deg/s, 90 deg/s, 1, 2, 3, 4], joint_jerk: inf}
 process: {lead_in: {shape: arc, length: 5 mm}, dwell: 20 ms, begin: [1 mm, 2 mm]}
 servo: {kp: [25 1/s, 25, 25, 25, 25, 25], order: first, dead_time: 4 ms}
 plant: {dead_time: 5 ms}
-certificate: {tolerance: 0.1 mm, box: {gains: 10 %, payload: 1 kg}}
+certificate: {tolerance: 0.1 mm, box: {gains: 10 %, dead_time: 1 ms}}
 runs: {one: {timing: {reserve: 5 %}, corners: sharp}}
 """
 TEXTS = {

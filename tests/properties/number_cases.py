@@ -215,7 +215,7 @@ _CERTIFIED = {
     "tolerance": 2e-3,
     "servo_error": 1e-4,
     "rms": 1e-4,
-    "box": {"gains": 0.01, "dead_time": 1e-4, "payload": 0.0, "jitter": 1e-5},
+    "box": {"gains": 0.01, "dead_time": 1e-4},
 }
 _FREE = {"shape": "free"}
 _POLED = {"method": "pole_placement"}
@@ -317,7 +317,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, limits=_JOINTS),
     _with(PLANE, limits={key: [x, x] for key, x in _JOINTS.items()}),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED | {"box": {"gains": [[0.01] * 2] * 2}}),
-    _with(PLANE, certificate=_CERTIFIED | {"box": {"payload": [0.0, 0.1]}}),
+    _with(PLANE, certificate=_CERTIFIED | {"box": {"dead_time": 1e-4, "shared": True}}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [[-99.0, -99.0, -150.0]] * 2}}}),
     _with(PLANE, export={"formats": ["ros-yaml"], "outputs": {"a": 1}, "tolerances": 2.0,
                          "points": 9, "point_tolerance": 1e-3, "cycle": 0.01, "derivatives": 1}),

@@ -163,7 +163,6 @@ Ratio = Annotated[float, Quantity("1", "10 %")]
 Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 
 DEAD_TIME = Quantity("s", "4 ms", "not negative")
-MORE_PAYLOAD = Quantity("kg", "2 kg")
 GAIN_ERROR = Quantity("1", "10 %", "share")
 # One value for all joints, or one per joint. An infinite limit is no limit.
 JointRanges = Annotated[FloatArray, Quantity("rad", "90 deg", endless=True)]

@@ -19,11 +19,10 @@ from armcontour.core.quantities import (
 )
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
-from armcontour.jobs import CertificateGoal
+from armcontour.jobs import CertificateGoal, Uncertainty
 from armcontour.program import Event, Lead, Process
 from armcontour.robot.chain import Payload
 from armcontour.robot.servo import ServoModel
-from armcontour.simulation.robustness.uncertainty import Uncertainty
 
 
 class PlantModel(ServoModel):
@@ -85,7 +84,7 @@ KEY_OVERRIDES: dict[type, KeyOverrides] = {
             "tip [kg m²]; a point by default."
         },
     ),
-    CertificateGoal: KeyOverrides(omit=frozenset({"samples", "seed", "slowest"})),
+    CertificateGoal: KeyOverrides(omit=frozenset({"slowest"})),
     PlantModel: KeyOverrides(
         omit=frozenset(
             {"model_error", "logged_velocity", "logged_acceleration", "contour_ratio", "programs"}

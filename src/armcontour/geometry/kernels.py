@@ -18,9 +18,6 @@ from armcontour.core.kernels import FUSED, compiled
 Point: TypeAlias = tuple[float, float, float]
 # Size of the stack of a tree search, which has at most one waiting node per level.
 STACK = 128
-# A search along the path continues beyond its window while vertices are closer to the point than
-# this many times the point's distance from the first segment.
-REACH = 5.0
 
 
 class Foot(NamedTuple):
@@ -147,49 +144,6 @@ def search_tree(
                         best, u, segment = d2, along, previous
         distance[i], s[i] = math.sqrt(best), rows[segment, 11] + u
     return distance, s
-
-
-@compiled(fastmath=FUSED)
-def search_along(
-    p: Point, rows: FloatArray, around: float, segment: int, low: float, high: float
-) -> tuple[float, int]:
-    """Squared distance of a point from the path near a segment, and the nearest segment."""
-    # The search covers a window of arc lengths, and continues beyond the window up to a vertex that
-    # is farther away than `REACH` allows. A path point that is closer than the best distance d is
-    # at least D - d farther along the path than a vertex at distance D, because arc length grows at
-    # least as fast as distance. Segments up to there are skipped.
-    # `rows`: segments from `pack_segments`, (n, 15); `around`: length of a closed path, on which
-    # the search passes the start point, 0 for an open path [m]; `segment`: index of the segment at
-    # which the search starts; `low`, `high`: smallest and largest arc length of the window [m].
-    n = len(rows)
-    best, _ = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
-    nearest, far2 = segment, REACH * REACH * best
-    for ahead in (True, False):
-        stop, near = (high, 0) if ahead else (-low, 12)
-        j, turn, free, d = segment, 0.0, -math.inf, math.sqrt(best)
-        for _ in range(n - 1):
-            j += 1 if ahead else -1
-            if not 0 <= j < n:
-                if around == 0.0:
-                    break
-                j = 0 if ahead else n - 1
-                turn += around
-            g = rows[j]
-            begin = turn + (g[11] if ahead else -g[11] - g[10])
-            end = begin + g[10]
-            if begin <= stop and end <= free:
-                continue
-            x, y, z = p[0] - g[near], p[1] - g[near + 1], p[2] - g[near + 2]
-            gap2 = x * x + y * y + z * z
-            if begin > stop and gap2 > far2:
-                break
-            free = max(free, begin + math.sqrt(gap2) - d)
-            if end <= free:
-                continue
-            d2, _ = nearest_within(p, g, 0.0, g[10], best)
-            if d2 < best:
-                best, nearest, d = d2, j, math.sqrt(d2)
-    return best, nearest
 
 
 # Largest depth of repeated halving of a part of a path, and largest number of parts that are

@@ -7,7 +7,7 @@ _HOME = {
     "analog": "analog_outputs",
     "exports": "Exports",
     "experiment": "Experiment build_plant",
-    "goal": "CertificateGoal",
+    "goal": "CertificateGoal Uncertainty",
     "improvements": "Advice Improvement",
     "job": "Job Rounding Run",
     "planned_run": "Planned ShapingGain",

@@ -4,6 +4,7 @@ from armcontour.jobs.experiment import Experiment as Experiment
 from armcontour.jobs.experiment import build_plant as build_plant
 from armcontour.jobs.exports import Exports as Exports
 from armcontour.jobs.goal import CertificateGoal as CertificateGoal
+from armcontour.jobs.goal import Uncertainty as Uncertainty
 from armcontour.jobs.improvements import Advice as Advice
 from armcontour.jobs.improvements import Improvement as Improvement
 from armcontour.jobs.job import Job as Job

@@ -37,9 +37,6 @@ JOINT_ROWS = 5
 # and second derivatives. STATE_ROWS is the number of rows.
 POSITION, LEVER, AXIS, MOTION, STATE_ROWS = 9, 12, 15, 18, 36
 IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
-# Within this angle [rad] of the last exact evaluation (anchor), sine and cosine are computed by a
-# series, which is exact to rounding.
-NEAR_ANGLE = 0.125
 # Number of rows of a link: cosine and sine of its joint (rows 0 and 1); first and second derivative
 # of the joint (2, 3); force, and moment about the joint, for accelerations equal to the first
 # derivatives without velocity (4 to 9), and for the motion with both derivatives (10 to 15); first
@@ -251,27 +248,6 @@ def tool_motion(
                 row = MOTION + k if order else 3 * (k % 4) + k // 4
                 result[begin + i, k] = state[row * B + i]
     return result
-
-
-@compiled(inner=True, fastmath=FUSED)
-def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
-    """Tool point [m] of one state, with few evaluations of sines and cosines."""
-    # links: (dof + 1, 12). q: [rad], (dof,). anchors: angle, sine and cosine of each joint at its
-    # last exact evaluation, (dof, 3); updated.
-    dof = len(q)
-    point = links[dof, 9], links[dof, 10], links[dof, 11]
-    for j in range(dof - 1, -1, -1):
-        x = q[j] - anchors[j, 0]
-        if not -NEAR_ANGLE < x < NEAR_ANGLE:
-            anchors[j, 0], anchors[j, 1], anchors[j, 2] = q[j], math.sin(q[j]), math.cos(q[j])
-            x = 0.0
-        y = x * x
-        s = x * (1 - y * (1 / 6 - y * (1 / 120 - y * (1 / 5040 - y * (1 / 362880)))))
-        c = 1 - y * (1 / 2 - y * (1 / 24 - y * (1 / 720 - y * (1 / 40320 - y * (1 / 3628800)))))
-        s, c = anchors[j, 1] * c + anchors[j, 2] * s, anchors[j, 2] * c - anchors[j, 1] * s
-        turned = out_of_link(rotation_of(links, j), c, s, point)
-        point = add((links[j, 9], links[j, 10], links[j, 11]), 1.0, turned)
-    return point
 
 
 # Inverse dynamics: the recursive Newton-Euler algorithm (Featherstone, Rigid Body Dynamics

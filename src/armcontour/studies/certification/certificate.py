@@ -25,7 +25,7 @@ from armcontour.motion import Execution, JointPath, SetPoints, Trajectory
 from armcontour.planning import Tracing, explain
 from armcontour.program import Program
 from armcontour.simulation.rigid_body_plant import can_simulate
-from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
+from armcontour.studies.certification.box import BoxErrors
 from armcontour.studies.certification.derating import DeratedInterval, DeratedLimits, Derating
 from armcontour.verification import Check, Evaluation
 from armcontour.verification.clearance import Clearance
@@ -163,8 +163,7 @@ class ContourCertificate(Result):
             program; 0 without an assigned velocity.
         budget: The parts of the contour error.
         optimum: Duration of the uncertified plan of the contour [s].
-        corners: Executions in the corners of the box; None without a box.
-        spread: Executions on robots drawn from the box; None without a box.
+        robots: Contour errors on robots of the box; None without a box.
         trials: Number of plans in the search.
     """
 
@@ -183,8 +182,7 @@ class ContourCertificate(Result):
     speed_ratio: float
     budget: Budget
     optimum: float
-    corners: MonteCarloResult | None
-    spread: MonteCarloResult | None
+    robots: BoxErrors | None
     trials: int
 
     def to_data(self) -> Data:
@@ -210,7 +208,7 @@ class ContourCertificate(Result):
                 Row("headroom.largest", self.largest_headroom, "1"),
                 Row("headroom.others", self.factors, "1"),
                 Row("lowered", [asdict(x) for x in self.lowered], "1"),
-                *(row for name, x in self._robots.items() for row in _part(name, x)),
+                *_part("robots", None if self.robots is None else self.robots.to_data()),
                 Row("trials", self.trials),
             ),
         )
@@ -235,15 +233,9 @@ class ContourCertificate(Result):
         return self.duration - self.optimum
 
     @property
-    def _robots(self) -> dict[str, Data | None]:
-        """Data of the executions on robots of the box, by keys of the JSON file."""
-        executed = {"corners": self.corners, "spread": self.spread}
-        return {name: None if x is None else x.to_data() for name, x in executed.items()}
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about the executions on robots of the box."""
-        return tuple(verdict(x) for x in self._robots.values() if x is not None)
+        return () if self.robots is None else (verdict(self.robots.to_data()),)
 
     @property
     def headroom(self) -> FloatArray:

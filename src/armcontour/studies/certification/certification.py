@@ -22,11 +22,11 @@ from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
-from armcontour.motion import Method, SetPoints
+from armcontour.motion import Method
 from armcontour.planning import Optimal, check_jerk_support
 from armcontour.program import contour_called
 from armcontour.simulation import RigidBodyPlant, simulate
-from armcontour.simulation.robustness.monte_carlo import half_widths
+from armcontour.studies.certification.box import execute_box
 from armcontour.studies.certification.certificate import (
     Budget,
     Certificate,
@@ -42,7 +42,7 @@ from armcontour.studies.certification.limit_margins import (
     speed_ratios,
 )
 from armcontour.studies.certification.move_search import MoveSearch
-from armcontour.studies.certification.plan_search import execute_servos, search_plan
+from armcontour.studies.certification.plan_search import search_plan
 from armcontour.verification.contour_errors import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
@@ -113,7 +113,7 @@ def certify(
             chosen.experiment, job.arm, job.plant_servo, chosen.limits, chosen.feeds_gravity_forward
         )
     if goal.box is not None:
-        half_widths(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
+        goal.box.half_widths(job.plant_servo.for_joints(job.arm.dof), job.arm.dof)
     if chosen.default_compensation:
         options = replace(INVERSE, command_limits=chosen.compensation.command_limits)
         chosen = replace(chosen, compensation=options)
@@ -239,9 +239,8 @@ def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) 
 
 def _worst_error(proof: ProgramTrial, moves: Sequence[MoveSearch]) -> float:
     """Largest contour error of a proven plan on all executed robots [m]."""
-    robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
-    largest = [float(contour_errors(x).max()) for x in proof.pieces]
-    return max(largest + [float(x.max.max()) for x in robots])
+    robots = [float(x.robots.max.max()) for x in moves if x.robots is not None]
+    return max(robots + [float(contour_errors(x).max()) for x in proof.pieces])
 
 
 def _reduce_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
@@ -312,7 +311,7 @@ def _make_contours(
         assert span.work is not None
         error, coverage_error = piece.contour_error, piece.coverage_error
         nominal = max(error.max, coverage_error.max)
-        worst = [float(y.max.max()) for y in (move.corners, move.spread) if y is not None]
+        worst = 0.0 if move.robots is None else float(move.robots.max.max())
         servo = max(pieces[k].contour_error.max, pieces[k].coverage_error.max)
         yield ContourCertificate(
             name=contour_called(case.program.contours[k], k),
@@ -339,14 +338,13 @@ def _make_contours(
                 rounding=shape_part(piece.path),
                 servo=servo,
                 sampling=nominal - servo,
-                box=max(0.0, *(y - nominal for y in worst), 0.0),
+                box=max(0.0, worst - nominal),
                 model_error=case.model_error,
                 allowed=case.goal.tolerance,
                 servo_allowed=case.servo_allowed,
             ),
             optimum=fastest[k].t[1] - fastest[k].t[0],
-            corners=move.corners,
-            spread=move.spread,
+            robots=move.robots,
             trials=move.trials,
         )
 
@@ -366,17 +364,12 @@ def _execute_uncertified(case: Case) -> Uncertified:
         contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
         contour_error=(max(error.max, coverage_error), error.rms),
         saturated=executed.saturated_time / (t[-1] - t[0]),
-        box=_worst_corner_error(case, set_points),
+        box=(
+            None
+            if case.box is None
+            else max(float(x.max.max()) for x in execute_box(case, set_points))
+        ),
     )
-
-
-def _worst_corner_error(case: Case, set_points: SetPoints) -> float | None:
-    """Largest contour error in the corners of the box [m]; None without a box."""
-    if case.box is None:
-        return None
-    spans = set_points.trajectory.contour_spans
-    robots = (execute_servos(case, set_points, k, x) for k, x in enumerate(spans))
-    return max(float(x.max.max()) for x in robots)
 
 
 def describe_model(case: Case) -> str:

@@ -9,10 +9,9 @@ import numpy as np
 
 from armcontour.control.compensation import PolePlacement
 from armcontour.control.compensation.compensator import unchecked_set_points
-from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
-from armcontour.jobs.goal import CertificateGoal
+from armcontour.jobs.goal import CertificateGoal, Uncertainty
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned_run import Planned
 from armcontour.motion import SetPoints, Trajectory
@@ -21,7 +20,6 @@ from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import ServoPlant
-from armcontour.simulation.robustness.uncertainty import Uncertainty
 from armcontour.verification.contour_errors import unexplained_errors
 
 # Time between two results of the execution that proves a plan [s].
@@ -153,8 +151,7 @@ class Case:
     def memory(self) -> float:
         """Time after which a motion no longer affects servo or compensator [s]."""
         box, servo, dof = self.box, self.servo, self.arm.dof
-        gains = np.zeros((2, dof)) if box is None else np.broadcast_to(box.gains, (2, dof))
-        dead_time = servo.dead_time
+        *gains, late = np.zeros((3, dof)) if box is None else box.half_widths(servo, dof)
         slow = servo.replace(
             kp=servo.kp * (1 - gains[0]), kv=None if servo.kv is None else servo.kv * (1 - gains[1])
         )
@@ -166,8 +163,4 @@ class Case:
         if isinstance(options, PolePlacement) and options.poles is not None:
             poles = np.asarray(options.poles, dtype=np.complex128)
             rates.append(float(np.abs(np.real(poles)).min()))
-        if box is not None:
-            dead_time = dead_time + checks.per_joint(
-                "dead_time of the box", box.dead_time, dof, "s"
-            )
-        return MEMORY_TIME_CONSTANTS / min(rates) + float(dead_time.max())
+        return MEMORY_TIME_CONSTANTS / min(rates) + float((servo.dead_time + late).max())

@@ -12,6 +12,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.geometry import Path, ShapedPath
+from armcontour.jobs.goal import Uncertainty
 from armcontour.motion import (
     Execution,
     JointPath,
@@ -28,7 +29,6 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 from armcontour.simulation import ServoPlant, simulate
 from armcontour.simulation.plant import count_intervals
-from armcontour.simulation.robustness.uncertainty import Uncertainty
 from armcontour.studies.certification.certification_case import Case
 from armcontour.verification import Check, check
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
@@ -321,7 +321,6 @@ def _worst_box_error(case: Case, trial: ProgramTrial, number: int) -> FloatArray
     """Approximate contour error of the worst robot of the box at all times of a trial [m], (n,).
 
     Joints are independent, so the worst deviations of the joints across the path are added.
-    Payload and jitter are not included.
     """
     t, span = trial.executed.t, trial.trajectory.contour_spans[number]
     largest = np.zeros(len(t))

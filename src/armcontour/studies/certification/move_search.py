@@ -17,7 +17,7 @@ from armcontour.planning.program_tracing import TracedMove
 from armcontour.program import Dwell
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.limits import UNITS
-from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
+from armcontour.studies.certification.box import BoxErrors
 from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.derating import Derating, plan_derated
 from armcontour.studies.certification.limit_margins import (
@@ -90,8 +90,7 @@ class MoveSearch:
     smallest_error: float = np.inf
     # smallest_excess: smallest contour error of a robot of the box that exceeded the budget [m].
     smallest_excess: float = np.inf
-    corners: MonteCarloResult | None = None  # Executions in the corners of the box
-    spread: MonteCarloResult | None = None  # Executions on robots drawn from the box
+    robots: BoxErrors | None = None  # Contour errors on robots of the box
 
     def __post_init__(self) -> None:
         self.fastest = self.plan

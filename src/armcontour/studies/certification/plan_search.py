@@ -12,10 +12,9 @@ from dataclasses import replace
 
 from armcontour.core.errors import NotRealizable
 from armcontour.core.progress import Step
-from armcontour.motion import SetPoints, Span
 from armcontour.planning.program_timing import JoinedMoves
 from armcontour.simulation import simulate
-from armcontour.simulation.robustness.monte_carlo import MonteCarloResult, spread, worst_corner
+from armcontour.studies.certification.box import execute_box
 from armcontour.studies.certification.certification_case import RESOLUTION, Case
 from armcontour.studies.certification.limit_margins import (
     CHECK_POINTS,
@@ -189,9 +188,16 @@ def _prove_trial(
         raise NotRealizable(
             f"The plan of the whole program must satisfy all limits, but exceeds one: {checked}."
         )
-    for move in contours:
-        with move.step.named():
-            outside |= case.box is not None and not _prove_box(case, move, trial)
+    if case.box is not None:
+        case.progress(Step(("robots of the box",)))
+        for move, robots in zip(contours, execute_box(case, trial.set_points), strict=True):
+            move.robots, worst = robots, float(robots.max.max())
+            if worst > case.budget:
+                assert move.number is not None
+                margins = compute_margins(case, trial, move.number, move.plan)
+                with move.step.named():
+                    _continue_search(case, move, margins, worst)
+                outside = True
     return None if outside else replace(proven, check=checked)
 
 
@@ -208,43 +214,3 @@ def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial)
                 move.factors, outside = factors, True
                 move.plan = plan_rapid(case, move.joint_path, move.factors, move.rise)
     return outside
-
-
-def _prove_box(case: Case, move: MoveSearch, trial: ProgramTrial) -> bool:
-    """True if a contour satisfies the budget in corners of the box and on robots drawn from it.
-
-    Otherwise the search of the contour is continued. Robots are drawn because the worst robot need
-    not be in a corner.
-    """
-    assert move.number is not None
-    goal = case.goal
-    for name in ("corners", "spread"):
-        samples = goal.samples if name == "spread" else None
-        if samples is not None:
-            case.progress(Step((f"{samples} robots of the box",)))
-        span = trial.trajectory.contour_spans[move.number]
-        runs = execute_servos(case, trial.set_points, move.number, span, samples)
-        setattr(move, name, runs)
-        worst = float(runs.max.max())
-        if worst <= case.budget:
-            continue
-        margins = compute_margins(case, trial, move.number, move.plan)
-        _continue_search(case, move, margins, worst)
-        return False
-    return True
-
-
-def execute_servos(
-    case: Case, set_points: SetPoints, number: int, span: Span, samples: int | None = None
-) -> MonteCarloResult:
-    """Execute a contour on `samples` independent servos drawn from the box, or in its corners."""
-    assert case.box is not None and span.trajectory is not None and span.work is not None
-    since, end_time = None, None
-    if case.program.single_path is None:
-        since, end_time = (x - span.t[0] for x in span.work)
-    stretch = case.move_set_points(set_points, span.t, span.trajectory)
-    path = case.program.contours[number].path
-    arguments = stretch, path, case.arm, case.servo, case.limits, case.box
-    if samples is None:
-        return worst_corner(*arguments, since=since, end_time=end_time)
-    return spread(*arguments, samples=samples, seed=case.goal.seed, since=since, end_time=end_time)
