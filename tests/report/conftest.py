@@ -17,7 +17,7 @@ def accepted():
     def check_and_write(self, key):
         if key not in checked:
             checked.add(key)
-            drawn = {"data": self.data, "layout": self.layout, "frames": self.frames}
+            drawn = {"data": self.data, "layout": self.layout}
             go.Figure(json.loads(to_json(drawn)))
         return write(self, key)
 

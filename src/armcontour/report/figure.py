@@ -67,7 +67,7 @@ def make_trace(kind: str, **values: Any) -> Node:
 
 
 class Figure:
-    """Traces, layout and animation frames of a figure.
+    """Traces and layout of a figure.
 
     `axes` has the names of the x and y axis of each plot, by row and column from 1; the default is
     one plot. `least`: minimum width [px]; a narrower page scrolls the figure.
@@ -84,7 +84,6 @@ class Figure:
         self.span = 6
         self._least = least
         self.layout = Node({"shapes": [], "annotations": []})
-        self.frames: list[Node] = []
         self._axes = {(1, 1): ("xaxis", "yaxis")} if axes is None else axes
 
     def add_trace(self, added: Node, row: int | None = None, col: int | None = None) -> None:
@@ -111,10 +110,6 @@ class Figure:
         """Add shapes to the layout."""
         self.layout["shapes"] += map(Node, shapes)
 
-    def add_annotations(self, annotations: Iterable[Mapping[str, Any]]) -> None:
-        """Add annotations to the layout."""
-        self.layout["annotations"] += map(Node, annotations)
-
     def update_layout(self, **values: Any) -> None:
         """Merge values into the layout."""
         self.layout.merge(values)
@@ -139,7 +134,7 @@ class Figure:
         layout = {name: x for name, x in self.layout.items() if name != "title" and x != []}
         title = self.layout.title.text
         saved = {**CONFIG, "toImageButtonOptions": {"filename": title}}
-        arguments = ",".join(map(to_json, (key, self.data, layout, saved, self.frames)))
+        arguments = ",".join(map(to_json, (key, self.data, layout, saved)))
         size = f"height:{layout['height']}px;min-width:{self._least}px"
         label = f'aria-labelledby="{key}-title"'
         return (
@@ -191,7 +186,7 @@ def make_subplots(
     titles += [
         _title(text, (start[c] + end[c]) / 2, max(top)) for c, text in enumerate(column_titles)
     ]
-    figure.add_annotations(titles)
+    figure.layout["annotations"] += map(Node, titles)
     return figure
 
 

@@ -66,7 +66,6 @@ def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]
         sections.shaping(study),
         sections.joints(study),
         sections.clearance(study),
-        sections.time_stamps(study),
     ]
     return [x for x in folded if x is not None]
 

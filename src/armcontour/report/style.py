@@ -26,8 +26,6 @@ WHOLE = 6
 MAX_POINTS = 2400
 # Maximum number of sentences of one kind.
 MAX_SENTENCES = 6
-# Maximum number of switching points with labels; more labels would overlap.
-MAX_LABELS = 40
 
 
 def run_colours(names: Iterable[str]) -> dict[str, str]:
@@ -123,20 +121,3 @@ def line(x: Any, y: Any, name: str, colour: str, **options: Any) -> Any:
         line={"color": colour, "dash": dash, "width": width},
         **options,
     )
-
-
-def switching_labels(figure: Any, times: FloatArray) -> None:
-    """Mark switching points P0, P1, ... on the first time axis if there are at most MAX_LABELS."""
-    if len(times) > MAX_LABELS:
-        return
-    line = {"color": "#BBBBBB", "width": 1, "dash": "dot"}
-    shapes, labels = [], []
-    for k, t in enumerate(times):
-        axes = {"xref": "x", "yref": "y domain"}
-        shapes.append(
-            {"type": "line", "x0": float(t), "x1": float(t), "y0": 0, "y1": 1, "line": line, **axes}
-        )
-        label = {"text": f"P{k}", "showarrow": False, "font": {"size": 10}, "yanchor": "bottom"}
-        labels.append({"x": float(t), "y": 1, **label, **axes})
-    figure.add_shapes(shapes)
-    figure.add_annotations(labels)

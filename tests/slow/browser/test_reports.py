@@ -239,20 +239,6 @@ def test_a_link_to_a_section_opens_it(browser, tmp_path):
         assert 0 <= page.locator("#joints").bounding_box()["y"] < 450
 
 
-def test_paper_has_every_section(browser, tmp_path):
-    with opened(browser, text_of("run"), tmp_path, 1400) as page:
-        page.emulate_media(media="print")
-        page.evaluate("dispatchEvent(new Event('beforeprint'))")
-        open_all(page)
-        closed = page.locator("details:not([open])").count()
-        drawn = page.locator(".js-plotly-plot").count()
-        assert closed == 0 and drawn == page.locator(".plotly-graph-div").count()
-        # Nothing scrolls on paper.
-        assert page.locator(".rows").first.evaluate("(x) => x.scrollHeight <= x.clientHeight + 1")
-        page.evaluate("dispatchEvent(new Event('afterprint'))")
-        assert page.locator("details[open]").count() == 0
-
-
 # Words of figures that their tools cover, and tools that are cut off themselves.
 COVERED = """() => [...document.querySelectorAll(".js-plotly-plot")].flatMap((plot) => {
   const groups = [...plot.querySelectorAll(".modebar-group")].map((x) => x.getBoundingClientRect());

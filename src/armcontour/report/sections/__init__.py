@@ -12,6 +12,5 @@ from armcontour.report.sections.joints import joints as joints
 from armcontour.report.sections.learning import learned as learned
 from armcontour.report.sections.learning import learning as learning
 from armcontour.report.sections.motion import over_time as over_time
-from armcontour.report.sections.motion import time_stamps as time_stamps
 from armcontour.report.sections.path_section import paths as paths
 from armcontour.report.sections.placement_section import placed as placed

@@ -1,4 +1,4 @@
-"""Sections on the motion over time (tool speed, active limits, error) and on switching points."""
+"""Section on the motion over time: tool speed, active limits and error."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.palette import LIMITS
 from armcontour.core.render import number
-from armcontour.core.result import Row, Table
 from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.job_result import unknown_notes
 from armcontour.jobs.verdict import allowed_error
@@ -27,7 +26,6 @@ from armcontour.report.style import (
     line,
     run_colours,
     run_widths,
-    switching_labels,
     thin,
 )
 
@@ -61,11 +59,9 @@ class Panel:
 
 def over_time(study: JobResult) -> Section:
     """Section with tool speed, active limits and contour error over time."""
-    text, marked = "", marked_run(study)
+    text = ""
     if _is_squeezed(study):
         text += "Speeds of rapids are cut off at the top; double-click the plot to show them. "
-    if marked is not None:
-        text += f"Dotted lines mark the switching points of the run {marked.run.name}. "
     if any(x.experiment is not None for x in study.runs.values()):
         text += "Dotted curves are experiments: simulations with rigid bodies. "
     tables, places = [], []
@@ -108,9 +104,6 @@ def draw_over_time(study: JobResult, *made: Any) -> Any:
             shown.add(trace.name)
             figure.add_trace(trace, row, 1)
         figure.update_yaxes(row, 1, **panel.axis)
-    marked = marked_run(study)
-    if marked is not None:
-        switching_labels(figure, marked.trajectory.switching_points)
     figure.update_layout(barmode="overlay", bargap=0.1)
     figure.update_xaxes(len(panels), 1, title="time [s]")
     return finish(figure, title="Motion over time", height=height + OTHER_HEIGHT)
@@ -266,49 +259,3 @@ def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
             parts += [np.column_stack([times, value]), np.full((1, 2), np.nan)]
     t, values = np.concatenate(parts).T
     return t, np.where(np.isfinite(values), values, np.nan)
-
-
-def marked_run(study: JobResult) -> RunResult | None:
-    """Run whose switching points are drawn: the last run with such points; None without one."""
-    switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
-    return switched[-1] if switched else None
-
-
-def time_stamps(study: JobResult) -> Section | None:
-    """Section with time, arc length, rule and demand of switching points; None without any."""
-    runs = {name: x for name, x in study.runs.items() if x.trajectory.stretches}
-    if not runs:
-        return None
-    return Section(
-        key="time-stamps",
-        title="Switching points",
-        summary="points at which the rule that determines the speed changes",
-        text=(
-            "MAC: maximum joint acceleration; AVC: assigned velocity; MDC: maximum deceleration; "
-            "corner: constant speed on an arc."
-        ),
-        choices=tuple((name, (_stamps(name, x),)) for name, x in runs.items()),
-    )
-
-
-def _stamps(name: str, result: RunResult) -> TextTable:
-    """Table of the switching points of a run."""
-    stretches, joints = result.trajectory.stretches, result.arm.joint_names
-    columns = (
-        Row("point", None, "", "point"),
-        Row("t", None, "s", "time"),
-        Row("s", None, "m", "s"),
-        Row("then", None, "", "then"),
-        *(Row(f"demand.{x}", None, "rad/s^2", f"{x} demand") for x in joints),
-    )
-    rows: list[tuple[Any, ...]] = [
-        (
-            *(f"P{k}", x.t[0], x.s[0]),
-            x.name if x.name.startswith(x.kind) else f"{x.name}: {x.kind}",
-            *x.demand,
-        )
-        for k, x in enumerate(stretches)
-    ]
-    last = stretches[-1]
-    rows.append((f"P{len(rows)}", last.t[1], last.s[1], "end", *[None] * len(joints)))
-    return text_table(Table("switching points", columns, rows), f"Run {name}")

@@ -20,7 +20,7 @@ async function unpack(name) {
   return new Response(stream).text();
 }
 
-function draw(key, data, layout, config, frames) {
+function draw(key, data, layout, config) {
   waiting.set(key, async function (place) {
     place.fullHeight = layout.height;
     layout.template = template;
@@ -34,7 +34,6 @@ function draw(key, data, layout, config, frames) {
     place.addEventListener("wheel", (x) => x.stopPropagation(), { capture: true, passive: true });
     await Plotly.newPlot(place, data, layout, config);
     await fit(place);
-    if (frames.length) await Plotly.addFrames(place, frames);
   });
 }
 
@@ -109,25 +108,6 @@ function openTarget() {
   target.scrollIntoView();
 }
 
-// Paper has all sections, and is narrower than most windows.
-const opened = new Set();
-function openForPaper() {
-  for (const x of document.querySelectorAll("details:not([open])")) {
-    opened.add(x);
-    x.open = true;
-  }
-  drawOpen().then(() => resizeForPaper({ width: 680 }));
-  resizeForPaper({ width: 680 });
-}
-function closeAfterPaper() {
-  resizeForPaper({ width: null, autosize: true });
-  opened.forEach((x) => (x.open = false));
-  opened.clear();
-}
-function resizeForPaper(size) {
-  document.querySelectorAll(".js-plotly-plot").forEach((x) => Plotly.relayout(x, size));
-}
-
 window.addEventListener("load", function () {
   openTarget();
   drawOpen();
@@ -139,5 +119,3 @@ window.addEventListener("resize", function () {
   clearTimeout(resized);
   resized = setTimeout(fitPage, 100);
 });
-window.addEventListener("beforeprint", openForPaper);
-window.addEventListener("afterprint", closeAfterPaper);
