@@ -18,16 +18,6 @@ pytestmark = pytest.mark.browser
 EXACT = 1e-9
 NUMBERS = re.compile(r"[-−+]?\d+(?:\.\d+)?")
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
-# The largest share of pixels with one colour in a picture.
-PLAIN = """async (png) => {
-  const image = await createImageBitmap(new Blob([new Uint8Array(png)]));
-  const context = new OffscreenCanvas(image.width, image.height).getContext("2d");
-  context.drawImage(image, 0, 0);
-  const { data } = context.getImageData(0, 0, image.width, image.height);
-  const counts = new Map();
-  for (const x of new Uint32Array(data.buffer)) counts.set(x, (counts.get(x) ?? 0) + 1);
-  return Math.max(...counts.values()) / (data.length / 4);
-}"""
 DRAWN = "() => new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))"
 
 
@@ -101,19 +91,6 @@ def test_j3_a_waypoint_out_of_reach_is_refused_at_its_place(studio, judge):
     with studio.changing():
         studio.page.keyboard.press("Control+z")
     assert studio.text == original
-
-
-# Numbers of red and of dark grey pixels of the canvas.
-COLOURED = """(canvas) => {
-  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-  let [red, grey] = [0, 0];
-  for (let i = 0; i < data.length; i += 4) {
-    const [r, g] = [data[i], data[i + 1]];
-    if (r - g > 130) red += 1;
-    else if (r < 180 && Math.abs(r - g) < 20) grey += 1;
-  }
-  return [red, grey];
-}"""
 
 
 def test_j7_undo_and_redo_go_all_the_way_and_survive_a_reload(studio):

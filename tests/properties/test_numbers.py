@@ -101,7 +101,7 @@ def check_field(place, words, folder):
 def test_a_number_is_read_or_refused_with_one_sentence(tmp_path):
     with pytest.raises(RuntimeWarning):  # warnings are errors here
         warnings.warn("overflow", RuntimeWarning, stacklevel=1)
-    # One of the hostile numbers for each field, in turn; tests/slow has all.
+    # One of the hostile numbers for each field, in turn.
     write_files(tmp_path)
     words, faults = itertools.cycle(HOSTILE), list[str]()
     for place in FIELDS:

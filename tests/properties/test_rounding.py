@@ -10,7 +10,7 @@ import armcontour as ac
 from armcontour.core.frames import log
 from armcontour.geometry import angle_between
 
-BATCH = 800  # tests/slow has 10,000
+BATCH = 800
 
 
 def random_points(rng):

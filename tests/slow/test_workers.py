@@ -1,7 +1,6 @@
 """Processes and clusters: order, errors, and processes that end, that are slow or killed."""
 
 import os
-import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -85,12 +84,3 @@ def test_executors_of_processes(own_pool):
         assert count_workers(opened) == 2
     with pytest.raises(RuntimeError, match="shutdown"):
         opened.submit(abs, 1)
-
-
-def test_commands_end_without_garbage_collection():
-    """It takes as long as all else at the end, where compiled functions are loaded."""
-    report = "import atexit, gc, sys; atexit.register(lambda: print(gc.get_freeze_count() > 0))"
-    command = "sys.argv = ['armcontour', 'arms']; from armcontour.cli import main; main()"
-    call = [sys.executable, "-c", f"{report}; {command}"]
-    outcome = subprocess.run(call, capture_output=True, text=True, check=True)
-    assert "ur5e" in outcome.stdout and outcome.stdout.endswith("\nTrue\n")

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import expect
-from tests.browser.test_journeys import COLOURED, DRAWN, PLAIN, agree, press, shares
+from tests.browser.test_journeys import agree, press
 from tools.studio_page import SQUARE, Studio, serving, write_job
 
 import armcontour as ac
-from armcontour.core.render import number
 from armcontour.studio.page_frame import without_options
 
 pytestmark = pytest.mark.browser
@@ -59,32 +58,6 @@ def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
     agree(studio, judgement)
     assert judgement.trajectory.duration < slow
     assert studio.figure("contour_error.rms") != error
-
-
-def test_j6_two_variants_are_two_runs_in_one_table(studio, judge):
-    studio.tab("runs")
-    studio.find("#tab-runs").get_by_role("button", name="New run like this one").click()
-    studio.find("#question input").fill("lagging")
-    with studio.changing():
-        studio.find("#question").get_by_role("button", name="OK").click()
-    studio.choose_run("lagging")
-    studio.wait("#view2d", run="lagging")
-    with studio.changing():
-        studio.slider("compensation.method").locator("select").select_option("none")
-    lagging = judge(studio, "lagging")
-    agree(studio, lagging)
-    studio.choose_run("optimal")
-    studio.wait("#view2d", run="optimal")
-    studio.rest()
-    judgement = judge(studio)
-    agree(studio, judgement)
-    row = studio.find("#tab-runs tbody tr:has-text('lagging')")
-    rms = [x.evaluation.contour_error.rms for x in (judgement, lagging)]
-    expect(row).to_contain_text(number(rms[1], "m"))
-    expect(row).to_contain_text(f"+{1e3 * (rms[1] - rms[0]):.4f}")
-    with studio.changing():
-        row.get_by_role("button", name="Remove").click()
-    assert "lagging" not in studio.text
 
 
 def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tmp_path):
@@ -342,31 +315,6 @@ def test_j14_what_is_not_saved_outlives_its_server(browser, tmp_path, arguments,
         expect(studio.find("#start .drafts button")).to_have_count(0)
 
 
-def test_j17_without_webgl_only_the_arm_is_missing(pages, job, judge):
-    studio = pages()
-    studio.page.add_init_script(
-        """
-        const get = HTMLCanvasElement.prototype.getContext;
-        HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
-            return kind.startsWith("webgl") ? null : get.call(this, kind, ...rest);
-        };
-        """
-    )
-    studio.page.reload()
-    studio.begin()
-    studio.open(job)
-    studio.choose_run("optimal")
-    studio.wait("#view2d", run="optimal")
-    press(studio, "#viewbar", "Both")
-    expect(studio.find("#view3d .arm-note")).to_contain_text("needs WebGL")
-    studio.rest()
-    agree(studio, judge(studio))
-    before = studio.figure("duration")
-    with studio.changing():
-        studio.drag(studio.handle("corner", 1), (8, 0))
-    assert studio.figure("duration") < before
-
-
 def test_j18_invalid_input_is_reported_and_kept(studio):
     before, speed = studio.text, studio.slider("limits.speed").locator("input[type=text]")
     studio.type("limits.speed", "5 parsecs")
@@ -397,111 +345,6 @@ def test_j18_invalid_input_is_reported_and_kept(studio):
     expect(studio.slider("servo.kv").locator(".from")).to_have_text("")
 
 
-def test_j19_the_focus_is_not_lost_and_the_view_follows_the_part(studio):
-    with studio.changing():
-        studio.type("limits.speed", "0.1 m/s")
-    expect(studio.slider("limits.speed").locator("input[type=text]")).to_be_focused()
-    undo = studio.find("#undo")
-    undo.focus()
-    with studio.changing():
-        studio.page.keyboard.press("Enter")
-    expect(undo).to_be_disabled()
-    assert focused(studio) == "Redo"
-    form = studio.find("form[data-task=report] button")
-    studio.do("report")
-    studio.wait(".task-result[data-task=report]", state="done")
-    expect(form).to_be_focused()
-    # Near a place of the part, the part moves away from there.
-    x, y = studio.middle(studio.handle("waypoint", 1))
-    studio.page.mouse.move(x, y)
-    for _ in range(6):
-        studio.page.mouse.wheel(0, -500)
-    near = float(studio.told("#view2d", "scale"))
-    frame = "path:\n  frame: {position: [-60 mm, 0 mm, 0 mm]}\n"
-    with studio.changing():
-        apply(studio, studio.text.replace("path:\n", frame, 1))
-    assert float(studio.told("#view2d", "scale")) < near / 4
-    for index in (0, 1, 2, 3):
-        expect(studio.handle("waypoint", index)).to_be_in_viewport()
-
-
-@contextmanager
-def refused(pages, folder, change):
-    """A page whose first job is refused."""
-    file = write_job(folder / "job.yaml", "optimal", changes=[change])
-    with serving(file, folder=folder) as server:
-        studio = pages(server)
-        studio.wait("body", refused="true")
-        yield studio
-
-
-def test_j20_a_refused_first_job_is_shown_with_its_refusal(pages, tmp_path):
-    with refused(pages, tmp_path, ("- [0.350, 0.100]", "- [0.9, 0.1]")) as studio:
-        # The start is over, and there was no motion before.
-        expect(studio.find("#messages .work")).to_be_hidden()
-        expect(studio.find("#messages .refusal")).to_contain_text("out of reach")
-        expect(studio.find("#messages")).not_to_contain_text("last good motion")
-        expect(studio.find("#figures")).to_contain_text("refused")
-        expect(studio.find("#figures")).not_to_contain_text("the last")
-        # The waypoint is seen, and can be moved to where the arm reaches it.
-        with studio.renewing():
-            studio.drag(studio.handle("waypoint", 0), (-200, 0))
-        expect(studio.handle("waypoint", 0)).to_be_in_viewport()
-
-
-def test_j20_early_messages_are_shown_until_there_is_a_path(pages, tmp_path):
-    with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
-        # Sentences do not go by themselves.
-        studio.page.add_init_script(
-            "const after = setTimeout;"
-            "window.setTimeout = (f, ms, ...x) => ms === 9000 ? 0 : after(f, ms, ...x);"
-        )
-        studio.page.reload()
-        studio.wait("body", refused="true", regions="all")
-        early = studio.find("#messages .message.alarm:not(.refusal)")
-        studio.find("#add-obstacle").click()
-        expect(early).to_contain_text("No obstacle can be added yet")
-        apply(studio, studio.text.replace("arm: none", "arm: pmk3s"))
-        studio.wait_for("#view2d[data-tier]")
-        expect(early).to_have_count(0)
-
-
-def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(pages):
-    studio, held = pages(), []
-    # The page before has all of its own.
-    studio.begin()
-    studio.page.route("**/tasks.js", lambda route: held.append(route))
-    studio.page.reload()
-    studio.wait_for("body[data-rev][data-regions=first]")
-    studio.wait_for("#view2d[data-tier]")
-    studio.tab("tasks")
-    studio.find("#add-obstacle").click()
-    expect(studio.find("#tab-button-tasks")).to_have_attribute("aria-selected", "true")
-    assert len(held) == 1 and studio.find("g.handle.obstacle").count() == 0
-    held[0].continue_()
-    studio.begin()
-    with studio.renewing():
-        press(studio, "#question", "OK")
-    expect(studio.find("g.handle.obstacle")).to_be_visible()
-    expect(studio.find("#tasks form").first).to_be_visible()
-    # What was there before is shown as well.
-    assert float(studio.find("#playback .scrub").get_attribute("max")) > 1
-    studio.tab("waypoints")
-    expect(studio.find("#tab-waypoints tbody tr").first).to_be_visible()
-    with studio.renewing():
-        studio.find("#undo").click()
-
-
-def test_j24_regions_that_cannot_be_loaded_are_reported(pages):
-    studio = pages()
-    studio.begin()
-    studio.is_cut_off = True
-    studio.page.route("**/tasks.js", lambda route: route.abort())
-    studio.page.reload()
-    expect(studio.find("#messages")).to_contain_text("did not load: load the page again")
-    studio.wait_for("#view2d[data-tier]")
-
-
 def test_j25_a_job_refused_when_it_is_opened_is_shown_at_its_line(pages, tmp_path):
     job = write_job(tmp_path / "job.yaml", "optimal", changes=[("  speed:", "  sped:")])
     line = next(k for k, x in enumerate(job.read_text().splitlines(), 1) if "sped:" in x)
@@ -513,172 +356,6 @@ def test_j25_a_job_refused_when_it_is_opened_is_shown_at_its_line(pages, tmp_pat
         expect(studio.find("#tab-text [role=status]")).to_contain_text(f"Line {line}: ")
         chosen = "e => e.value.slice(e.selectionStart, e.selectionEnd)"
         assert "sped:" in area.evaluate(chosen)
-
-
-def test_j4_a_refused_job_has_its_outline_also_after_a_reload(studio):
-    def drawn():
-        studio.wait("body", refused="true", busy="false")
-        expect(studio.find("path.refused")).to_be_visible()
-        studio.page.evaluate(DRAWN)
-        return studio.find("#view2d canvas").evaluate(COLOURED)
-
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    studio.rest()
-    studio.find("#viewbar").get_by_role("button", name="Place part").click()
-    studio.find("[aria-label='Place of the part']").focus()
-    with studio.renewing():
-        studio.page.keyboard.type("900, 0")
-        studio.page.keyboard.press("Enter")
-    # One of ten contours is red.
-    assert min(drawn()) > 300
-    assert float(studio.told("#view2d", "duration")) > 0
-    for _ in range(2):
-        studio.page.reload()
-        studio.begin()
-        assert min(drawn()) > 300
-        assert "out of reach" in studio.refusal
-    with studio.changing():
-        studio.find("#undo").click()
-    studio.page.evaluate(DRAWN)
-    assert studio.find("#view2d canvas").evaluate(COLOURED)[0] == 0
-
-
-def test_j26_the_skip_link_moves_the_focus_and_keeps_the_session(studio):
-    for _ in range(2):
-        studio.page.reload()
-        studio.begin()
-        studio.page.keyboard.press("Tab")
-        expect(studio.find(".skip")).to_be_focused()
-        studio.page.keyboard.press("Enter")
-        expect(studio.find("#view2d")).to_be_focused()
-        studio.wait("body", link="open")
-    studio.page.keyboard.press("Tab")
-    expect(studio.find("#view2d g.handle").first).to_be_visible()
-    assert studio.page.evaluate("() => document.activeElement.matches('g.handle')")
-
-
-def test_j28_a_document_of_the_same_name_is_fitted(studio):
-    drawing = DRAWINGS / "gasket.dxf"
-    studio.open(drawing, "ur5e")
-    studio.rest()
-    corner = studio.handle("corner", 0)
-    expect(corner).to_be_in_viewport()
-    fitted = float(studio.told("#view2d", "scale"))
-    studio.page.mouse.move(*studio.middle(studio.find("#view2d")))
-    for _ in range(6):
-        studio.page.mouse.wheel(0, -500)
-    expect(studio.find("#view2d")).not_to_have_attribute("data-scale", str(fitted))
-    assert float(studio.told("#view2d", "scale")) > 4 * fitted
-    studio.open(drawing, "ur10e")
-    studio.rest()
-    assert float(studio.told("#view2d", "scale")) == pytest.approx(fitted, rel=1e-2)
-    expect(corner).to_be_in_viewport()
-
-
-def test_j29_the_camera_stays_above_the_floor_and_sees_the_scene(studio):
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    press(studio, "#viewbar", "3D")
-    studio.wait("#view3d", exact="true")
-    canvas, mouse = studio.find("#view3d canvas"), studio.page.mouse
-    box = canvas.bounding_box()
-    x, y = studio.middle(canvas)
-    # Below the buttons over the picture.
-    clip = {"x": box["x"], "y": box["y"] + 60, "width": box["width"], "height": box["height"] - 60}
-
-    def drag(dx, dy, button="left"):
-        mouse.move(x, y)
-        mouse.down(button=button)
-        mouse.move(x + dx, y + dy, steps=4)
-        mouse.up(button=button)
-
-    def wheel(by, times, place=(0, 0)):
-        mouse.move(x + place[0], y + place[1])
-        for _ in range(times):
-            mouse.wheel(0, by)
-
-    for act in (
-        lambda: wheel(-200, 8),
-        lambda: wheel(-400, 40),
-        lambda: wheel(400, 60),
-        lambda: wheel(-400, 40, (box["width"] / 2 - 20, box["height"] / 2 - 20)),
-        lambda: drag(0, -500),
-        lambda: drag(400, 500),
-        *[lambda: drag(500, 150, "right")] * 6,
-        *[lambda: drag(-500, -150, "right")] * 12,
-    ):
-        act()
-        studio.page.evaluate(DRAWN)
-        assert 0 <= float(studio.told("#view3d", "elevation")) <= np.pi / 2
-        picture = studio.page.screenshot(clip=clip)
-        assert studio.page.evaluate(PLAIN, list(picture)) < 1 - 2e-4
-
-
-def test_j31_what_cannot_be_done_is_not_offered(studio, tmp_path):
-    studio.tab("waypoints")
-    expect(studio.find("#tab-waypoints table")).to_be_visible()
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    expect(studio.find("#tab-waypoints")).to_contain_text("gasket.dxf")
-    # Ten contours are no waypoints of one path; a table without rows has no headers.
-    expect(studio.find("#tab-waypoints button:visible")).to_have_count(0)
-    expect(studio.find("#tab-waypoints table")).to_be_hidden()
-    studio.tab("runs")
-    expect(studio.find("#tab-runs tbody tr")).to_have_count(1)
-    expect(studio.find("#tab-runs").get_by_role("button", name="Remove")).to_have_count(0)
-    # Two points are the least.
-    one = tmp_path / "one.svg"
-    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
-    line = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="M 5 5 L 40 5"/></svg>'
-    one.write_text(line)
-    studio.open(one, "ur5e")
-    studio.tab("waypoints")
-    with studio.renewing():
-        studio.find("#tab-waypoints").get_by_role("button", name="Make waypoints").click()
-    rows = studio.find("#tab-waypoints tbody tr")
-    expect(rows).to_have_count(2)
-    expect(rows.get_by_role("button", name="Remove")).to_have_count(0)
-    expect(rows.get_by_role("button", name="Insert")).to_have_count(2)
-
-
-def test_j32_an_unreadable_drawing_names_what_the_page_has(studio, tmp_path):
-    drawing = tmp_path / "sheet.svg"
-    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
-    drawing.write_text(
-        f'<svg xmlns="http://www.w3.org/2000/svg" {size}>'
-        '<style>path { transform: rotate(3deg) }</style><path d="M 5 5 L 40 5"/></svg>'
-    )
-    dialog = studio.find("#question")
-    # The console says that the file was refused.
-    studio.is_cut_off = True
-    studio.find("#picker").set_input_files(drawing)
-    dialog.locator("select").select_option("ur5e")
-    dialog.get_by_role("button", name="Open").click()
-    alarm = studio.find("#messages .message.alarm:not(.refusal)")
-    expect(alarm).to_contain_text("unknown: skip")
-    expect(alarm).not_to_contain_text("--")
-    studio.is_cut_off = False
-    studio.find("#picker").set_input_files(drawing)
-    dialog.get_by_role("checkbox", name="unknown: skip").check()
-    dialog.locator("select").select_option("ur5e")
-    with studio.changing():
-        dialog.get_by_role("button", name="Open").click()
-    assert "unknown: skip" in studio.text
-
-
-def test_j35_a_drawing_with_wide_corners_is_not_kept(studio):
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    studio.rest()
-    verdict = studio.find("[data-figure=kept]")
-    expect(verdict.locator(".value")).to_have_text("✓ kept")
-    green = verdict.evaluate("e => getComputedStyle(e).color")
-    with studio.changing():
-        studio.type("corners.tolerance", "10 mm")
-    expect(verdict.locator(".value")).to_have_text("✗ NOT KEPT")
-    assert studio.figure("off_drawing") == pytest.approx(3.19e-3, abs=1e-5)
-    expect(studio.find("[data-figure=off_drawing] .number")).to_have_text("3.189mm")
-    assert verdict.evaluate("e => getComputedStyle(e).color") != green
-    # What rapids take is in the legend, in the words of the table.
-    rapids = next(x for x in shares(studio) if x[0] == "rapids between contours")
-    expect(studio.find("#legend")).to_contain_text(f"{rapids[0]} {rapids[2]}")
 
 
 def test_j36_a_change_is_made_by_its_button_and_undone(studio):
@@ -703,16 +380,3 @@ def test_j36_a_change_is_made_by_its_button_and_undone(studio):
     assert studio.figure("duration") == before
     # What was planned before is known.
     studio.wait("#figures", changes="3")
-
-
-def test_j37_a_run_that_is_not_kept_is_repaired_by_its_button(studio):
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    with studio.changing():
-        studio.type("corners.tolerance", "10 mm")
-    verdict = studio.find("[data-figure=kept] .value")
-    expect(verdict).to_have_text("✗ NOT KEPT")
-    studio.wait("#figures", changes="1")
-    with studio.changing():
-        studio.find("#changes button").click()
-    expect(verdict).to_have_text("✓ kept")
-    assert studio.figure("off_drawing") <= 0.5e-3

@@ -19,7 +19,6 @@ from armcontour.report import (
     render_placement,
     render_report,
     render_table,
-    sections,
 )
 from armcontour.report.identification import render_identification
 
@@ -217,53 +216,9 @@ def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, n
     assert not page_faults, "\n".join(page_faults)
 
 
-def test_the_wheel_scrolls_the_page_over_every_figure(browser, tmp_path):
-    with opened(browser, text_of("run"), tmp_path, 1400) as page:
-        open_all(page)
-        figures = page.locator(".js-plotly-plot")
-        assert figures.count() >= 6 and page.locator(".gl-container canvas").count() >= 3
-        for k in range(figures.count()):
-            figures.nth(k).evaluate("(x) => x.scrollIntoView({block: 'center'})")
-            box = figures.nth(k).bounding_box()
-            page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-            before = page.evaluate("scrollY")
-            page.mouse.wheel(0, -200)
-            page.wait_for_function(f"scrollY < {before}", timeout=10_000)
-
-
 def test_a_link_to_a_section_opens_it(browser, tmp_path):
     with opened(browser, text_of("run"), tmp_path, 1400) as page:
         assert not page.locator("#joints").evaluate("(x) => x.open")
         page.evaluate("location.hash = '#joints'")
         page.wait_for_selector("#joints[open] .js-plotly-plot", timeout=120_000)
         assert 0 <= page.locator("#joints").bounding_box()["y"] < 450
-
-
-# Words of figures that their tools cover, and tools that are cut off themselves.
-COVERED = """() => [...document.querySelectorAll(".js-plotly-plot")].flatMap((plot) => {
-  const groups = [...plot.querySelectorAll(".modebar-group")].map((x) => x.getBoundingClientRect());
-  const meets = (x) => groups.some((tools) => x.left < tools.right && tools.left < x.right
-    && x.top < tools.bottom && tools.top < x.bottom);
-  const words = [...plot.querySelectorAll("text"), ...document.querySelectorAll("figcaption")];
-  const found = words.filter((x) => meets(x.getBoundingClientRect())).map((x) => x.textContent);
-  const box = plot.closest(".scroll").getBoundingClientRect();
-  const seen = groups.length && groups.every((x) => x.top >= box.top && x.right <= box.right + 1);
-  return seen ? found : [...found, "cut off"];
-})"""
-RATIO = "() => document.querySelector('#paths .js-plotly-plot').layout.scene.aspectratio.x"
-
-
-def test_the_tools_of_a_figure_cover_no_words(browser, tmp_path):
-    # The titles of enlarged corners are where the tools would be.
-    points = [(0.35, 0.1), (0.41, 0.15), (0.28, 0.3), (0.35, 0.35)]
-    job = dataclasses.replace(bend(), path=ac.Path.polyline(points))
-    with opened(browser, render_report(ac.run(job)), tmp_path, 1400) as page:
-        open_all(page)
-        assert page.evaluate(COVERED) == []
-
-
-def test_scenes_on_a_narrow_page_leave_room_for_their_ticks(browser, tmp_path):
-    drawn = sections.paths(ac.run(parts())).parts[0].layout.scene["aspectratio"]["x"]
-    with opened(browser, text_of("runs"), tmp_path, 500) as page:
-        open_all(page)
-        assert page.evaluate(RATIO) == pytest.approx(0.8 * drawn)

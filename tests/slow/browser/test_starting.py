@@ -7,7 +7,6 @@ from playwright.sync_api import expect
 from tests.browser.axe_faults import faults, load_axe
 from tests.browser.test_journeys import agree
 from tests.browser.test_starting import draw, started, take
-from tools.studio_page import serving, write_job
 
 __all__ = ["started"]
 
@@ -56,37 +55,6 @@ def test_j51_each_shape_is_drawn_to_typed_values_and_goes_on_at_the_end(started,
     assert len(re.findall(r"\bto:", studio.text)) == 4
 
 
-def test_j53_new_loses_nothing_and_recent_files_come_back(started, pages, tmp_path):
-    studio = started
-    take(studio, "drawing")
-    with studio.changing():
-        studio.type("limits.speed", "77 mm/s")
-    changed = studio.text
-    take(studio, "empty")
-    expect(studio.find("#messages")).to_contain_text("unsaved")
-    # A file that was opened by a command before, and one that has vanished.
-    studio.find("#new").click()
-    recent = studio.find("#start .recent button")
-    expect(recent).to_have_count(1)
-    with studio.changing():
-        recent.first.click()
-    assert studio.text == changed
-    file = write_job(tmp_path / "mine.yaml", "optimal")
-    gone = write_job(tmp_path / "gone.yaml", "optimal")
-    for x in (gone, file):
-        with serving(x, folder=tmp_path) as server:
-            page = pages(server)
-            page.begin()
-            page.is_cut_off = True
-    gone.unlink()
-    studio.find("#new").click()
-    expect(recent.filter(has_text="gone.yaml")).to_have_count(0)
-    with studio.changing():
-        recent.filter(has_text="mine.yaml").click()
-    assert studio.text == file.read_text()
-    expect(studio.find("#name")).to_have_attribute("title", str(file))
-
-
 @pytest.mark.parametrize(("colours", "width"), [("light", 1400), ("dark", 500)])
 def test_j54_the_start_page_has_no_fault(started, pages, colours, width):
     studio = pages(started.server, colours=colours, size=(width, 900))
@@ -104,29 +72,3 @@ def test_j54_the_start_page_has_no_fault(started, pages, colours, width):
     expect(studio.find("rect.pen")).to_be_visible()
     page_faults += faults(studio.page)
     assert not page_faults, "\n".join(page_faults)
-
-
-def test_j55_the_pen_by_keys_draws_no_shape_without_a_side(started, judge):
-    studio = started
-    take(studio, "weld")
-    take(studio, "empty")
-    text, keys = studio.text, studio.page.keyboard
-    pen = studio.find("rect.pen")
-    for press in (("ArrowRight", "Enter"), ("Enter",), ("Escape",)):
-        pen.focus()
-        for key in press:
-            keys.press(key)
-        expect(pen).to_be_visible()
-        assert studio.page.evaluate("() => document.activeElement.classList.contains('pen')")
-        assert studio.text == text
-    # By the mouse, too.
-    draw(studio, (-100, 60), (20, 60))
-    studio.wait("body", busy="false")
-    assert studio.text == text
-    pen.focus()
-    with studio.changing():
-        for key in ("Shift+ArrowRight", "Shift+ArrowRight", "Shift+ArrowUp", "Enter"):
-            keys.press(key)
-    assert len(re.findall(r"\bto:", studio.text)) == 4
-    assert studio.page.evaluate("() => document.activeElement.ariaLabel") == "Rectangle"
-    agree(studio, judge(studio, "compensated"))

@@ -35,24 +35,6 @@ def work():
 if __name__ == "__main__":
     sys.exit(run_interruptibly(work))
 """
-IGNORES = """
-import os, signal
-from armcontour.cli.interrupts import run_interruptibly
-signal.signal(signal.SIGHUP, signal.SIG_IGN)
-print(run_interruptibly(lambda: os.kill(os.getpid(), signal.SIGHUP) or 7))
-"""
-SERVER = """
-import sys, threading, time
-from armcontour.cli.interrupts import before_interrupt, run_interruptibly
-
-def work():
-    with before_interrupt(lambda: 1 / 0), before_interrupt(lambda: time.sleep(60)):
-        with before_interrupt(lambda: "The draft is kept."):
-            print("working", flush=True)
-            threading.Event().wait()
-
-run_interruptibly(work)
-"""
 LINES = "\n".join(f"G0 X0 Y{y}\nG1 X80 Y{y}\nG1 X80 Y{y}.5" for y in range(80))
 
 
@@ -89,20 +71,6 @@ def test_compiled_code_is_interrupted(name, tmp_path):
     assert process.returncode == 128 + number
     assert errors == f"Interrupted ({name}): nothing was written to deep/out.\n"
     assert {x.name for x in tmp_path.iterdir()} <= {"endless.py", "__pycache__"}
-
-
-def test_an_ignored_signal_stays_ignored():
-    outcome = subprocess.run([sys.executable, "-c", IGNORES], capture_output=True, text=True)
-    assert outcome.stdout == "7\n", outcome.stderr
-
-
-def test_farewells_are_called_and_may_return_a_sentence(tmp_path):
-    with started(tmp_path, signal.SIGTERM, "-c", SERVER) as process:
-        assert process.stdout.readline() == "working\n"
-        process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=20)
-    assert process.returncode == 128 + signal.SIGTERM
-    assert errors == "Interrupted (SIGTERM). The draft is kept.\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda x: x.name)

@@ -22,7 +22,7 @@ from armcontour.controllers.commands import Stopper
 from armcontour.controllers.controller import START
 from armcontour.controllers.player import approach_of
 from armcontour.files import parse_job
-from armcontour.motion import Log, SetPoints
+from armcontour.motion import SetPoints
 
 pytestmark = pytest.mark.skipif(
     find_spec("franky_sim") is None or find_spec("pylibfranka") is None,
@@ -31,7 +31,6 @@ pytestmark = pytest.mark.skipif(
 )
 HOME = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
 GAIN = 10.0
-FIRST = ac.ServoFit(model="first")
 TRIES = 5
 JOB = """
 name: square
@@ -166,21 +165,6 @@ def test_a_stop_ends_on_the_path_and_the_limiter_changes_nothing(robot, arm, lim
         away = path.project(arm.forward(record.command)[:, :3, 3]).distance.max()
         assert away < 1e-6
         print(share, record.stopped, away)
-
-
-def test_the_gain_is_identified_from_a_log(robot):
-    """The record has the positions that the robot used, so late ones do not matter here."""
-    t = np.arange(0, 5, 1e-3)
-    x = np.clip(np.minimum(t, 5 - t), 0, 1)
-    fade = x**3 * (10 - x * (15 - 6 * x))
-    wave = np.sin(2 * np.pi * np.outer(t, 0.5 + 0.15 * np.arange(7)))
-    q = robot.position() + 0.05 * fade[:, None] * wave
-    q = np.concatenate([q, np.repeat(q[-1:], 500, axis=0)])
-    record = robot.stream(Motion(q=q))
-    log = Log(t=record.t, command=record.command, measured=record.measured, interpolation="linear")
-    servo = ac.identify(log, FIRST).servo_model()
-    print(np.round(servo.kp, 3), np.round(1e3 * np.atleast_1d(servo.dead_time), 2), record.notes)
-    assert np.abs(servo.kp / GAIN - 1).max() < 0.05
 
 
 def test_play_moves_to_the_start_plays_and_gives_a_log(address, job):

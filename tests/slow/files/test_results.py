@@ -1,9 +1,8 @@
-"""Result folders of runs that are killed, and of many runs at once."""
+"""Result folders of runs that are killed."""
 
 import os
 import subprocess
 import sys
-import threading
 
 import pytest
 from tests.files.test_results import contents, write
@@ -61,25 +60,3 @@ def test_what_a_killed_first_run_left_is_cleared_by_the_next_run(tmp_path):
     assert any(x.startswith(".armcontour-out-") for x in os.listdir(tmp_path))
     write(out, ["report.html"])
     assert contents(tmp_path) == {"out/report.html", "out/summary.json"}
-
-
-def test_many_runs_at_once_into_one_folder(tmp_path):
-    out = tmp_path / "out"
-    ended = []
-    gate = threading.Barrier(8)
-
-    def attempt(i):
-        gate.wait()
-        try:
-            write(out, [f"{i}.csv"])
-            ended.append("written")
-        except InvalidInput:
-            ended.append("refused")
-
-    threads = [threading.Thread(target=attempt, args=(i,)) for i in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert sorted(ended) == ["refused"] * 7 + ["written"]
-    assert len(contents(tmp_path)) == 2
