@@ -1,4 +1,4 @@
-"""Exact offsets and intersections of areas of lines and arcs in the plane.
+"""Exact offsets of lines and arcs in the plane.
 
 Points at distance d from a contour, on one of its sides, lie on its offset segments or on circles
 around its vertices. These segments and circles are cut where they meet. The parts whose distance
@@ -14,7 +14,6 @@ from functools import partial
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.geometry import Path
 from armcontour.geometry.near_points import group_points
 from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import Segments
@@ -30,7 +29,6 @@ from armcontour.program.crossings import (
     rotate_left,
     turns_between,
 )
-from armcontour.program.nesting import wind_around
 
 # Rounding error of the distance between a part and the contour [m]. Points of a path have errors up
 # to REPEATED_POINT.
@@ -38,8 +36,6 @@ SLACK = 3e-9
 # Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because gaps of a path must not exceed
 # REPEATED_POINT.
 WIDE_GAP, NARROW_GAP = 0.9e-9, 0.5e-9
-# Distance from a curve at which its sides are tested [m]; closer curves count as one.
-SIDE = 2 * SAME_POINT
 # A closed part with a smaller ratio of area to length [m] consists of coinciding lines.
 THIN = 1e-8
 
@@ -81,38 +77,6 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
         None if closed else points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
     )
     return [_to_offset_part(x, ring, mirror) for x, ring in parts.chains()]
-
-
-def intersect_areas(shape: Sequence[Path], fill_rule: str, border: Path) -> list[Path] | None:
-    """Closed paths around the part of a filled shape inside a border; None if they have gaps."""
-    # `shape`: closed paths; `fill_rule`: nonzero or evenodd, as in SVG.
-
-    def is_common(points: FloatArray) -> BoolArray:
-        turns = wind_around(shape, points)
-        filled = turns % 2 if fill_rule == "evenodd" else turns
-        return np.asarray((filled != 0) & (wind_around([border], points) != 0))
-
-    # All paths are cut where they meet, in both directions. A part bounds the result if the result
-    # is on its left only.
-    paths = [*shape, border]
-    paths += [x.reversed() for x in paths]
-    pieces = np.concatenate([to_pieces(x.segments) for x in paths])
-    parts = _cut_pieces(pieces, np.arange(len(pieces)), np.empty((0, 6)))
-    # Consecutive parts form a run up to a point at which other paths meet. The sides of a run are
-    # tested at the middle of its longest part.
-    ways, (first, last) = np.bincount(parts.nodes.ravel()), parts.nodes.T
-    run = np.cumsum((ways[first] > 4) | (first != np.roll(last, 1)) | (np.arange(len(first)) == 0))
-    order = np.lexsort((parts.pieces[:, LENGTH], run))
-    longest = parts.pieces[order[np.flatnonzero(np.diff(run, append=-1))]]
-    middles = points_at(longest, longest[:, LENGTH] / 2)
-    across = SIDE * rotate_left(points_at(longest, longest[:, LENGTH] / 2, 1))
-    parts = parts.select((is_common(middles + across) & ~is_common(middles - across))[run - 1])
-    # Of parts that coincide, one remains.
-    same = group_points(points_at(parts.pieces, parts.pieces[:, LENGTH] / 2), SIDE)
-    chains = parts.select(np.unique(same, return_index=True)[1]).chains()
-    if not all(closed for _, closed in chains):
-        return None
-    return [Path(segments=_to_offset_part(x, True).segments) for x, _ in chains]
 
 
 def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:

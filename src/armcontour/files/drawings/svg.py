@@ -83,9 +83,6 @@ MARKED = "Skipped the markers of"
 NOT_READ = "Skipped because they have no outline"
 HARMLESS = ("none", "inline", "block", "visible", "inherit")
 _STROKE = re.compile(r"(?<![\w-])stroke\s*:")
-_FILL = re.compile(r"(?<![\w-])fill\s*:\s*([\w#]+)")
-# Matches the last class, id or tag of each selector.
-_SELECTED = re.compile(r"(?<![\w-])([\w-]++)\s*+(?:,|$)")
 # Values of properties that have no effect.
 NO_EFFECT = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
@@ -201,8 +198,6 @@ class _SvgInherited(Inherited):
     hidden: bool = False  # Whether the element is hidden
     used_by: Element | None = None  # The use element that refers directly to this element
     font: float = DEFAULT_FONT_SIZE  # Font size [user units]
-    fill: str = "black"
-    fill_rule: str = "nonzero"
 
 
 class SvgWalk(Walk):
@@ -219,12 +214,6 @@ class SvgWalk(Walk):
             x.attributes["id"]: x for x in reversed(self._elements) if "id" in x.attributes
         }
         self._repeated = self._segments = 0
-        # Values of fill in style sheets, by class, id or tag.
-        self._fills: dict[str, str] = {}
-        for rule in "".join(part for x in self._elements for part in x.text).split("}"):
-            selectors, _, body = rule.partition("{")
-            if fill := _FILL.search(body):
-                self._fills |= dict.fromkeys(_SELECTED.findall(selectors), fill[1])
 
     def explain_empty(self) -> str:
         """Text for the error that the file has no contours; "" if the file is not a font."""
@@ -289,7 +278,6 @@ class SvgWalk(Walk):
             name=self.labels(name),
             layer=self.labels(inherited.layer),
             clips=inherited.clips,
-            fill_rule="" if inherited.fill in ("none", "transparent") else inherited.fill_rule,
         )
 
     def _inherit(self, element: Element, around: _SvgInherited) -> _SvgInherited | None:
@@ -316,9 +304,6 @@ class SvgWalk(Walk):
         hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
         inherited = _layer(element, around)
         stroke = element.style("stroke")
-        names = (element.get("id"), *element.get("class").split(), tag)
-        sheet = next((self._fills[x] for x in names if x in self._fills), element.get("fill"))
-        fill = element.style_property("fill") or sheet
         inherited = dataclasses.replace(
             inherited,
             to=to,
@@ -326,8 +311,6 @@ class SvgWalk(Walk):
             used_by=None,
             color=inherited.color if stroke in ("", "inherit") else frozenset({color_of(stroke)}),
             font=font_size(element, inherited.font),
-            fill=inherited.fill if fill in ("", "inherit") else fill,
-            fill_rule=element.style("fill-rule") or inherited.fill_rule,
         )
         clip = element.style("clip-path")
         if clip not in NO_EFFECT:

@@ -9,7 +9,7 @@ from itertools import islice
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import list_some
@@ -18,6 +18,7 @@ from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
 from armcontour.files.drawings.outlines import Outline, paths_of
 from armcontour.files.drawings.read_options import (
     MAX_COORDINATE,
+    SKIP_ADVICE,
     Labels,
     ReadOptions,
     fraction_reporter,
@@ -30,12 +31,12 @@ from armcontour.program import Program
 from armcontour.program.crossings import find_crossings
 from armcontour.program.moves import describe_not_run
 from armcontour.program.nesting import wind_around
-from armcontour.program.offset_curves import intersect_areas, to_pieces
+from armcontour.program.offset_curves import to_pieces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clip:
-    """A closed outline at which entities are cut."""
+    """A closed outline outside of which nothing is drawn."""
 
     outline: Outline  # The outline [m]. A point is inside if its winding number is not 0.
     outside: bool = False  # Whether the parts outside are drawn instead of the parts inside
@@ -45,25 +46,15 @@ class Clip:
         return Clip(self.outline.place(to), self.outside)
 
 
-def clip_path(path: Path, border: Path, outside: bool) -> list[Path]:
-    """The parts of a path in the plane inside a border, or outside, in the order of the path."""
-    # Parts on the border are included. If a closed path starts in a visible part, this part
-    # continues through the start of the path.
+def is_drawn(path: Path, border: Path, outside: bool) -> BoolArray:
+    """Mask of the parts of a path in the plane, cut at a border, that a clip draws."""
+    # Parts on the border are drawn.
     table = path.segments
     i, begin, end = _cut_at_border(table, border.segments)
     middles = table.evaluate(i, (begin + end) / 2)
-    inside = (wind_around([border], middles) != 0) != outside
-    inside |= find_nearest(border.segments, middles).distance <= REPEATED_POINT
-    if not inside.any():
-        return []
-    if inside.all():
-        return [path]
-    runs = np.split(np.arange(len(i)), np.flatnonzero(np.diff(inside)) + 1)
-    inner_runs = [run for run in runs if inside[run[0]]]
-    if table.closed and inside[0] and inside[-1]:
-        *inner_runs, last = inner_runs
-        inner_runs[0] = np.concatenate([last, inner_runs[0]])
-    return [Path(segments=table.cut(i[run], begin[run], end[run])) for run in inner_runs]
+    drawn = (wind_around([border], middles) != 0) != outside
+    drawn |= find_nearest(border.segments, middles).distance <= REPEATED_POINT
+    return np.asarray(drawn)
 
 
 def _cut_at_border(table: Segments, border: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -90,9 +81,7 @@ TRAVERSAL_SHARE = 0.4
 # Largest number of entities that a note lists.
 MAX_NAMED = 9
 NO_SIZE = "Skipped because they have no size"
-# Small displacement of a border in a direction that edges rarely have [m].
-NUDGE = np.array([1.7e-8, 1.1e-8])
-CUT_OFF = "Cut off at a clip or viewport, in part or completely"
+CUT_OFF = "Skipped because a clip or viewport removes them, in part or completely"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,7 +105,6 @@ class EntityOutlines:
     name: str
     layer: str
     clips: tuple[Clip, ...] = ()  # Clips that apply to the entity [m]
-    fill_rule: str = ""  # nonzero or evenodd for a filled entity, which is clipped as an area
 
 
 class Walk:
@@ -184,7 +172,7 @@ class Walk:
         return repair_vertices(program, self.options)
 
     def _clipped_entities(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
-        """The clipped paths of all outlines, as entities for chaining."""
+        """The paths of all outlines that clips draw, as entities for chaining."""
         options = self.options
         clips = list(dict.fromkeys(clip for entity in entities for clip in entity.clips))
         try:
@@ -223,22 +211,19 @@ class Walk:
     def _clip(
         self, paths: list[Path], entity: EntityOutlines, border: Path | None, outside: bool
     ) -> list[Path]:
-        """The parts of paths that a clip does not remove; a removed part gets a note."""
-        parts = [y for x in paths if border is not None for y in clip_path(x, border, outside)]
-        if parts == paths:
+        """The paths of an entity; none if a clip removes them, in part or completely."""
+        drawn = np.zeros(1, np.bool_)
+        if border is not None and paths:
+            drawn = np.concatenate([is_drawn(x, border, outside) for x in paths])
+        if drawn.all():
             return paths
-        if border is not None and entity.fill_rule and all(x.segments.closed for x in paths):
-            # If edges nearly coincide, their order is not defined until the border is moved.
-            moved = Path(segments=border.segments.replace(starts=border.segments.starts + NUDGE))
-            areas = (intersect_areas(paths, entity.fill_rule, x) for x in (border, moved))
-            area = next((x for x in areas if x is not None), None)
-            if area is None:
-                raise InvalidInput(
-                    f"{self.source}: {entity.where} nearly coincides with its clip: remove it."
-                )
-            parts = area
+        if drawn.any() and not self.skip:
+            raise InvalidInput(
+                f"{self.source}: a clip or viewport cuts {entity.where}. Cut it in the drawing "
+                f"program, or {SKIP_ADVICE}."
+            )
         self.omit(CUT_OFF, entity.where)
-        return parts
+        return []
 
 
 def list_counted(names: Counter[str]) -> str:
