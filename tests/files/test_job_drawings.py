@@ -1,7 +1,5 @@
 """Drawings in job files and in cells: what becomes of the file, and what is refused."""
 
-import os
-
 import numpy as np
 import pytest
 import yaml
@@ -226,28 +224,6 @@ def test_files_are_looked_for_beside_the_job(folder, monkeypatch):
     assert isinstance(parsed.path, Program)
 
 
-def test_a_tool_that_follows_contours_does_not_follow_rapids(tmp_path):
-    way = "G0 X400 Y-50 Z0\nG1 X450 F3000\nG0 Z20\nG0 Y-40\nG0 Z0\nG1 X400\n"
-    (tmp_path / "raster.ngc").write_text(f"G21 G90\n{way}M2\n")
-    (tmp_path / "drill.ngc").write_text("G21 G90\nG0 X400 Z20\nG1 Z0 F3000\nM2\n")
-    path = {"orientation": {"follow_tangent": {"up": [0, 0, 1]}}}
-    program = read_cell("ur5e", tmp_path / "raster.ngc", path=path).path
-    first, rapid, second = program.moves
-    assert rapid.path.orientation is None
-    assert first.path.orientation is not None and second.path.orientation is not None
-    words = "path.orientation, contour line 3 ... up lies along"
-    refusals(lambda x: read_cell("ur5e", tmp_path / x, path=path), [("drill.ngc", words)])
-
-
-def test_the_tool_axis_of_a_file_takes_precedence_over_the_cell(tmp_path):
-    file = tmp_path / "seam.csv"
-    file.write_text("x,y,z,ax,ay,az\n0,0,0,0,0.1,-1\n50,0,0,0,0.1,-1\n")
-    job = read_cell("ur5e", file, path={"units": "mm"})
-    axis = job.program.path.orientation(0.0)[:, 2]
-    np.testing.assert_allclose(axis, np.array([0, 0.1, -1]) / np.hypot(0.1, 1), atol=1e-12)
-    assert "because seam.csv has tool orientations" in job.path.notes[-1]
-
-
 def test_settings_for_layers_do_not_demand_them(tmp_path, folder):
     file = tmp_path / "w.csv"
     file.write_text("x,y,layer\n0,0,CUT\n50,0,CUT\n")
@@ -266,38 +242,3 @@ def test_settings_for_layers_do_not_demand_them(tmp_path, folder):
     layers = "{A: {speed: 0.02}, B: {speed: 0.01}}"
     processes = job(folder, f"path: {{file: layers.csv, layers: {layers}, names: [a]}}")
     assert prepare(processes.program, processes.process).path.speeds.tolist() == [0.02]
-
-
-def test_jobs_and_cells_that_never_end_or_are_too_large_are_refused(folder):
-    os.mkfifo(folder / "pipe.yaml")
-    (folder / "zero.yaml").symlink_to("/dev/zero")
-    (folder / "folder.yaml").mkdir()
-    with open(folder / "large.yaml", "wb") as file:
-        file.truncate(3_000_000_000)
-    (folder / "latin.yaml").write_bytes(b"name: \xe9")
-    table = [
-        ("pipe", "not a regular file"),
-        ("folder", "Is a directory"),
-        ("large", "3000 MB, more than the 64 MB"),
-        ("latin", "not UTF-8"),
-    ]
-    refusals(lambda x: read_job(folder / f"{x}.yaml"), table, "The job file")
-    refusals(lambda x: read_cell(folder / f"{x}.yaml", folder / "two.csv"), table, "The job file")
-
-
-def test_a_drawing_in_a_cell_may_have_a_name_that_no_job_has(folder):
-    for stem in ("d" * 200, "a\u202eb"):
-        file = folder / f"{stem}.csv"
-        file.write_text(TWO)
-        parsed = read_cell("ur5e", file, path={"frame": {"position": [0.3, 0.08, 0.1]}})
-        assert len(parsed.name) <= 80 and parsed.name.isprintable()
-        assert len(parsed.title) <= 200 and parsed.title.isprintable()
-
-
-def test_a_closed_path_of_points_begins_elsewhere_only_if_there_is_a_process(folder):
-    ring = [[0.3, 0.1], [0.36, 0.1], [0.33, 0.14], [0.3, 0.1]]
-    points = {**JOB, "path": {"points": ring}}
-    parsed = parse_job(yaml.safe_dump(points))
-    np.testing.assert_array_equal(parsed.program.path(0.0), ring[0])
-    moved = parse_job(yaml.safe_dump({**points, "process": {"overlap": "1 mm"}}))
-    assert np.linalg.norm(prepare(moved.program, moved.process).path(0.0) - ring[0]) > 0.01

@@ -1,17 +1,12 @@
 """Tables of joint motion as programs and controllers write them, read as logs and trajectories."""
 
-import json
-
 import numpy as np
 import pytest
 from tests.files.tables import parse_log, refusals
 
-from armcontour.cli.identify_command import identify_files
-from armcontour.cli.options import IdentifyOptions
-from armcontour.control.learning import Recording
 from armcontour.core.errors import InvalidInput
-from armcontour.files import parse_trajectory, read_trajectory
-from armcontour.files.log_file import read_log, read_run_log
+from armcontour.files import parse_trajectory
+from armcontour.files.log_file import read_run_log
 
 COUNT = 60
 T = 0.008 * np.arange(COUNT)
@@ -110,32 +105,6 @@ def test_other_names_are_renamed_by_the_option_of_the_message():
         np.testing.assert_allclose(log.measured, Q, atol=1e-8)
 
 
-def test_names_of_the_arm_of_a_format(tmp_path):
-    for form in ("/joint_states/{}/position", "{}", "q {} [rad]", "measured {}"):
-        titles = ["t", *(form.format(x) for x in reversed(ARM)), "/joint_states/gripper/position"]
-        text = table(titles, *Q.T[::-1])
-        np.testing.assert_allclose(parse_trajectory(text, ARM).q, Q, atol=1e-8, err_msg=form)
-        (tmp_path / "run.csv").write_text(text)
-        recording = read_run_log(tmp_path / "run.csv", ARM)
-        assert isinstance(recording, Recording)
-        np.testing.assert_allclose(recording.q, Q, atol=1e-8, err_msg=form)
-
-
-def test_names_with_a_prefix():
-    titles = ["t", *(f"/joint_states/left_{x}/position" for x in reversed(ARM))]
-    trajectory = parse_trajectory(table(titles, *Q.T[::-1]), ARM)
-    np.testing.assert_allclose(trajectory.q, Q, atol=1e-8)
-    assert len(trajectory.notes) == 1 and "left_shoulder_pan_joint" in trajectory.notes[0]
-    names = ("panda_joint1", "panda_joint2")
-    swapped = table(["t", *(f"command left_{x}" for x in reversed(names))], *Q.T[::-1])
-    np.testing.assert_allclose(parse_trajectory(swapped, names).q, Q, atol=1e-8)
-    right = [x.replace("left", "right") for x in titles[1:]]
-    text = table([*titles, *right], *Q.T[::-1], *U.T)
-    refusals(lambda x: parse_trajectory(x, ARM), [(text, "can both be ... --columns '-=*right_*'")])
-    trajectory = parse_trajectory(text, ARM, columns="-=*right_*")
-    np.testing.assert_allclose(trajectory.q, Q, atol=1e-8)
-
-
 def test_columns_without_a_partner_are_left_out_with_a_note(tmp_path):
     text = table(["t", "u1", "q1", "q2", "position_x", "u7"], U[:, 0], Q[:, 0], Q[:, 1])
     log = parse_log(text)
@@ -146,14 +115,6 @@ def test_columns_without_a_partner_are_left_out_with_a_note(tmp_path):
     (tmp_path / "run.csv").write_text(text)
     with pytest.raises(InvalidInput, match="1 joint .* arm has 2 .* 'q2' .* no command column"):
         read_run_log(tmp_path / "run.csv", ARM)
-
-
-def test_the_command_shows_notes_apart_from_its_result(tmp_path, capsys):
-    (tmp_path / "a.csv").write_text(table(["t", "u1", "q1", "q2"], U[:, 0], Q[:, 0], Q[:, 1]))
-    identify_files([tmp_path / "a.csv"], IdentifyOptions(as_json=True))
-    printed = capsys.readouterr()
-    json.loads(printed.out)
-    assert "Note: 'q2' of a.csv" in printed.err
 
 
 def test_decimal_commas_and_units():
@@ -169,16 +130,6 @@ def test_decimal_commas_and_units():
     quoted = table(["t", "u1", "q1"], U[:, 0], Q[:, 0], separator='","', comma=False)
     rows = [f'"{x.replace(".", ",")}"' for x in quoted.splitlines()]
     np.testing.assert_allclose(parse_log("\n".join(rows)).command[:, 0], U[:, 0], atol=1e-8)
-
-
-def test_lines_above_the_names_are_ignored():
-    text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0])
-    for above in ("Trace of robot 7\n", "Robot;7\n\nstarted,12:00\n", "a b c d\n"):
-        np.testing.assert_allclose(parse_log(above + text).measured[:, 0], Q[:, 0], atol=1e-8)
-    refusals(
-        parse_log,
-        [(text.replace("t,u1,q1", "t,u1,q1,tau"), "line 2: the row has 3 values, but must have 4")],
-    )
 
 
 def test_what_looks_like_another_unit_is_asked_about():
@@ -269,12 +220,3 @@ q1=u1 => there are two columns 'q1'. Remove one (for example with --columns '-=q
 def test_new_names_that_are_refused():
     text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0])
     refusals(lambda x: parse_log(text, columns=x), BAD)
-
-
-def test_both_readers_take_one_file(tmp_path):
-    file = tmp_path / "log.csv"
-    file.write_text(
-        table(["timestamp", "target_q_0", "actual_q_0"], U[:, 0], Q[:, 0], separator=" ")
-    )
-    assert read_log(file).joint_names == ("joint 0",)
-    np.testing.assert_allclose(read_trajectory(file).q[:, 0], Q[:, 0], atol=1e-8)

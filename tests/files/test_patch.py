@@ -117,20 +117,6 @@ def test_values_that_do_not_fit_are_refused():
     refusals(lambda x: read(x, "{corners: sharp, runs: {one: {}}}"), OF_NO_RUN)
 
 
-def test_a_continuity_goes_to_every_run_that_can_have_it():
-    of_job = """
-runs:
-  plain: {}
-  paper: {timing: {method: paper}}
-  free: {corners: {shape: free, tolerance: 1 mm}}
-  sharp: {corners: sharp}
-"""
-    continuities = {
-        name: x.continuity for name, x in read("{corners.continuity: curvature}", of_job).items()
-    }
-    assert continuities == {"plain": "curvature", "paper": "tangent", "free": None, "sharp": None}
-
-
 def test_a_drawing_is_placed_and_its_layers_keep_their_settings_in_the_job(tmp_path):
     (tmp_path / "part.csv").write_text("x,y,layer\n0,0,a\n40,0,a\n0,9,b\n40,9,b\n")
     path_keys = {"frame": {"position": [0.3, 0.2, 0]}, "layers": {"a": {"speed": 0.02}, "b": {}}}

@@ -90,14 +90,6 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
     refusals(parse_job, [(lifted, "moves the drawing out of the plane")])
 
 
-def test_options_that_replaced_values_are_in_the_file(placed):
-    patch = {("limits", "speed"): 0.1, ("corners", "tolerance"): 1e-3, ("corners", "shape"): "free"}
-    text = written(placed, patch=patch)
-    again = parse_job(text)
-    assert again.runs[0].limits.speed == 0.1 and again.runs[0].rounding.tolerance == 1e-3
-    assert again.runs[0].rounding.free and "# on the table" in text
-
-
 @needs_dynamics
 def test_a_base_that_moves_among_obstacles_writes_no_job():
     far = Obstacle(name="far", shape=Sphere(radius=0.1), place=ac.Frame(position=[0, 0, 3]))

@@ -80,15 +80,6 @@ def test_a_result_of_the_same_kind_is_replaced_without_force(tmp_path):
             ResultFolder(tmp_path / "out", replaces=kind)
 
 
-def test_force_removes_nothing_that_a_foreign_summary_names(tmp_path):
-    (tmp_path / "thesis.tex").write_text("precious")
-    for files in (["thesis.tex"], {"thesis.tex": "0"}):
-        summary = json.dumps({"armcontour": "0.1.0", "files": files})
-        (tmp_path / "summary.json").write_text(summary)
-        refused("no result of armcontour", tmp_path)
-        assert contents(tmp_path) == {"thesis.tex", "summary.json"}
-
-
 def test_force_follows_no_link_and_no_name_that_leads_out(tmp_path):
     """Also with a list of files as this program writes it, over files that it did not write."""
     out, outside = tmp_path / "out", tmp_path / "outside"
@@ -122,21 +113,6 @@ def test_force_refuses_files_that_changed_since_they_were_written(tmp_path):
     assert file.read_text() == edited
 
 
-def test_force_replaces_no_foreign_file(tmp_path):
-    write(tmp_path, ["one/set_points.csv"])
-    (tmp_path / "one" / "mine.txt").write_text("mine")
-    (tmp_path / "two").mkdir()
-    refused("one/mine.txt", tmp_path)
-    (tmp_path / "one" / "mine.txt").unlink()
-    refused(
-        "two, because armcontour did not write",
-        tmp_path,
-        ["one/set_points.csv", "two/set_points.csv"],
-    )
-    assert contents(tmp_path) == {"one/set_points.csv", "summary.json"}
-    assert (tmp_path / "one" / "set_points.csv").read_text() == "text of one/set_points.csv"
-
-
 def test_refuses_what_is_no_folder_or_cannot_be_written(tmp_path):
     (tmp_path / "out").write_text("a file")
     (tmp_path / "link").symlink_to("nowhere")
@@ -161,18 +137,6 @@ def test_a_second_run_into_the_same_folder_is_refused(tmp_path, force):
         first.write("report.html", "the first")
     assert (out / "report.html").read_text() == "the first"
     assert contents(tmp_path) == {"out/report.html"}
-
-
-def test_a_folder_that_was_filled_meanwhile_is_refused(tmp_path):
-    out = tmp_path / "out"
-    with (
-        pytest.raises(InvalidInput, match="Cannot write to the folder"),
-        ResultFolder(out) as results,
-    ):
-        results.write("report.html", "text")
-        out.mkdir()
-        (out / "mine.txt").write_text("mine")
-    assert contents(tmp_path) == {"out/mine.txt"}
 
 
 def fail_at(patch, counts, error, *, after=False):
@@ -207,21 +171,6 @@ def test_a_replacement_that_is_stopped_leaves_the_earlier_result(
     write(tmp_path, ["report.html"], force=True, text="newer")
     assert contents(tmp_path) == {"report.html", "summary.json", "mine.txt"}
     assert (tmp_path / "report.html").read_text() == "newer report.html"
-
-
-def test_files_that_cannot_be_moved_back_stay_in_the_hidden_folder(tmp_path, monkeypatch):
-    write(tmp_path, ["report.html"])
-    with monkeypatch.context() as patch:
-        fail_at(patch, range(2, 99), OSError(5, "Input/output error"))
-        refused("Input/output error", tmp_path)
-    old = tmp_path / ".armcontour-next" / ".old"
-    texts = {x: (place / x).read_text() for place in (tmp_path, old) for x in contents(place)}
-    assert texts["report.html"] == "text of report.html" and "summary.json" in texts
-    # The next run names them and leaves them there, too.
-    for force in (False, True):
-        with pytest.raises(InvalidInput, match="killed.*files in .*remove"):
-            ResultFolder(tmp_path, force=force)
-    assert contents(old)
 
 
 CYCLE = 0.004

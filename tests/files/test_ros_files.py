@@ -90,33 +90,6 @@ def test_goals_and_messages_of_moveit_and_what_echo_prints(read):
     assert trajectory.resolution["t"] == pytest.approx(1e-9)
 
 
-TIMES = """
-{sec: 1, nanosec: 500000000}
-{secs: 1, nsecs: 500000000}
-{nsecs: 500000000, secs: 1}
-1.5
-1.5e+0
-"""
-
-
-def test_times_of_yaml_in_all_forms(read):
-    for time in TIMES.split("\n")[1:-1]:
-        text = f"joint_names: [a]\npoints: [{{positions: [1], time_from_start: {time}}}]"
-        np.testing.assert_allclose(read(text).t, [1.5], rtol=0, atol=1e-12, err_msg=time)
-    start = "joint_names: [a]\npoints: [{positions: [1], time_from_start: %s}]"
-    bad = ("soon", "'1.5'", "{sec: 1}", "{secs: 1, nanosec: 0}", "1e12", "[1, 2]", "true")
-    refusals(read, [(start % x, "point 1: time_from_start must be a number of") for x in bad])
-
-
-def test_a_repeated_point_of_yaml_is_skipped(read):
-    point = "{positions: [%g], time_from_start: %g}"
-    points = [point % x for x in ((1, 0), (2, 0.5), (3, 1), (3, 1))]
-    file = read(f"joint_names: [a]\npoints: [{', '.join(points)}]")
-    np.testing.assert_allclose(np.column_stack([file.t, file.q]), [(0, 1), (0.5, 2), (1, 3)])
-    assert len(file.notes) == 1 and "repeats" in file.notes[0]
-    assert file.resolution["q"] == 0.1
-
-
 def test_names_with_a_prefix_and_new_names(tmp_path):
     points = f"points: [{{positions: [1, 2, 3], {AT_ONCE}]"
     (tmp_path / "a.yaml").write_text(f"joint_names: [left_b, left_a, right_a]\n{points}")

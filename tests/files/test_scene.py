@@ -7,7 +7,6 @@ import pytest
 from tests.files.tables import refusals, rows
 
 from armcontour.core.errors import InvalidInput
-from armcontour.files import mesh_file
 from armcontour.files.cell import cell_names, read_cell
 from armcontour.files.job_file import parse_job
 from armcontour.files.mesh_file import read_mesh
@@ -205,16 +204,6 @@ def test_units_and_scales(tmp_path):
     refusals(lambda x: read_mesh(x[0], **({"unit": x[1]} if x[1:] else {})), table)
 
 
-def test_polygons_negative_indices_and_triangles_without_an_area_of_obj(tmp_path):
-    file, begin = tmp_path / "box.obj", obj().split("vn")[0]
-    backwards = "\n".join("f " + " ".join(str(k - 8) for k in x) for x in FACES)
-    for text in (begin + backwards, obj() + "\nf 1 1 2\n"):
-        file.write_text(text)
-        assert len(read_mesh(file).triangles) == 12
-    file.write_text(begin + "f 1 1 2\nf 3 4 3\n")
-    refusals(read_mesh, [(file, "All triangles ... zero area")])
-
-
 BAD_MESHES = [
     ("a.stl", binary()[:-1], "incomplete ... 12 triangles need 684 bytes, but it has 683"),
     ("a.stl", b"<html>" * 50, "not an STL file"),
@@ -233,12 +222,3 @@ def test_what_is_no_mesh_is_refused_in_a_sentence(tmp_path):
         return read_mesh(tmp_path / row[0])
 
     refusals(read, [((name, content), name, words) for name, content, words in BAD_MESHES])
-
-
-def test_missing_files_and_too_many_triangles(tmp_path, monkeypatch):
-    monkeypatch.setattr(mesh_file, "MAX_TRIANGLES", 11)
-    contents = {"a.stl": binary(), "b.stl": ascii_stl().encode(), "a.obj": obj().encode()}
-    for name, content in contents.items():
-        (tmp_path / name).write_bytes(content)
-    many = [(x, "12 triangles, but at most 11") for x in contents]
-    refusals(lambda x: read_mesh(tmp_path / x), [("none.stl", "no mesh ... none.stl"), *many])

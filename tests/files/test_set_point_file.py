@@ -17,7 +17,6 @@ from armcontour.files import (
     parse_trajectory,
     write_planned,
     write_set_points,
-    write_torque,
 )
 from armcontour.files.exports import export
 from armcontour.files.result_folder import data_json
@@ -262,27 +261,3 @@ def test_planned_joints_are_called_by_their_names_and_read_again(study, tmp_path
     numbered = [f"joint {j + 1}" for j in range(6)]
     assert written(tmp_path, write_planned, plan.sample(0.1), numbered) == text
     assert text.startswith("t [s],q 1 [rad],q 2 [rad]")
-
-
-def test_taught_data_is_written_as_plans_are_and_read_again(study, tmp_path):
-    set_points = study.runs["plain"].set_points
-    for names in (study.job.arm.joint_names, [f"joint {j + 1}" for j in range(6)]):
-        text = written(tmp_path, write_set_points, set_points, names)
-        title = f"q {names[0].removeprefix('joint ')} [rad]"
-        assert text.startswith(f"t [s],{title},")
-        # Files of older versions have the joint's name alone.
-        older = text.replace("q ", "joint " if names[0] == "joint 1" else "")
-        for each in (text, older):
-            samples = parse_trajectory(each, names)
-            np.testing.assert_allclose(samples.t, set_points.t, rtol=0, atol=1e-12)
-            np.testing.assert_allclose(samples.q, set_points.q, rtol=0, atol=1e-12)
-            assert samples.dq is None
-
-
-def test_torques_as_a_table(study, tmp_path):
-    plan, arm = study.runs["plain"].trajectory, study.job.arm
-    header, *rows = written(tmp_path, write_torque, plan.sample(0.05), arm).splitlines()
-    assert header.split(",")[:2] == ["t [s]", "torque shoulder_pan_joint [N m]"]
-    table = np.array([row.split(",") for row in rows], dtype=float)
-    t = table[3, 0]
-    np.testing.assert_allclose(table[3, 1:], arm.torque(plan(t), plan(t, 1), plan(t, 2)), atol=1e-9)

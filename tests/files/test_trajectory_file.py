@@ -1,7 +1,6 @@
 """Trajectory files, limits files and logs of a run: what they give, and what is refused."""
 
 import os
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -111,25 +110,6 @@ def test_anything_else_is_refused_with_its_line():
     refusals(parse_trajectory, [(x, "dates or times of day ... to seconds") for x in rows])
 
 
-def test_rows_of_empty_cells_are_blank_lines():
-    for blank in (",,", ";;", "\t\t", ' , "" ,'):
-        separator = next(x for x in ",;\t" if x in blank)
-        rows = [separator.join(x) for x in (("t", "q1", "q2"), "012", "134")]
-        trajectory = parse_trajectory("\n".join([blank, *rows[:2], blank, rows[2], blank, ""]))
-        np.testing.assert_array_equal(trajectory.q, [[1, 2], [3, 4]])
-
-
-def test_velocities_that_are_no_numbers_are_not_measured():
-    for cells in ("nan,nan", "NaN,", ",", "5,nan"):
-        trajectory = parse_trajectory(f"t,q1,q2,dq1,dq2\n0,1,2,{cells}\n1,3,4,{cells}\n")
-        np.testing.assert_array_equal(trajectory.q, [[1, 2], [3, 4]])
-        assert trajectory.dq is None and trajectory.left_out == ("dq1", "dq2")
-        (note,) = trajectory.notes
-        assert f"joint {2 if cells[0] == '5' else 1} of trajectory has no joint velocity" in note
-    # A gap is a fault.
-    refusals(parse_trajectory, [("t,q1,dq1\n0,1,5\n1,1,nan\n", "line 3, column 'dq1': 'nan'")])
-
-
 def test_a_file_that_is_not_there_or_no_text(tmp_path, read):
     os.mkfifo(tmp_path / "pipe.csv")
     places = [
@@ -151,23 +131,6 @@ def test_a_file_that_is_not_there_or_no_text(tmp_path, read):
     text = "t,q1\n0,1\n1,1\n"
     with pytest.raises(InvalidInput, match="no columns"):
         read(text, "a.yaml", columns="t,q1")
-
-
-def test_usual_steps_and_large_times_are_read():
-    # Nanoseconds with nine decimals, milliseconds since 1970, and quotes around every cell.
-    fast = parse_trajectory("t,q1\n1.000000001,1\n1.000000002,1\n1.000000003,1\n")
-    np.testing.assert_allclose(np.diff(fast.t), 1e-9, rtol=1e-6)
-    trajectory = parse_trajectory("t [ms],q1\n1700000000001,1\n1700000000002,1\n")
-    np.testing.assert_allclose(np.diff(trajectory.t), 1e-3, rtol=1e-3)
-    quoted = parse_trajectory('"t","q1 [deg]"\n"0","1"\n"1","2"\n')
-    np.testing.assert_allclose(np.rad2deg(quoted.q[:, 0]), [1, 2])
-    # Lines are converted by the thousand; the message still names the one.
-    lines = ["t,q1,q2", *(f"{i},0.5,0.25" for i in range(4000))]
-    assert len(parse_trajectory("\n".join(lines)).t) == 4000
-    lines[3001] = "3000,0.5,0_5"
-    with pytest.raises(InvalidInput, match="line 3002, column 'q2': '0_5'") as caught:
-        parse_trajectory("\n".join(lines))
-    assert caught.value.index == 3000
 
 
 LIMITS = """
@@ -241,18 +204,6 @@ def test_names_that_do_not_fit():
     refusals(parse, table, without="[rad/s]")
 
 
-def test_large_numbers_of_joints_take_no_memory():
-    tracemalloc.start()
-    try:
-        with pytest.raises(InvalidInput):
-            parse_trajectory("t,q1,q1000000\n0,1,2\n")
-        assert tracemalloc.get_traced_memory()[1] < 2_000_000
-    finally:
-        tracemalloc.stop()
-    title = f"q{'9' * 5000}"
-    assert parse_trajectory(f"t,q1,{title}\n0,1,2\n").left_out == (title,)
-
-
 T = np.arange(60) * 0.008
 Q = np.stack([np.sin(T), 0.1 * T], axis=1)
 U = Q + 0.01
@@ -277,31 +228,6 @@ def test_joints_with_the_names_of_the_arm_are_put_in_its_order(tmp_path):
     recording = read_run_log(written(tmp_path, titles, T, Q[:, ::-1]), ARM)
     assert isinstance(recording, Recording)
     np.testing.assert_allclose(recording.q, Q, atol=1e-9)
-
-
-def test_joints_with_other_names_stay_in_their_order(tmp_path):
-    columns = (T, U[:, 0], Q[:, 0], U[:, 1], Q[:, 1])
-    file = written(tmp_path, "t,target_q_0,actual_q_0,target_q_1,actual_q_1", *columns)
-    log = read_run_log(file, ARM, window=(0.05, np.inf))
-    assert isinstance(log, Log) and log.t[0] == pytest.approx(0.056)
-    np.testing.assert_allclose(log.measured, Q[T >= 0.05], atol=1e-9)
-    # Positions without commands are a recording.
-    for titles in (
-        "t [ms],actual_q_0,actual_q_1",
-        "time [ms],q1,q2",
-        "t [ms],measured shoulder_joint,q elbow",
-    ):
-        recording = read_run_log(written(tmp_path, titles, 1e3 * T, Q), ARM)
-        assert isinstance(recording, Recording)
-        assert recording.command is None and recording.source == "run.csv"
-        np.testing.assert_allclose(recording.q, Q, atol=1e-9)
-        np.testing.assert_allclose(recording.t, T, atol=1e-12)
-    # Numbers of joints may be of any length.
-    large = "9" * 5000
-    with pytest.raises(InvalidInput):
-        read_run_log(written(tmp_path, f"t,u{large},q{large},u2,q2", *columns), ARM)
-    file = written(tmp_path, "t,u10,q10,u9,q9", T, U[:, 1], Q[:, 1], U[:, 0], Q[:, 0])
-    np.testing.assert_allclose(read_run_log(file, ARM).command, U, atol=1e-9)
 
 
 def test_logs_that_are_refused(tmp_path):

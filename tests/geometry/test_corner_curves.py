@@ -43,16 +43,6 @@ def test_the_arcs_follow_the_parabola(turn):
     assert far <= c.error[0] * np.cos(turn / 2) + 1e-14
 
 
-@each("turn", [0.5, np.pi / 2, 3.0])
-def test_it_is_symmetric_and_bends_evenly(turn):
-    rounded = round_with_parabolas(corner(turn), tolerance=0.005)
-    bends, lengths = rounded.curvatures[1:-1], rounded.lengths[1:-1]
-    np.testing.assert_allclose(bends, bends[::-1], rtol=1e-12)
-    np.testing.assert_allclose(lengths, lengths[::-1], rtol=1e-12)
-    assert np.exp(np.abs(np.diff(np.log(bends))).max()) < 1.7
-    assert bends.max() * rounded.corners.radius[0] == pytest.approx(1.0, rel=2e-3)
-
-
 def test_planes_in_space_demands_places_and_corners_beside_arcs():
     flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
     basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]

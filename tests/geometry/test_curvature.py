@@ -9,7 +9,6 @@ from tests.geometry.tables import arc, each, jumps, line, path_of, refused
 
 import armcontour as ac
 from armcontour.geometry import Segments
-from armcontour.geometry.arc_fit import draw_with_arcs
 from armcontour.geometry.biarcs import UNEVEN
 from armcontour.program import smooth_curvature
 
@@ -86,20 +85,6 @@ def test_random_chains_keep_their_tolerance(turns, radii, tolerance, dimension, 
     assert len(smooth.stops) == 0
 
 
-def test_a_chain_of_short_biarcs_is_smooth_all_along():
-    angle = np.linspace(0, 2 * np.pi, 30)
-    points = np.stack([0.1 * np.cos(angle) * (1 + 0.3 * np.sin(3 * angle)), np.sin(angle)], axis=1)
-    path, _ = draw_with_arcs(ac.Path.spline(points), 1e-5)
-    # A tenth of what the arcs are off is enough for transitions from middle to middle.
-    smooth = smooth_curvature(path, tolerance=2e-6)
-    assert jumps(path).max() > 1e-3
-    assert jumps(smooth).max() < 1e-10
-    assert deviation(path, smooth, 20_001) < 2e-6
-    # The points of the spline are waypoints still.
-    near = np.linalg.norm(smooth.vertices[smooth.waypoints] - points, axis=1)
-    assert near.max() < 3e-6
-
-
 def test_circles_arcs_that_bend_to_both_sides_and_no_room():
     path = path_of(arc((0.1, 0), (0, 0), 2 * np.pi))
     assert smooth_curvature(path, tolerance=1e-5) is path
@@ -115,22 +100,6 @@ def test_circles_arcs_that_bend_to_both_sides_and_no_room():
         (lambda: smooth_curvature(path, tolerance=0), "above zero"),
         (lambda: smooth_curvature("slot", tolerance=1e-5), "Path or a Program"),
     )
-
-
-def test_corners_keep_half_of_their_segments_and_can_be_rounded():
-    bend, corner = arc((0.05, 0), (0.05, 0.01), np.pi / 2), (0.06, 0.01)
-    path = path_of(line((0, 0), (0.05, 0)), bend, line(corner, (0.03, 0.05)))
-    curved = {"tolerance": 1e-4, "continuity": "curvature"}
-    both = ac.round_corners(smooth_curvature(path, tolerance=1e-4), **curved)
-    assert len(both.stops) == 0
-    assert jumps(both).max() < 1e-9
-    assert not both.corners.shrunk.any()
-    # The other way round, too.
-    other = smooth_curvature(ac.round_corners(path, **curved), tolerance=1e-4)
-    assert jumps(other).max() < 1e-9
-    s = np.linspace(other.corners.start[0], other.corners.end[0], 4001)
-    near = np.linalg.norm(other(s) - path.starts[2], axis=1).min()
-    assert near == pytest.approx(other.corners.error[0], rel=1e-6)
 
 
 def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
@@ -234,33 +203,3 @@ def test_both_paths_are_within_the_tolerance_of_each_other(
         assert jumps(smooth).max() < 1e-9
         assert np.abs(np.linalg.norm(smooth(s, 1), axis=1) - 1).max() < UNEVEN
     assert len(smooth.stops) == 0
-
-
-def test_the_tolerance_is_used_unless_a_corner_speed_ends_the_search_early():
-    def rounded(path, tolerance, **values):
-        return ac.round_corners(path, tolerance=tolerance, continuity="curvature", **values)
-
-    smooth = rounded(corner(1.2, (0.0, 20.0), (0.1, 0.1)), 2e-3)
-    assert smooth.segments.is_transition.any() and not smooth.corners.shrunk[0]
-    assert smooth.corners.error[0] == pytest.approx(2e-3, rel=1e-6)
-    path = corner(0.4, (0.0, 2.0), (0.1, 0.1), dimension=2)
-    wide, slow = rounded(path, 5e-3), rounded(path, 5e-3, speed=0.1, acceleration=2.0)
-    assert 0.005 <= slow.corners.radius[0] * (1 + 1e-9) < wide.corners.radius[0]
-    assert slow.corners.tangent[0] < wide.corners.tangent[0]
-    # Sharp turns beside arcs keep their pairs of arcs.
-    smooth = rounded(corner(3.0, (0.0, 5.0), (0.1, 0.1), dimension=2), 1e-3)
-    assert smooth.corners.reason[0] is None and not smooth.segments.is_transition.any()
-
-
-def test_corners_beside_transitions_are_rounded():
-    points = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.15)]
-    once = ac.round_corners(ac.Path.polyline(points[:3]), tolerance=0.01, continuity="curvature")
-    cut = ac.geometry.path_parts.cut_path(once, 0, (once.corners.start + once.corners.end)[0] / 2)
-    beside = ac.geometry.path_parts.join_paths(
-        [cut, ac.Path.polyline([cut(cut.length), cut(cut.length) + [0.0, 0.05]])]
-    )
-    for continuity in ("tangent", "curvature"):
-        smooth = ac.round_corners(beside, tolerance=1e-5, continuity=continuity)
-        assert smooth.corners.reason.tolist() == [None]
-        assert smooth.corners.error[0] <= 1e-5 * (1 + 1e-9)
-        assert len(smooth.stops) == 0

@@ -72,17 +72,6 @@ def test_a_part_is_the_path_between_two_places(path, cut):
     alike(part, path, s, begin + s)
 
 
-def test_a_part_keeps_what_is_asked_of_its_segments():
-    part = cut_path(PLANE, 0.5, 1.1)
-    assert part.tags == ("in", None) and part.speeds[0] == 0.1
-    assert np.isnan(part.speeds[1]) and part.tolerances[1] == 1e-3
-    np.testing.assert_allclose(part.lengths, [0.5, 0.1])
-    for path in HELD.values():  # the whole is a part
-        part = cut_path(path, 0.0, path.length)
-        np.testing.assert_array_equal(part.lengths, path.lengths)
-        np.testing.assert_array_equal(part.starts, path.starts)
-
-
 @held
 def test_parts_put_together_are_the_path(path):
     cuts = np.array([0, 0.31, 0.62, 1]) * path.length
@@ -165,26 +154,6 @@ def test_a_reversed_path_runs_the_same_way_back(path):
 
 
 # What rounding makes of an even turning differs a little with the direction.
-@each("name", ["plane", "space", "following"])
-def test_a_path_can_be_rounded_before_it_is_reversed_or_after(name):
-    path, options = HELD[name], {"tolerance": 0.01}
-    if path.orientation is not None:
-        options["angular_tolerance"] = 0.05
-    before = ac.round_corners(path, **options).reversed()
-    after = ac.round_corners(path.reversed(), **options)
-    s = SHARES * min(before.length, after.length)
-    alike(before, after, s, s)
-
-
-def test_reversed_circles_and_placed_rounded_paths():
-    circle = path_of(ac.Arc.circle((1, 0), (0, 0))).reversed()
-    np.testing.assert_allclose(circle(np.pi / 2), (0, -1), atol=1e-15)
-    np.testing.assert_allclose(circle([0, circle.length]), [(1, 0), (1, 0)], atol=1e-15)
-    rounded = ac.round_corners(ac.Path.polyline([[0, 0], [1, 0], [1, 1]]), tolerance=1e-2)
-    moved = rounded.placed(Frame(position=[1.0, 2.0, 0.0]), scale=2.0)
-    assert type(moved) is type(rounded.lifted()) is ac.Path
-    s = np.linspace(0, rounded.length, 9)
-    np.testing.assert_allclose(moved(2 * s), rounded(s) * 2 + [1.0, 2.0], atol=1e-14)
 
 
 def test_a_part_of_a_path_that_follows_its_tangent_is_rounded_as_the_whole():
@@ -202,26 +171,6 @@ def test_a_part_of_a_path_that_follows_its_tangent_is_rounded_as_the_whole():
         again.orientation(positions), whole.orientation(positions + 0.03), atol=1e-12
     )
     assert again.orientation.f[0, 0] == 0.0
-
-
-@each("offset", [-0.9e-9, -1e-11, 0.0, 1e-11, 0.9e-9])
-def test_a_part_that_begins_beside_a_joint_can_be_rounded_with_its_orientation(offset):
-    path = ac.Path.polyline([[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0], [0.2, 0, 0]])
-    turning = path.pointing([[0, 0, -1], [0.1, 0, -1], [0, 0.1, -1], [0, 0, -1]])
-    for cut in (
-        cut_path(turning, turning.breaks[1] + offset, turning.length),
-        cut_path(turning, 0.0, turning.breaks[2] + offset),
-    ):
-        np.testing.assert_array_equal(cut.orientation.breaks, cut.breaks)
-        ac.round_corners(cut, tolerance=1e-3, angular_tolerance=0.1)
-
-
-POINTS = [(0.0, 0.0), (0.1, 0.0), (0.13, 0.08), (0.02, 0.1)]
-
-
-@pytest.fixture(scope="module")
-def smooth():
-    return ac.round_corners(ac.Path.polyline(POINTS), tolerance=3e-3, continuity="curvature")
 
 
 def places(path, n=4001):
@@ -278,13 +227,6 @@ def test_a_smooth_corner_has_the_stated_curvature(turn):
     assert np.abs(bend - curvature).max() < 1e-4 / c.radius[0]
 
 
-def test_no_point_of_a_smooth_corner_is_farther_from_the_lines_than_its_middle(smooth):
-    c, objective = smooth.corners, smooth.objective
-    places = (np.linspace(*x, 999) for x in zip(c.start, c.end, strict=True))
-    far = [objective.project(smooth(s)).distance.max() for s in places]
-    assert (far <= c.error * np.cos(c.turn / 2) * (1 + 1e-9)).all()
-
-
 def test_neighbours_share_their_line_as_arcs_do_and_some_corners_stay_sharp():
     path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.01), (0.2, 0.01)])
     corners = ac.round_corners(path, tolerance=0.02, continuity="curvature").corners
@@ -295,51 +237,3 @@ def test_neighbours_share_their_line_as_arcs_do_and_some_corners_stay_sharp():
         sharp = ac.round_corners(ac.Path.polyline(points), tolerance=1e-3, continuity=continuity)
         assert sharp.corners.reason[0] == "turn-back"
     assert "no room" in sharp.corners.reason
-
-
-def test_nearest_points_are_on_the_curve(smooth):
-    s = places(smooth, 999)
-    normal = smooth(s, 1) @ [[0, 1], [-1, 0]]
-    for distance in (0.0, 2e-4):
-        projection = smooth.project(smooth(s) + distance * normal)
-        np.testing.assert_allclose(projection.distance, distance, atol=1.1e-9)
-        np.testing.assert_allclose(projection.s, s, atol=2e-8)
-    assert projection.s.max() <= smooth.length
-
-
-def test_placed_lifted_and_dropped_it_is_the_same(smooth):
-    s, frame = places(smooth), Frame.rpy((0.1, 0.2, 0.3), (0.4, 0.5, 0.6))
-    space = smooth.placed(frame, scale=2.0)
-    expected = 2 * np.pad(smooth(s), ((0, 0), (0, 1))) @ frame.rotation.T + frame.position
-    np.testing.assert_allclose(space(2 * s), expected, atol=1e-14)
-    assert jumps(space, 2).max() < 1e-12
-    np.testing.assert_allclose(drop_z(smooth.lifted())(s), smooth(s), rtol=1e-12, atol=1e-18)
-    with pytest.raises(ac.InvalidInput, match="not parallel to this plane"):
-        drop_z(space)
-
-
-def test_the_extent_is_that_of_dense_points(smooth):
-    points = smooth(places(smooth, 400_001))
-    low, high = smooth.segments.extent
-    assert (low <= points.min(axis=0)).all()
-    assert (high >= points.max(axis=0)).all()
-    np.testing.assert_allclose([low, high], [points.min(axis=0), points.max(axis=0)], atol=1e-11)
-
-
-def test_columns_that_do_not_fit_are_refused(smooth):
-    def with_quintics(quintics):
-        return lambda: ac.Path(segments=smooth.segments.replace(quintics=quintics))
-
-    broken = smooth.segments.quintics.copy()
-    broken[1, 2] = np.nan
-    refused(
-        (with_quintics(np.zeros((len(smooth), 4, 2))), "6 coefficients"),
-        (with_quintics(broken), "NaN for a line or an arc"),
-    )
-
-
-def test_a_kerf_runs_beside_transitions(smooth):
-    process = ac.Process(kerf=1e-3, kerf_side="left")
-    beside = ac.prepare(ac.Program.from_path(smooth), process).path
-    distance = smooth.project(beside(np.linspace(0, beside.length, 2001))).distance
-    assert np.abs(distance - 0.5e-3).max() < 2e-7

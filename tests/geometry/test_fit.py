@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.interpolate import BSpline, CubicSpline
+from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 from tests.geometry.tables import each, refused
 
@@ -100,13 +100,6 @@ def test_any_bezier_curve(points, tolerance):
     assert len(path) < 300
 
 
-STRAIGHT = [
-    ([(0, 0), (1, 1)], 1),
-    ([(0.1, 0.2), (0.2, 0.3), (0.4, 0.5), (0.5, 0.6)], 1),
-    ([(0, 0), (0, 0), (2, 1), (2, 1)], 1),
-    # It turns back twice on the spot.
-    ([(0, 0), (2, 0), (-1, 0), (1, 0)], 3),
-]
 ROUND = [
     ([0, 4 * QUARTER], 1),
     (np.arange(5) * QUARTER, 1),
@@ -114,12 +107,6 @@ ROUND = [
     ([0, 12 * QUARTER], 4),
     ([0, 7.0], 2),
 ]
-
-
-@each("points, count", STRAIGHT)
-def test_a_straight_curve_is_a_line(points, count):
-    path = judged(bezier(*points), [0, 1], 1e-5, corners=count - 1)
-    assert len(path) == count and not path.curvatures.any()
 
 
 @each("breaks, count", ROUND)
@@ -142,27 +129,6 @@ def rational(points, weights, knots, degree):
         return p if order == 0 else (dh[:, :2] - p * dh[:, 2:]) / h[:, 2:]
 
     return curve
-
-
-def test_a_rational_spline_that_is_a_circle_is_one_arc():
-    w, points = np.sqrt(0.5), [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)]
-    curve = rational(points, [1, w, 1, w, 1], [0, 0, 0, 1, 1, 2, 2, 2], 2)
-    path = judged(curve, [0, 1, 2], 1e-6)
-    assert len(path) == 1
-    assert path.length == pytest.approx(np.pi, rel=1e-12)
-
-
-@each("seed", range(8))
-def test_rational_splines_whose_weights_differ_by_thousands(seed):
-    # Nearly all of such a curve may lie within a thousandth of its parameters.
-    rng = np.random.default_rng(seed)
-    weights, points = np.exp(rng.uniform(-6, 6, 8)), rng.normal(size=(8, 2))
-    inner = np.sort(rng.random(4))
-    curve = rational(points, weights, [0, 0, 0, 0, *inner, 1, 1, 1, 1], 3)
-    path = fitted(curve, [0, *inner, 1], 1e-5)
-    dense = curve(np.linspace(0, 1, 30001), 0)
-    assert path.project(dense).distance.max() <= 1e-5
-    assert path.turns.max() < 1e-9 and len(path) < 400
 
 
 def test_corners_at_breaks_and_lines_that_go_on_as_arcs():
@@ -205,22 +171,6 @@ def test_ends_of_closed_curves_cusps_and_curves_that_stand_still():
     # A quarter of an ellipse of 50 mm takes few arcs.
     assert len(fitted(ellipse(0.05, 0.025), [0, QUARTER], 1e-5)) <= 14
     assert len(fitted(ellipse(0.05, 0.025), np.arange(5) * QUARTER, 1e-5)) <= 56
-
-
-def test_many_breaks_at_one_place_and_thousands_of_intervals():
-    def curve(t, order):
-        # It waits at (1, 0) from 1 to 2, but for steps of less than a nanometre.
-        wait = np.clip(t - 1, 0, 1)
-        x = t - wait * (1 - 1e-9)
-        rate = np.where((t > 1) & (t < 2), 1e-9, 1.0)
-        return np.column_stack([x, 0 * t] if order == 0 else [rate, 0 * t])
-
-    path = fitted(curve, np.concatenate([[0], np.linspace(1, 2, 50), [3]]), 1e-5)
-    assert path.length == pytest.approx(2, abs=1e-8) and len(path) <= 4
-    t = np.arange(4001.0)
-    spline = CubicSpline(t, np.column_stack([np.cos(t / 100), np.sin(t / 76)]))
-    path = fitted(lambda x, order: spline(x, order), t, 1e-5)
-    assert len(path) <= 8002 and path.turns.max() < 1e-9
 
 
 def test_what_is_no_curve_is_refused(monkeypatch):

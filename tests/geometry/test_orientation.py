@@ -23,10 +23,6 @@ def turns(count, spread=1.0, seed=0):
     ).as_matrix()
 
 
-def angles(first, second):
-    return np.linalg.norm(log(first @ np.swapaxes(second, -1, -2)), axis=-1)
-
-
 def smooth(n=5):
     """Pieces with everything in them: two rotations at once, both of changing rate."""
     random = np.random.default_rng(3)
@@ -81,20 +77,6 @@ def test_waypoints_get_their_rotations_and_the_tool_turns_evenly_between():
     rate, change = orientation.rates(middle)
     np.testing.assert_allclose(rate, step / PATH.lengths[:, None], rtol=1e-12)
     np.testing.assert_allclose(change, 0, atol=1e-14)
-
-
-def test_corners_of_a_scaled_path_blend_the_scaled_rates():
-    points = np.array([(0, 0, 0), (0.1, 0, 0), (0.1, 0.2, 0)])
-    rotations, limits = turns(3), {"tolerance": 1e-3, "angular_tolerance": 0.01}
-    scaled = ac.Path.polyline(points).oriented(rotations).placed(ac.Frame(), scale=2.0)
-    rounded, expected = (
-        ac.round_corners(x, **limits)
-        for x in (scaled, ac.Path.polyline(2 * points).oriented(rotations))
-    )
-    assert len(rounded.stops) == 0
-    s = np.linspace(0, rounded.length, 99)
-    np.testing.assert_allclose(rounded.orientation(s), expected.orientation(s), atol=1e-12)
-    np.testing.assert_allclose(rounded.corners.angular_error, expected.corners.angular_error)
 
 
 def test_the_tool_stops_where_its_rate_of_turning_jumps():
@@ -224,23 +206,3 @@ def test_a_tool_that_follows_keeps_its_angle_to_the_tangent_and_does_not_turn_ab
         assert np.linalg.norm(turn) == pytest.approx(np.pi / 2)
     np.testing.assert_allclose(path.orientation.jumps, np.pi / 2)
     np.testing.assert_array_equal(path.stops, path.breaks[1:-1])
-
-
-def test_breaks_of_the_orientation_are_those_of_the_path_to_the_last_digit():
-    random = np.random.default_rng(8)
-    path = ac.Path.polyline(np.cumsum(random.normal(size=(1000, 3)), axis=0))
-    path = path.oriented(Rotation.from_rotvec(0.3 * random.normal(size=(1000, 3))))
-    rounded = ac.round_corners(path, tolerance=0.05, angular_tolerance=0.3)
-    apart = np.setdiff1d(rounded.orientation.breaks, rounded.breaks)
-    near = np.abs(apart[:, None] - rounded.breaks).min(axis=1)
-    assert len(near) == 0 or near.min() > 1e-9
-    assert rounded.orientation.breaks[-1] == rounded.length
-
-
-@each("axis_only", [False, True])
-def test_a_tool_held_in_one_way_is_constant_and_one_held_in_two_ways_jumps(axis_only):
-    one = PATH.oriented(DOWN).orientation
-    two = dataclasses.replace(one, starts=np.stack([DOWN, DOWN, *turns(2)]), axis_only=axis_only)
-    assert one.constant and not one.jumps.any()
-    assert two.fixed and not two.constant
-    assert two.jumps[0] == 0.0 and (two.jumps[1:] > 0.1).all()

@@ -190,37 +190,6 @@ def test_points_and_places_that_make_no_sense_are_refused():
 
 
 GOOD = line((0, 0), (1, 0))
-DEMANDS = (
-    ({"speed": 0.0}, "speed of segment limits", "0 m/s"),
-    ({"speed": -1.0}, "speed of segment limits", "-1 m/s"),
-    ({"speed": np.nan}, "speed of segment limits", "finite"),
-    ({"speed": [1.0, 2.0]}, "speed of segment limits", "one number"),
-    ({"tolerance": -1e-3}, "tolerance of segment limits", "-0.001 m"),
-    ({"tolerance": np.inf}, "tolerance of segment limits", "finite"),
-)
-SEGMENTS = (
-    ([GOOD, line((1, 0), (1, 0))], "Segment 2", "zero length", {"index": 1, "point": (1, 0)}),
-    ([line((0, np.nan), (1, 0))], "start of segment 1", "finite", {"index": 1}),
-    ([line((0, 0), ("a", 0))], "end of segment 1", "numbers in m"),
-    ([GOOD, line((1, 0), (1, 0, 0))], "points of segment 2", {"index": 1}),
-    ([line((0,), (1,))], "points of segment 1", {"index": 0}),
-    ([GOOD, arc((1, 0), (1, 0), 1.0)], "Segment 2", "radius 0 m", {"index": 1}),
-    ([arc((1, 0), (0, 0), 0.0)], "Segment 1", "angle 0 rad", {"index": 0}),
-    ([arc((1, 0), (0, 0), -6.3)], "Segment 1", "-6.3 rad", {"index": 0}),
-    ([arc((1, 0), (0, 0), np.inf)], "angle of segment 1", "finite"),
-    ([arc((1, 0), (0, 0), 1.0, normal=(0, 0, 1))], "Segment 1", "not have a normal"),
-    ([arc((1, 0, 0), (1, 1, 0), 1.0)], "Segment 1", "needs a normal", {"index": 0}),
-    ([arc((1, 0, 0), (0, 0, 0), 1.0, normal=(1, 0, 1))], "normal of segment 1", {"index": 0}),
-    ([arc((1, 0, 0), (0, 0, 0), 1.0, normal=(0, 0, 0))], "normal of segment 1"),
-    ([GOOD, line((0, 0, 0), (1, 0, 0))], "same number of coordinates"),
-    ([], "at least one segment"),
-    ([GOOD, ((1, 0), (2, 0))], "Segment 2", "Line or an Arc", "tuple", {"index": 1}),
-    (
-        [GOOD, arc((1, 0), (1, 1), np.pi / 2), line((2, 1.002), (2, 2))],
-        *("Segment 3", "0.002 m from the end of segment 2"),
-        {"index": 2, "point": (2, 1.002), "needed": 0.002, "allowed": 1e-9},
-    ),
-)
 COLUMNS = {
     "starts": np.zeros((1, 2)),
     "tangents": np.array([[1.0, 0.0]]),
@@ -228,28 +197,6 @@ COLUMNS = {
     "curvatures": np.zeros(1),
     "lengths": np.ones(1),
 }
-ODD_COLUMNS = (
-    ({"starts": np.zeros((0, 2))}, "at least one segment"),
-    ({"starts": np.zeros((1, 4))}, "starts", "2 or 3 coordinates"),
-    ({"tangents": np.ones((2, 2))}, "tangents", "shape (1, 2)"),
-    ({"curvatures": np.array([np.nan])}, "curvatures", "finite"),
-    ({"curvatures": np.array([-1.0])}, "curvatures not negative"),
-    ({"lengths": np.zeros(1)}, "lengths must be above zero"),
-    ({"speeds": np.ones(2)}, "speeds", "one value per segment (1)"),
-    ({"tolerances": np.ones(3)}, "tolerances", "one value per segment"),
-    ({"tags": ("a", "b")}, "tags", "one value per segment"),
-)
-
-
-def path_with(**columns):
-    return ac.Path(segments=Segments(**COLUMNS | columns))
-
-
-def test_segments_demands_and_columns_that_do_not_fit_are_refused():
-    assert path_with().length == 1.0
-    refused(*((lambda x=x: ac.SegmentLimits(**x), *more) for x, *more in DEMANDS))
-    refused(*((lambda x=x: path_of(*x), *more) for x, *more in SEGMENTS))
-    refused(*((lambda x=x: path_with(**x), *more) for x, *more in ODD_COLUMNS))
 
 
 ROUNDED = ac.round_corners(ac.Path.polyline([(0, 0), (1, 0), (1, 2), (3, 3)]), tolerance=0.1)
@@ -261,17 +208,6 @@ def gapped(gap):
     return dataclasses.replace(lines, starts=lines.starts + np.array([(0, 0), (0, gap)]))
 
 
-def test_a_path_of_checked_segments_shares_them():
-    path = ROUNDED.lifted()
-    others = path.oriented(np.eye(3)), path.following_tangent((0, 0, 1))
-    for other in (*others, dataclasses.replace(path, merged=(1,))):
-        assert other.segments is path.segments
-    queries = np.random.default_rng(0).normal(size=(50, 3))
-    plain, held = path.project(queries), others[0].project(queries)
-    np.testing.assert_array_equal(plain.s, held.s)
-    np.testing.assert_array_equal(plain.distance, held.distance)
-
-
 def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
     near, far = ac.Path(segments=gapped(0.9e-9)), Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
     assert near.placed(Frame(position=[1, 2, 3])).length == 2
@@ -280,18 +216,6 @@ def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
         (lambda: near.placed(Frame(), scale=10), "Segment 2", {"index": 1}),
         (lambda: ROUNDED.placed(far), "must be continuous"),
         (lambda: join_paths([ROUNDED, away]), f"Segment {n + 1}", {"index": n}),
-    )
-
-
-def test_segments_run_backwards_are_the_same_points():
-    table = ROUNDED.segments
-    n = len(table)
-    back = table.reverse_rows(np.arange(n), np.arange(n) % 2 == 0)
-    share = np.linspace(0, 1, 9)[:, None] * table.lengths
-    every = np.broadcast_to(np.arange(n), share.shape)
-    turned = np.where(np.arange(n) % 2 == 0, table.lengths - share, share)
-    np.testing.assert_allclose(
-        back.evaluate(every, turned), table.evaluate(every, share), atol=1e-13
     )
 
 
@@ -314,17 +238,6 @@ def test_the_extent_is_that_of_dense_points_and_never_inside(dimension):
         np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [low, high], atol=1e-5)
 
 
-def test_nothing_is_left_of_a_transition_that_is_cut_at_both_ends():
-    path = ac.round_corners(
-        ac.Path.polyline([(0, 0), (1, 0), (1, 2)]), tolerance=0.1, continuity="curvature"
-    )
-    rows = path.segments
-    (bent,) = np.nonzero(rows.is_transition)
-    middle = rows.lengths[bent] / 2
-    cut = rows.cut(bent, middle, middle)
-    assert len(bent) and (cut.lengths == 0).all() and (cut.curvatures == 0).all()
-
-
 @given(
     seed=st.integers(0, 2**32 - 1),
     dimension=st.sampled_from([2, 3]),
@@ -345,23 +258,6 @@ def test_an_arc_through_three_points(seed, dimension, first, share):
     assert path.curvatures[0] == pytest.approx(1 / radius, rel=1e-9)
     points_on_arc = path(np.array([0, share, 1]) * path.length)
     np.testing.assert_allclose(points_on_arc, points, atol=1e-9 * (1 + radius))
-
-
-def test_the_circle_is_the_one_through_the_points_and_a_flat_arc_keeps_its_ends():
-    a, b, c = points = np.array([(0.1, 0.2, 0.3), (0.4, 0.1, 0.5), (0.2, 0.6, 0.4)])
-    # Its centre by linear equations.
-    normal = np.cross(b - a, c - a)
-    right = [(b @ b - a @ a) / 2, (c @ c - a @ a) / 2, normal @ a]
-    center = np.linalg.solve(np.array([b - a, c - a, normal]), right)
-    arc = ac.Arc.through(*points)
-    np.testing.assert_allclose(arc.center, center, atol=1e-12)
-    path = path_of(arc)
-    radii = np.linalg.norm(path(np.linspace(0, path.length, 100)) - center, axis=1)
-    np.testing.assert_allclose(radii, np.linalg.norm(a - center), rtol=1e-12)
-    # A sagitta of a micrometre on a metre.
-    path = path_of(ac.Arc.through((0, 0), (0.5, 1e-6), (1, 0)))
-    np.testing.assert_allclose(path(path.length), (1, 0), atol=1e-9)
-    assert path.curvatures[0] == pytest.approx(8e-6, rel=1e-5)
 
 
 def test_three_points_on_a_line_and_circles_without_a_plane_make_no_arc():

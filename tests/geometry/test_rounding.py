@@ -1,14 +1,12 @@
 """Corner rounding: closed forms of one corner, the shrink rule, and what it refuses."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.geometry import ShapedPath, ShapingOutcome, corner_error, count_full_stops
+from armcontour.geometry import corner_error, count_full_stops
 from armcontour.geometry.path_parts import join_paths
 
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
@@ -138,17 +136,6 @@ def test_beside_an_arc_a_corner_is_that_between_lines_or_the_smallest_blend():
     assert (capped.error <= 1e-4).all() and (capped.speed < v).all()
 
 
-def test_corners_beside_arcs_share_their_arc_and_their_lines():
-    corners = ac.round_corners(bridge(), tolerance=[10.0, 10.0]).corners
-    assert corners.shrunk.all()
-    np.testing.assert_allclose(corners.tangent, 1.0)  # all of either line
-    # An arc of 0.2 m between two lines leaves either corner one half.
-    end = np.array([2 - np.cos(0.2), np.sin(0.2)])
-    short = path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -0.2), line(end, end + (1, 0)))
-    wide = ac.round_corners(short, tolerance=1.0)
-    np.testing.assert_allclose(wide.corners.tangent, 0.1)
-
-
 def test_why_the_tool_stops_and_how_often():
     path = path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -0.2))
     corners = ac.round_corners(path, tolerance=0.0).corners
@@ -164,21 +151,6 @@ def test_why_the_tool_stops_and_how_often():
     turning = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0)]).oriented(turns)
     assert count_full_stops(turning) == {"tool orientation": 1}
     assert count_full_stops(bridge()) == {"rounding off": 2}
-
-
-def test_full_stops_of_a_shaped_path_are_counted_by_reason():
-    lines = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1), (1.5, 1)]).segments
-    outcome = ShapingOutcome(start="stops", durations={"stops": 1.0, "shaped": 1.0})
-    for own_tolerance, reasons in (
-        (np.nan, {"faster than a curve": 2, "turn-back": 1}),
-        (0.0, {"faster than a curve": 1, "tolerance zero": 1, "turn-back": 1}),
-    ):
-        tolerances = np.array([own_tolerance, np.nan, np.nan, np.nan])
-        objective = ac.Path(segments=dataclasses.replace(lines, tolerances=tolerances))
-        places = [[0.0, 0.0], [objective.length, objective.length]]
-        fields = {"places": places, "tolerance": 0.01, "outcome": outcome}
-        stopping = ShapedPath(segments=lines, objective=objective, **fields)
-        assert count_full_stops(stopping) == reasons
 
 
 def test_a_tool_that_follows_the_tangent_keeps_to_it_over_corners_beside_arcs():
@@ -228,26 +200,6 @@ def test_arcs_that_leave_the_plane_are_rounded_too():
     assert stopped.reason.tolist() == ["tangent followed out of its plane"]
 
 
-def test_arcs_that_meet_share_their_line_and_ends_can_be_used_up():
-    # A square zigzag of side 1 with room for tangents of 0.5 only.
-    path = ac.Path.polyline([(-9, 0), (0, 0), (0, 1), (9, 1)])
-    corners = ac.round_corners(path, tolerance=10.0).corners
-    assert corners.shrunk.all()
-    np.testing.assert_allclose(corners.tangent, 0.5)
-    np.testing.assert_allclose(corners.radius, 0.5)  # r tan(45°)
-    # A small neighbour leaves its room to a large one.
-    small = 0.1 * (np.sqrt(2) - 1)  # an arc with r = 0.1 at a right angle
-    corners = ac.round_corners(path, tolerance=[small, 10.0]).corners
-    np.testing.assert_allclose(corners.tangent, [0.1, 0.9])
-    assert corners.shrunk.tolist() == [False, True]
-    path = ac.Path.polyline([(-0.3, 0), (0, 0), (0, 9)])
-    rounded = ac.round_corners(path, tolerance=10.0)
-    np.testing.assert_allclose(rounded.corners.tangent, 0.3)
-    assert len(rounded) == 2  # nothing is left of the first line
-    np.testing.assert_allclose(rounded(0.0), (-0.3, 0))
-    np.testing.assert_allclose(rounded(0.0, 1), (1, 0), atol=1e-12)
-
-
 def test_round_corners_refuses_and_questions_large_tolerances():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1)])
     options = (
@@ -279,20 +231,3 @@ def test_a_corner_at_which_the_orientation_jumps_stays_and_so_do_both_orientatio
     ends = rounded.orientation([0, rounded.length])[:, :, 2]
     np.testing.assert_allclose(ends, [(0, 0, -1), (0, np.sqrt(0.5), -np.sqrt(0.5))], atol=1e-15)
     np.testing.assert_array_equal(rounded.stops, [1.0])
-
-
-@each("continuity", ["tangent", "curvature"])
-def test_a_circle_stays_as_it_is(continuity):
-    flat = path_of(arc((0.1, 0.0), (0.0, 0.0), 2 * np.pi))
-    spatial = ac.Path.polyline([(0, 0, 0), (1, 0, 0)])
-    for path in (flat, spatial, spatial.pointing([0, 0, -1]), spatial.oriented(np.eye(3))):
-        circle = ac.round_corners(path, tolerance=1e-3, continuity=continuity)
-        s = np.linspace(0, path.length, 9)
-        np.testing.assert_array_equal(circle(s), path(s))
-        np.testing.assert_array_equal(circle.place(s), s)
-        assert len(circle.corners) == 0 and len(circle) == len(path) == 1
-        assert not count_full_stops(circle)
-        if path.orientation is not None:
-            np.testing.assert_array_equal(circle.orientation(s), path.orientation(s))
-            assert circle.orientation.axis_only == path.orientation.axis_only
-    refused((lambda: ac.round_corners(flat, tolerance=-1.0), "corner error tolerance"))

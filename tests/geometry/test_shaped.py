@@ -71,26 +71,6 @@ def test_the_curvature_is_that_of_the_curve_and_not_of_its_arcs(shaped):
     assert 0 < distances.max() < 1e-6
 
 
-def test_both_sides_of_a_break_agree(shaped):
-    s = shaped.breaks[1:-1]
-    for order in range(3):
-        before, right = shaped(s, order, side="left"), shaped(s, order)
-        np.testing.assert_allclose(before, right, atol=1e-6 * 40**order)
-
-
-def test_a_traced_curve_has_its_curvature_in_the_joints(shaped, arm):
-    # Moved to where the arm reaches it.
-    by = np.array([[[0.1, 0.2]]]) * np.eye(6)[0][None, :, None]
-    curve = dataclasses.replace(shaped.curve, coefficients=shaped.curve.coefficients + by)
-    segments = shaped.segments.replace(starts=shaped.segments.starts + (0.1, 0.2))
-    moved = dataclasses.replace(shaped, segments=segments, curve=curve)
-    joint_path = ac.trace(moved, arm)
-    s = np.linspace(0, moved.length, 400)
-    np.testing.assert_allclose(arm.tool_position(joint_path(s)), moved(s), atol=1e-9)
-    _, acceleration = arm.tool_motion(joint_path(s), joint_path(s, 1), joint_path(s, 2))
-    np.testing.assert_allclose(np.linalg.norm(acceleration, axis=1), 40 * s, atol=5e-2)
-
-
 def test_places_lead_from_the_objective_to_the_path(shaped):
     places_on_path = shaped.place([0.0, shaped.objective.length / 2, shaped.objective.length])
     np.testing.assert_allclose(places_on_path, [0, shaped.breaks[30], shaped.length], atol=1e-12)

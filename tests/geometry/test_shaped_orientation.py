@@ -1,10 +1,9 @@
 """Tool orientation of shaped paths: near that at the place, without stops, along the tangent."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.geometry.tables import arc, each, path_of, refused
+from tests.geometry.tables import each
 
 import armcontour as ac
 from armcontour.core.frames import angle_between, exp, log, shortest
@@ -48,17 +47,6 @@ def off_tangent(path, n=3001):
     return angle_between(path.orientation(s)[:, :, 0], path(s, 1))
 
 
-def test_no_orientation_and_a_constant_one_are_kept():
-    path, places = shaped(BASE)
-    same, error = orient_shaped(path, BASE, places)
-    assert same is path and error == 0
-    objective = BASE.pointing((0, 1, -1))
-    oriented, error = orient_shaped(path, objective, places)
-    assert type(oriented) is type(path) and oriented.orientation.fixed
-    assert error < 1e-12 and len(oriented.stops) == 0
-    np.testing.assert_array_equal(oriented.orientation.starts[0], objective.orientation.starts[0])
-
-
 @each("objective, tolerance", [(x, y) for x in (POINTING, ORIENTED) for y in (1e-4, 1e-2, 0.1)])
 def test_a_turning_tool_is_near_its_place_and_never_stops(objective, tolerance):
     path, places = shaped(objective)
@@ -69,39 +57,6 @@ def test_a_turning_tool_is_near_its_place_and_never_stops(objective, tolerance):
     assert off_place(oriented, objective, places).max() <= error * 1.03
     ends = oriented.orientation([0, oriented.length])
     np.testing.assert_allclose(ends, objective.orientation([0, objective.length]), atol=1e-12)
-
-
-@each("objective", [POINTING, ORIENTED])
-def test_without_a_tolerance_blends_go_with_the_corners(objective):
-    path, places = shaped(objective, tolerance=0.002)
-    oriented, error = orient_shaped(path, objective, places)
-    assert len(oriented.stops) == 0
-    rounded = round_with_parabolas(objective, tolerance=0.002)
-    # The rate sets in along with the places, which are faster on the shorter way.
-    assert 0.8 < error / rounded.corners.angular_error.max() < 1
-
-
-def test_straight_vertices_tolerance_zero_corners_and_rounded_objectives():
-    # A straight vertex needs a tolerance.
-    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0)]).pointing(AXES[:3])
-    places = np.array([(0, 0), (2, 2)])
-    oriented, error = orient_shaped(path, path, places, 0.01)
-    assert len(oriented.stops) == 0 and error == pytest.approx(0.01, rel=0.2)
-    rounded = round_with_parabolas(ORIENTED, tolerance=0.005)
-    whole = np.array([(0, 0), (rounded.length, rounded.length)])
-    refused(
-        (lambda: orient_shaped(path, path, places), "changes its angular rate after segment 1"),
-        (lambda: orient_shaped(rounded, rounded, whole, 0.01), "already rounded"),
-    )
-    # Tolerance zero stops where the rate jumps; at a corner of the path nothing is blended.
-    path, places = shaped(ORIENTED)
-    oriented, error = orient_shaped(path, ORIENTED, places, 0.0)
-    np.testing.assert_allclose(oriented.stops, path.place(BASE.breaks[1:-1]), atol=1e-12)
-    assert error < 1e-4
-    whole = np.array([(0, 0), (BASE.length, BASE.length)])
-    oriented, error = orient_shaped(BASE, ORIENTED, whole, 0.05)
-    assert error < 1e-12
-    np.testing.assert_array_equal(oriented.stops, BASE.breaks[1:-1])
 
 
 @each("tolerance", [1e-3, 0.02])
@@ -157,18 +112,3 @@ def test_random_places_keep_the_tolerance_without_stops(seed, axis_only):
     assert len(oriented.stops) == 0
     assert off_place(oriented, objective, both, 401).max() <= error * 1.05
     assert error <= tolerance
-
-
-def test_a_whole_turn_of_the_path_keeps_to_its_tangent():
-    def circle(*normal):
-        return path_of(arc((0.1, 0, 0), (0, 0, 0), 1.99 * np.pi, normal=normal))
-
-    objective, path = circle(0, 0, 1).following_tangent((0, 0, 1)), circle(0, 0.05, 1)
-    places = np.array([(0, 0), (objective.length, path.length)])
-    oriented, error = orient_shaped(path, objective, places, 0.01)
-    assert len(oriented.stops) == 0 and error <= 0.01
-    assert off_tangent(oriented).max() <= error + 1e-9
-    # Half way round the path goes 0.05 to the other side: so does the tool.
-    s = [path.length / 2]
-    tilt = exp(shortest(objective(s, 1), path(s, 1))) @ objective.orientation(s)
-    assert np.linalg.norm(log(oriented.orientation(s) @ np.swapaxes(tilt, 1, 2))) < 0.01

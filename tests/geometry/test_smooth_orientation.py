@@ -39,26 +39,6 @@ def test_the_derivative_of_the_angular_rate_does_not_jump(smooth):
     assert len(smooth.stops) == 0
 
 
-def test_rates_are_the_derivatives_of_the_orientation(smooth):
-    o, h = smooth.orientation, 1e-6
-    s = np.linspace(0.001, smooth.length - 0.001, 777)
-    rate, change = o.rates(s)
-    measured = log(o(s + h) @ np.swapaxes(o(s - h), 1, 2)) / (2 * h)
-    np.testing.assert_allclose(measured, rate, atol=1e-7 * np.abs(rate).max() + 1e-9)
-    measured = (o.rates(s + h)[0] - o.rates(s - h)[0]) / (2 * h)
-    np.testing.assert_allclose(measured, change, atol=1e-5 * np.abs(change).max())
-
-
-def test_a_tool_that_follows_the_tangent_is_at_its_angle():
-    path = ac.round_corners(
-        oriented("follows"), tolerance=5e-3, continuity="curvature", angular_tolerance=0.1
-    )
-    s = np.linspace(0, path.length, 5001)
-    assert angle_between(path.orientation(s)[:, :, 0], path(s, 1)).max() < 2e-6
-    again = ac.Path(segments=path.segments).following_tangent((0, 0, 1))
-    np.testing.assert_allclose(again.orientation(s), path.orientation(s), atol=1e-12)
-
-
 @each("allowed", [0.02, 0.1])
 @each("kind", ["turns", "axis"])
 def test_the_angular_tolerance_is_kept_and_used(kind, allowed):

@@ -1,14 +1,11 @@
 """Splines as chains of transitions, against scipy's cubic spline."""
 
-import dataclasses
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 from tests.geometry.tables import each, refused
 
 import armcontour as ac
-from armcontour.geometry.arc_fit import draw_with_arcs
 
 RANDOM = np.random.default_rng(0)
 CURVES = {
@@ -62,22 +59,6 @@ def test_a_closed_spline_goes_on_smoothly_where_it_began():
     np.testing.assert_allclose(closed(0.0, 1), np.array([1, -1]) / np.sqrt(2), atol=1e-12)
 
 
-def test_arcs_of_a_spline_become_more_with_the_cube_root_of_the_tolerance():
-    points, _ = CURVES["space"]
-    path = ac.Path.spline(points)
-    counts = []
-    for tolerance in (1e-3, 1e-6, 1e-9):
-        arcs, places = draw_with_arcs(path, tolerance)
-        s = np.linspace(0, arcs.length, 4001)
-        assert path.project(arcs(s)).distance.max() <= 1.1 * tolerance + 1e-9
-        arc_places = np.interp(s, *places.T[::-1])
-        assert np.linalg.norm(path(arc_places) - arcs(s), axis=1).max() < 3 * tolerance + 1e-6
-        assert not arcs.segments.is_transition.any() and arcs.turns.max() < 1e-9
-        counts.append(len(arcs))
-    # Pairs of arcs are of third order: a thousandth of the tolerance, ten times as many.
-    assert counts[1] / counts[0] < 16 and 6 < counts[2] / counts[1] < 16
-
-
 @each("name", ["plane", "space", "square", "closed in space", "small"])
 def test_the_curvature_of_a_spline_is_that_of_scipys_and_does_not_jump(name):
     points, closed = CURVES[name]
@@ -114,20 +95,6 @@ def test_a_tool_that_follows_a_spline_in_space_never_has_to_stop():
     rates, _ = path.orientation.rates(s)
     assert np.abs(np.sum(rates * tangents, axis=1)).max() < 2e-3 * np.abs(rates).max()
     assert len(ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.1).stops) == 0
-
-
-def test_orientations_keep_their_places_on_the_arcs_of_a_spline():
-    plain = ac.Path.spline(WAYPOINTS)
-    turning = plain.oriented(np.eye(3)), plain.oriented(TURNS), plain.following_tangent([0, 0, 1])
-    for path in turning:
-        arcs, places = draw_with_arcs(path)
-        s = np.linspace(0, path.length, 777)
-        differences = path.orientation(s) - arcs.orientation(np.interp(s, *places.T))
-        assert np.abs(differences).max() < (0.01 if path.orientation.follows else 1e-5)
-        assert arcs.orientation.jumps.max(initial=0) < 1e-9
-        if not path.orientation.follows:
-            waypoints = arcs.breaks[arcs.waypoints][1:-1]
-            np.testing.assert_allclose(arcs.stops, waypoints if len(path.stops) else [])
 
 
 def test_repeated_points_are_merged_and_demands_and_points_on_a_line_are_kept():
@@ -182,40 +149,3 @@ def test_an_orientation_per_point_is_spread_over_the_arcs_between(closed):
     assert len(rounded.stops) == 0
     differences = rounded.orientation(waypoints[1:-1]) @ np.swapaxes(turns.as_matrix()[1:-1], 1, 2)
     assert Rotation.from_matrix(differences).magnitude().max() <= 0.01 + 1e-9
-
-
-def test_a_direction_per_point_of_a_spline():
-    axes = TURNS.as_matrix()[:, :, 2]
-    path = ac.Path.spline(WAYPOINTS).pointing(axes)
-    waypoints = path.breaks[path.waypoints]
-    np.testing.assert_allclose(path.orientation(waypoints)[:, :, 2], axes, atol=1e-12)
-    np.testing.assert_allclose(path.orientation(waypoints, side="left")[:, :, 2], axes, atol=1e-12)
-    assert path.orientation.jumps.max() < 1e-12
-    np.testing.assert_allclose(path.stops, waypoints[1:-1])
-
-
-def test_messages_count_the_points_of_a_spline():
-    repeated = np.insert(WAYPOINTS, 2, WAYPOINTS[1], axis=0)
-    path = ac.Path.spline(repeated)
-    assert path.merged == (2,)
-    orientation = path.oriented(TURNS[[0, 1, 1, 2, 3]]).orientation
-    breaks = path.breaks[path.waypoints]
-    np.testing.assert_allclose(orientation(breaks), TURNS.as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(
-        path.oriented(TURNS).orientation(breaks), orientation(breaks), atol=1e-15
-    )
-    half = Rotation.from_rotvec([[0, 0, 0]] * 3 + [[np.pi, 0, 0]] * 2)
-    more, polyline = Rotation.identity(len(path) + 1), ac.Path.polyline(repeated)
-    refused(
-        (lambda: path.oriented(more), f"{len(path) + 1} values", "the path has 5 waypoints"),
-        (lambda: path.oriented(TURNS[[0, 1, 2, 2, 3]]), "Waypoint 3", {"index": 2}),
-        (lambda: path.oriented(half), "at waypoints 2 and 4 differ", {"index": 1}),
-        (lambda: polyline.oriented(half), "at waypoints 2 and 4 differ", {"index": 1}),
-    )
-    # Waypoints are vertices in order.
-    np.testing.assert_array_equal(ac.Path.polyline(WAYPOINTS).waypoints, np.arange(len(WAYPOINTS)))
-    np.testing.assert_array_equal(ac.round_corners(path, tolerance=1e-3).waypoints, path.waypoints)
-    n = len(path)
-    for bad in ([0], [1, n], [0, 3, 3, n], [0, n + 1]):
-        waypoints = np.array(bad)
-        refused((lambda x=waypoints: dataclasses.replace(path, waypoints=x), "waypoints of a path"))

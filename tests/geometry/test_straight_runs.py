@@ -6,9 +6,7 @@ from tests.geometry.tables import arc, each, line, path_of
 
 import armcontour as ac
 from armcontour.core.frames import exp
-from armcontour.geometry import round_with_parabolas
 from armcontour.geometry.tangent_repair import repair_tangents
-from armcontour.program import Contour, Event, Program
 
 PLANE = np.array([[0.30, 0.20], [0.3411, 0.213], [0.335, 0.259], [0.33, 0.24], [0.30, 0.237]])
 SPACE = np.array([[0.45, -0.1, 0.3], [0.52, -0.08, 0.31], [0.5, 0.05, 0.35], [0.47, 0.06, 0.33]])
@@ -65,19 +63,6 @@ def test_corners_between_divided_lines_are_those_between_whole_lines(shape, way)
         assert rounded.objective is path and rounded.deviation == pytest.approx(whole.deviation)
         middle = path.breaks[path.waypoints[count // 2]]
         np.testing.assert_allclose(rounded(rounded.place(middle)), path(middle), atol=1e-9)
-
-
-def test_parabolas_and_tolerances_of_single_vertices():
-    whole = round_with_parabolas(ac.Path.polyline(PLANE), tolerance=1e-3)
-    same_curve(
-        round_with_parabolas(ac.Path.polyline(divide(PLANE, 40)), tolerance=1e-3), whole, 1e-12
-    )
-    # The tolerance of a vertex that is no corner is ignored; a corner of tolerance 0 stays sharp.
-    tolerance = np.zeros(4 * 40 - 1)
-    tolerance[[39, 119]] = 1e-3
-    corners = ac.round_corners(ac.Path.polyline(divide(PLANE, 40)), tolerance=tolerance).corners
-    np.testing.assert_allclose(corners.error, [1e-3, 0, 1e-3], rtol=1e-9)
-    assert corners.reason.tolist() == [None, "tolerance zero", None]
 
 
 @each("decimals", [3, 4])
@@ -164,41 +149,6 @@ def test_what_is_no_divided_line():
     lines, bend = [line(*x) for x in ends], arc((0.03, 0), (0.03, 0.02), np.pi / 2)
     rounded = ac.round_corners(path_of(*lines, bend, line((0.05, 0.02), (0.1, 0.02))), **allowed)
     assert len(rounded) == 5 and rounded.vertices[1] == pytest.approx((0.03, 0), abs=1e-15)
-
-
-def test_events_stay_where_they_are():
-    path = ac.Path.polyline(divide(PLANE, 100))
-    at = [float(path.breaks[k]) for k in (37, 250, 333)]
-    contour = Contour(path=path, events=tuple(Event(s=s, name="gas", value=1.0) for s in at))
-    rounded = ac.round_corners(Program(moves=(contour,)), tolerance=1e-3).contours[0]
-    points = rounded.path([x.s for x in rounded.events])
-    np.testing.assert_allclose(points, path(at), atol=1e-9)
-
-
-@each("continuity", ["tangent", "curvature"])
-def test_a_divided_path_takes_as_long_as_a_whole_one(continuity):
-    arm = ac.load_arm("pmk3s")
-    jerk = 100.0 if continuity == "curvature" else np.inf
-    limits = arm.limits.replace(speed=0.1, joint_jerk=jerk)
-
-    def duration(points, **options):
-        path = ac.Path.polyline(points)
-        rounded = ac.round_corners(path, tolerance=1e-3, continuity=continuity)
-        return ac.plan(rounded, arm, limits, **options).duration
-
-    whole = duration(PLANE)
-    for points in (divide(PLANE, 10), divide(PLANE, 1000), moves(PLANE, 4e-4, 3)):
-        assert duration(points) == pytest.approx(whole, rel=1e-4)
-
-
-def test_a_shaped_path_starts_from_whole_lines():
-    arm, options = ac.load_arm("pmk3s"), ac.Shaped(tolerance=1e-3, iterations=0)
-    limits = arm.limits.replace(speed=0.2)
-    durations = [
-        ac.plan(ac.Path.polyline(points), arm, limits, options).duration
-        for points in (PLANE[:3], divide(PLANE[:3], 50))
-    ]
-    assert durations[1] == pytest.approx(durations[0], rel=1e-3)
 
 
 def test_the_repair_of_printed_vertices_puts_moves_on_lines():

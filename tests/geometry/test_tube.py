@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.geometry import Segments, Tube, kernels, near_points, round_with_parabolas
+from armcontour.geometry import Segments, Tube, kernels, round_with_parabolas
 from armcontour.geometry.arc_fit import draw_with_arcs
-from armcontour.geometry.near_points import group_points, nearest_points, pairs_within
-from armcontour.geometry.path_parts import cut_path, join_paths
+from armcontour.geometry.path_parts import cut_path
 from armcontour.geometry.projection import pack_segments
 from armcontour.geometry.tangent_repair import repair_tangents
 
@@ -61,25 +59,6 @@ def sampled_distance(path, objective, places, reach, n=400):
     return np.array(distances), path.locate(s)
 
 
-ZIGZAG = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)]
-PIECES = [  # points, tolerance of the vertices, breaks, tolerances, vertices
-    (CORNER, 2e-3, [0, 0.1, 0.2], [2e-3, 2e-3], [1]),
-    # Each vertex has its tolerance up to the middle.
-    (ZIGZAG, [1e-3, 2e-3], [0, 0.1, 0.15, 0.2, 0.3], [1e-3, 1e-3, 2e-3, 2e-3], [1, 2]),
-    ([(0, 0), (1, 0)], 1e-3, [0, 1], [1e-3], []),
-]
-
-
-@each("points, tolerance, breaks, tolerances, vertices", PIECES)
-def test_pieces_of_a_tube(points, tolerance, breaks, tolerances, vertices):
-    tube = Tube.around(ac.Path.polyline(points), tolerance)
-    np.testing.assert_allclose(tube.breaks, breaks, atol=1e-15)
-    np.testing.assert_array_equal(tube.tolerance, tolerances)
-    np.testing.assert_array_equal(tube.vertex, vertices)
-    expected = np.broadcast_to(tolerance, len(vertices))
-    np.testing.assert_array_equal(tube.vertex_tolerance, expected)
-
-
 def test_the_paths_own_tolerances_cap_both_sides():
     second, third = ((1, 0), (1, 1)), ((1, 1), (0, 1))
     lines = line((0, 0), (1, 0)), line(*second, tolerance=1e-3), line(*third, tolerance=4e-3)
@@ -127,64 +106,6 @@ def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
     assert just.segments.max() < 0
     assert less.violated and less.sampled_excess == pytest.approx(5e-9, rel=1e-5)
     assert less.place == pytest.approx(1.0)
-
-
-@each("turn", [1e-3, 1e-6])
-def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
-    # The middle of the arc is as far from both lines as from the corner, to a millionth.
-    path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
-    rounded = ac.round_corners(path, tolerance=turn * 1e-3)
-    assert rounded.corners.error[0] == pytest.approx(turn * 1e-3)
-    assert Tube.around(path, turn * 1e-3).prove(rounded, places_of(rounded), 0.5).ok
-
-
-def test_a_hop_to_the_neighbouring_pass_is_no_way():
-    path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.004), (0, 0.004)])
-    short = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, 0.004), (0, 0.004)])
-    assert path.project(short(np.linspace(0, short.length, 1001))).distance.max() < 0.0021
-    proof = Tube.around(path, 0.005).prove(short, evenly(path, short), 0.02)
-    assert proof.violated
-    # Even if the places leave the rest of the path out, its corners are missed.
-    jumps = [(0, 0), (0.502, 0.502), (1.502, 0.502), (2.004, 1.004)]
-    jump = Tube.around(path, 0.005).prove(short, np.array(jumps), 0.02)
-    np.testing.assert_allclose(jump.vertices, 0.5 - 0.005, rtol=1e-4)
-    assert jump.violated and jump.segments.max() < 0
-
-
-def test_a_crossing_is_not_a_way_to_turn_off():
-    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, -1)])
-    # At the crossing (0.5, 0) it takes the other line.
-    turned = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, -1)])
-    assert path.project(turned(np.linspace(0, turned.length, 101))).distance.max() < 1e-12
-    assert Tube.around(path, 0.01).prove(turned, evenly(path, turned), 0.05).violated
-    same = Tube.around(path, 0.01).prove(path, evenly(path, path), 0.05)
-    assert same.ok and same.segments.max() == pytest.approx(-0.01)
-
-
-def test_arcs_on_arcs_keep_tolerance_zero():
-    points = np.random.default_rng(3).normal(size=(8, 3))
-    path, _ = draw_with_arcs(ac.Path.spline(points), 1e-3)
-    proof = Tube.around(path, 0.0).prove(path, evenly(path, path), 0.0)
-    assert proof.ok
-    # Cut at other places, too.
-    cuts = np.linspace(0, path.length, 30)
-    parts = [cut_path(path, a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
-    again = join_paths(parts)
-    assert Tube.around(path, 0.0).prove(again, evenly(path, again), 0.0).ok
-    assert Tube.around(again, 0.0).prove(path, evenly(again, path), 0.0).ok
-
-
-@each("dimension", [2, 3])
-def test_circles_side_by_side_are_bound_to_a_millionth(dimension):
-    def circle(radius):
-        plane = {"normal": (0, 0, 1)} if dimension == 3 else {}
-        start = radius * np.eye(dimension)[0]
-        return path_of(arc(start, np.zeros(dimension), 1.9 * np.pi, **plane))
-
-    path, near = circle(0.05), circle(0.051)
-    tubes = (Tube.around(path, 1e-3 * x) for x in (1 + 1e-6, 1 - 1e-6))
-    wide, narrow = (x.prove(near, evenly(path, near), 1e-3) for x in tubes)
-    assert wide.ok and not narrow.ok and narrow.violated
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.booleans())
@@ -260,12 +181,6 @@ def test_the_vertices_are_those_of_a_dense_sample():
         assert proof.vertices[i] == pytest.approx(gaps.min() - 0.1, abs=1e-7)
 
 
-def test_reach_may_change_along_the_path():
-    path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.01), (0, 0.01)])
-    places = np.array([(0, 0), (0.5, 0.5), (1.01, 1.01), (2.01, 2.01)])
-    assert Tube.around(path, 0.0).prove(path, places, [0, 0.1, 0.2, 0]).ok
-
-
 def test_what_is_refused():
     path, space = ac.Path.polyline(CORNER), ac.Path.polyline([(0, 0, 0), (0.2, 0, 0)])
     bent = ac.round_corners(path, tolerance=1e-3, continuity="curvature")
@@ -280,64 +195,6 @@ def test_what_is_refused():
         ),
         (lambda: prove(path, [(0, 0), (0.1, 0.1)], 0.1), "from the start to the end"),
     )
-
-
-def test_refused_queries():
-    path = ac.Path.polyline([(0, 0), (1, 0)])
-    refused(
-        (lambda: path.project([(0, 0, 0)]), "have 2 coordinates like the path", "have 3"),
-        (lambda: path.project([(0, np.nan)]), "points to project", "finite", {"index": 0}),
-        (lambda: path.project([0, 1]), "points to project", "(2,)"),
-    )
-
-
-# On a grid, so that many points coincide and many distances are equal.
-POINTS = st.integers(1, 40).flatmap(
-    lambda n: arrays(np.float64, (n, 2), elements=st.integers(0, 12).map(float))
-)
-
-
-def both_ways(call):
-    """What a table of distances gives, and what the tree gives."""
-    table = call()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(near_points, "MAX_TABLE", 0)
-        return table, call()
-
-
-@given(POINTS, POINTS, st.floats(0.5, 4.0))
-def test_pairs_are_those_of_the_tree(places, points, near):
-    table, tree = both_ways(lambda: pairs_within(places, points, near))
-    assert np.array_equal(table, tree)
-    for i, k in zip(*table, strict=True):
-        assert np.linalg.norm(places[i] - points[k]) <= near + 1e-12
-
-
-@given(POINTS, POINTS, st.integers(1, 5), st.sampled_from([1.0, 2.5, np.inf]))
-def test_the_nearest_points_are_as_near_as_those_of_the_tree(places, points, count, within):
-    count = min(count, len(points))
-    for indices in both_ways(lambda: nearest_points(places, points, count, within)):
-        assert indices.shape == (len(places), count)
-        distances = np.linalg.norm(places[:, None] - points[None], axis=2)
-        expected = np.sort(distances, axis=1)[:, :count]
-        expected = np.where(expected < within, expected, np.inf)
-        padded = np.append(distances, np.full((len(places), 1), np.inf), axis=1)
-        # Of points that are equally far any may be found.
-        assert np.allclose(np.take_along_axis(padded, indices, axis=1), expected)
-
-
-@given(POINTS, st.floats(0.5, 4.0))
-def test_groups_are_those_of_the_graph(points, near):
-    table, tree = both_ways(lambda: group_points(points, near))
-    assert np.array_equal(table, tree)
-
-
-def test_a_long_chain_is_one_group_and_no_points_have_none():
-    chain = np.column_stack([np.random.default_rng(3).permutation(400), np.zeros(400)])
-    assert not group_points(chain, 1.0).any()
-    assert len(set(group_points(chain, 0.9))) == 400
-    none = np.empty((0, 2))
-    assert len(group_points(none, 1.0)) == 0 and len(pairs_within(none, none, 1.0)[0]) == 0
 
 
 LAST = 1e-6  # three decimals of a millimetre

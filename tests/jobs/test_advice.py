@@ -14,7 +14,7 @@ from armcontour.files.cell import drawing_text
 from armcontour.files.job_text_edits import change_data
 from armcontour.files.patch import key_of, resolve_patch
 from armcontour.jobs import advise
-from armcontour.jobs.advice import is_small, with_advice
+from armcontour.jobs.advice import with_advice
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 CORNER = {
@@ -100,19 +100,6 @@ def test_a_drawing_with_wide_corners_is_repaired_by_its_tolerance(tmp_path):
     assert after.kept is True
 
 
-def test_nothing_helps_a_motion_of_a_given_duration(tmp_path):
-    job, result = run_of({**CORNER, "runs": {"one": {"duration": "20 s"}}}, tmp_path)
-    advice = advise(job, result)
-    assert not advice.improvements and "No single change" in advice.note
-    assert advice.note in str(result.__class__.of(result, **rest_of(result), advice=advice).remarks)
-
-
-def rest_of(result):
-    """What a result has besides its plan."""
-    names = ("set_points", "servo", "execution", "evaluation", "executed_clearance")
-    return {x: getattr(result, x) for x in names}
-
-
 def test_a_study_has_the_changes_in_data_and_text(tmp_path):
     job = parse_job(yaml.safe_dump(CORNER))
     study = ac.run(job)
@@ -127,14 +114,6 @@ def test_a_study_has_the_changes_in_data_and_text(tmp_path):
 
 def plain_edits(edits):
     return [[key, value if np.isscalar(value) else list(value)] for key, value in edits]
-
-
-def test_large_jobs_are_not_planned_again_unasked():
-    assert is_small(parse_job(yaml.safe_dump(CORNER)))
-    runs = {f"run-{k}": {} for k in range(100)}
-    assert not is_small(parse_job(yaml.safe_dump({**CORNER, "runs": runs})))
-    free = {"corners": {"shape": "free", "tolerance": "2 mm"}}
-    assert not is_small(parse_job(yaml.safe_dump({**CORNER, **free})))
 
 
 @needs_dynamics

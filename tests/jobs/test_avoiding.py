@@ -15,9 +15,7 @@ from armcontour.core.frames import Frame
 from armcontour.core.render import plain
 from armcontour.files import parse_job
 from armcontour.jobs import JobResult, run
-from armcontour.jobs.alternatives import round_postures
 from armcontour.robot.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
-from armcontour.verification.clearance import Cell
 
 # Stand-ins of the links of a UR5e.
 LINKS = (
@@ -102,30 +100,6 @@ def test_a_rapid_goes_around_a_wall(job, free):
         "compensated"
     ]["clearance"]
     assert data["kept"] is True and data["avoided"] == list(plan.avoided)
-
-
-def test_rounded_postures_are_smooth():
-    postures = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]])
-    path = round_postures(postures, 0.5)
-    assert len(path.stops) == 0
-    assert path(path.breaks[[0, -1]]) == pytest.approx(postures[[0, -1]])
-    speeds = np.linalg.norm(path(np.linspace(0, path.breaks[-1], 200), 1), axis=1)
-    assert (speeds <= 1 + 1e-12).all() and speeds.min() >= np.sqrt(0.5) - 1e-12
-    assert len(round_postures(postures, 0.0).stops) == 2
-
-
-@needs_dynamics
-def test_plan_and_a_job_choose_the_same_configuration(job):
-    alone = dataclasses.replace(job, path=seams((0.40, 0)))
-    fastest = plan_of(alone, ignore_collisions=True)
-    scene = post_at_elbow(job, fastest)
-    clear = plan_of(alone, scene=scene)
-    limits = alone.runs[0].limits
-    for accept, like in ((None, fastest), (Cell(job.arm, scene).fits, clear)):
-        trajectory = ac.plan(alone.path, job.arm, limits, ac.Optimal(accept=accept))
-        np.testing.assert_allclose(trajectory(0.0), like.trajectory(0.0), atol=1e-9)
-        assert trajectory.duration == pytest.approx(like.trajectory.duration, rel=1e-6)
-    assert np.abs(fastest.trajectory(0.0) - clear.trajectory(0.0)).max() > 0.1
 
 
 @needs_dynamics
@@ -236,17 +210,6 @@ def test_a_tool_without_shapes_is_a_capsule_from_the_flange():
     assert "clearance of the tool is not checked" in str(thin.clearance_note)
 
 
-@needs_dynamics
-def test_where_none_keeps_clear_the_configuration_that_gets_farthest_is_refused(job):
-    # A post stops the configuration that is tried first at the second seam, and a wall stops the
-    # others at the third one.
-    three = dataclasses.replace(job, path=seams((0.4, 0), (0.4, 0.4), (0.5, 0)))
-    free = plan_of(three)
-    (post,) = post_at_elbow(job, free, free.trajectory.contour_spans[1].t[0]).obstacles
-    both = Scene(obstacles=(post, *wall(0.50, width=0.02).obstacles))
-    refused((lambda: plan_of(three, scene=both), "seam 2: torch and wall touch"), kind=Collision)
-
-
 ELBOW = """
 name: elbow
 arm: {name: ur10e, tool: {position: [0, 0, 150 mm]}, work: {position: [0.65, 0.10, 0.05]}}
@@ -293,13 +256,3 @@ def test_configurations_that_stay_above_the_base_are_preferred(below):
     assert any(sentence in x for x in low.warnings)
     (page,) = plain(JobResult(job=start, runs={"cut": low}).to_data())["runs"].values()
     assert page["clearance"]["below_base"] == sentence
-
-
-@needs_dynamics
-def test_a_floor_with_a_height_is_avoided_or_refused(below):
-    for floor, is_below in (("-400 mm", True), ("-100 mm", False)):
-        job = parse_job(f"{ELBOW}scene: {{floor: {floor}}}\n", source="test")
-        (run_result,) = run(job, simulate=False).runs.values()
-        assert (lowest(run_result, job) < 0) == is_below and run_result.clearance.below == ()
-    with pytest.raises(Collision, match="floor"):
-        run(dataclasses.replace(job, seed=below(0.0)), simulate=False)

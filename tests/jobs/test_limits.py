@@ -16,7 +16,6 @@ from armcontour.robot import resolve_limits
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS, UNITS
 
 ARMS = ("fr3", "panda", "pmk3s", "ur10e", "ur5e")
-DOWN = np.diag([1.0, -1.0, -1.0])
 # Values below those of all arms; ranges are wide.
 GIVEN = {
     "joint_acceleration": 0.7,
@@ -85,21 +84,6 @@ def test_a_job_and_python_have_the_same_limits_whichever_is_left_out(name):
         assert resolve_limits("a test", arm, of_call) is of_call
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_a_job_and_python_have_the_same_plan(name):
-    arm = ac.load_arm(name)
-    path = ac.Path.polyline(points_of(arm))
-    if arm.dimension == 3:
-        path = path.pointing([0, 0, -1])
-    specified = {"speed": 0.08, "joint_velocity": 0.5, "tool_acceleration": 0.3}
-    (run,) = ac.run(job_of(name, specified | {"joint_jerk": "inf"}), simulate=False).runs.values()
-    planned = ac.plan(path, arm, ac.Limits(**specified, joint_jerk=math.inf))
-    assert run.trajectory.duration == planned.duration
-    assert values_of(run.trajectory.limits) == values_of(planned.limits)
-    t = np.linspace(0, planned.duration, 50)
-    np.testing.assert_array_equal(run.trajectory(t), planned(t))
-
-
 @pytest.mark.parametrize("lift", ["inf", ".inf", "none"])
 def test_infinity_lifts_a_limit_in_jobs_and_in_python(lift):
     arm = ac.load_arm("panda")
@@ -146,28 +130,6 @@ def test_lifted_limits_stay_lifted_and_are_shown_and_given_ones_are_not_lifted()
         ac.Limits.only(sped=0.1)
     with pytest.raises(ac.InvalidInput, match="range of joint 1"):
         resolve_limits("a test", arm, ac.Limits(joint_lower=9.0))
-
-
-def test_a_panda_is_not_planned_out_of_its_range_or_above_its_torques(refuses):
-    """The path leaves the range of a joint; `Limits` of speeds alone had dropped the ranges."""
-    panda = ac.load_arm("panda")
-    rows = np.linspace(panda.limits.middle(7), panda.limits.middle(7), 3)
-    rows[1, 1], rows[2, 3] = 1.0, panda.limits.joint_upper[3] + 1.34
-    path = ac.JointPath.spline(rows)
-    for limits in (
-        None,
-        ac.Limits(joint_velocity=1.0, joint_acceleration=2.0),
-        ac.Limits(speed=1.0),
-    ):
-        refuses(lambda x=limits: ac.plan(path, panda, x), ac.Unreachable, limit="joint_upper")
-    free = ac.Limits(joint_upper=math.inf, joint_jerk=math.inf)
-    planned = ac.plan(path, panda, free)
-    assert planned(planned.duration)[3] > panda.limits.joint_upper[3]
-    lower = panda.limits.replace(joint_torque=0.6 * panda.limits.joint_torque)
-    weak = panda.with_limits(lower)
-    inside = ac.JointPath.spline(rows * [1, 1, 1, 0, 1, 1, 1] + [0, 0, 0, rows[0, 3], 0, 0, 0])
-    check = ac.check(ac.plan(inside, weak, ac.Limits(joint_jerk=math.inf)), weak)
-    assert not check.violated and check["joint_torque"].ratio <= 1 + 1e-9
 
 
 def test_limits_above_those_of_the_arm_are_taken_with_one_warning_that_names_both_values():
@@ -234,16 +196,3 @@ def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
     fast = ac.plan(path, arm.with_limits(ac.Limits(joint_velocity=0.3)))
     with pytest.warns(UserWarning, match="joint_velocity of 0.3"):
         ac.compensate(fast, servo)
-
-
-def test_the_readme_s_job_with_limits_above_the_arm_s_on_the_plant_of_the_readme():
-    arm = ac.load_arm("pmk3s")
-    objective = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
-    rounded = ac.round_corners(objective, tolerance=5e-3)
-    limits = arm.limits.replace(speed=0.15, joint_acceleration=8.0, centripetal_acceleration=0.09)
-    with pytest.warns(UserWarning, match="8 rad/s², the arm's 0.72"):
-        planned = ac.plan(rounded, arm, limits, ac.Optimal(reserve=0.02))
-    servo = ac.ServoModel(kp=25.0, kv=150.0)
-    executed = ac.simulate(ac.compensate(planned, servo, cycle=4e-3), ac.ServoPlant(arm, servo))
-    error = ac.evaluate(executed, rounded, objective=objective).contour_error
-    assert error.rms <= 0.0008e-3 and error.max <= 0.006e-3

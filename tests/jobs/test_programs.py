@@ -6,18 +6,17 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 from tests.dynamics_extra import needs_dynamics
-from tests.geometry.tables import arc, each, line, path_of, refused
+from tests.geometry.tables import arc, line, path_of, refused
 from tests.jobs.making import ARM, a_job, a_run
 
 import armcontour as ac
 from armcontour.core.errors import Unreachable
-from armcontour.core.frames import from_rpy
 from armcontour.core.progress import Step
 from armcontour.files.cell import read_cell
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Rounding, run, warnings_of
 from armcontour.jobs.run_plan import plan_one, prepare_and_round
-from armcontour.program import Contour, Event, Lead, Pierce, Process, Program, Switch
+from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
 SQUARE = Path.polyline([[0.28, 0.1], [0.36, 0.1], [0.36, 0.16], [0.28, 0.16], [0.28, 0.1]])
@@ -94,32 +93,6 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape):
         ends = (Lead(shape=shape, length=x) for x in lengths)
         shorter = Process(**dict(zip(("lead_in", "lead_out"), ends, strict=True)))
         assert (planned(dataclasses.replace(case, process=shorter))[2][i] < 0.05 * (1 - 1e-4)).all()
-
-
-def test_automatic_leads_of_a_pierced_contour_are_found_without_the_way_down():
-    line = Path.polyline([(0.40, 0.15, 0.1), (0.46, 0.15, 0.1)]).pointing([0, 0, -1])
-    arm, height, lengths = ac.load_arm("ur5e"), 2e-3, []
-    lead = Lead(shape="arc", side="left", active=True)
-    pierced = {"pierce": Pierce(time=0.2, height=height), "switch": Switch(name="laser")}
-    for piercing in ({}, pierced):
-        process, limits = Process(lead_in=lead, **piercing), arm.limits.replace(speed=0.05)
-        case = job(process, Contour(path=line), arm=arm, limits=limits)
-        _, program = prepare_and_round(case, case.runs[0])
-        lengths.append(program.contours[0].at_work[0])
-    assert lengths[1] == pytest.approx(lengths[0] + height) and lengths[0] > 0
-
-
-def test_automatic_leads_stop_growing_where_the_speed_does():
-    # A small circle: centripetal acceleration holds the tool below the assigned velocity.
-    circle = Path.from_segments([Arc(start=[0.32, 0.2], center=[0.31, 0.2], angle=2 * np.pi)])
-    case = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=circle, name="hole"))
-    program, trajectory, (ends,) = planned(case)
-    np.testing.assert_allclose(ends, np.sqrt(0.09 * 0.01), rtol=2e-3)
-    assert program.contours[0].work[0] < 0.01
-    # No lead helps, which a warning says with the place.
-    (warning,) = run(case).runs["compensated"].warnings
-    for words in ("2 cases", "contour hole", "30 mm/s instead of 50 mm/s", "with a lead of"):
-        assert words in warning
 
 
 def test_automatic_leads_go_as_far_as_the_arm_reaches_and_one_may_be_given():
@@ -207,19 +180,6 @@ def test_runs_share_their_tracing_and_find_their_own_leads():
     assert runs["less"].path.contours[0].work[0] > runs["compensated"].path.contours[0].work[0]
 
 
-def test_a_job_of_a_path_is_one_of_its_program():
-    program = Program(moves=(Contour(path=BEND),))
-    by_path = dataclasses.replace(job(Process(), Contour(path=BEND), end_time=3.0), path=BEND)
-    by_program = dataclasses.replace(by_path, path=program)
-    for x in (by_path, by_program):
-        assert x.program.path is BEND
-    first, second = (run(x).runs["compensated"] for x in (by_path, by_program))
-    assert first.path.single_path is not None
-    np.testing.assert_array_equal(first.set_points.q, second.set_points.q)
-    for x in (first, second):
-        assert x.evaluation.end_time == 3.0 and len(x.evaluation.contours) == 1
-
-
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"
 # A line, a quarter of a circle, and a line: the curvature jumps at both ends of the arc.
 BENT = path_of(
@@ -228,7 +188,6 @@ BENT = path_of(
     line((0.38, 0.22), (0.38, 0.26)),
 )
 ENDS = [0.06, 0.06 + 0.01 * np.pi]
-CORNER = ac.Path.polyline([(0.30, 0.20), (0.34, 0.20), (0.34, 0.23)])
 ARCS = Rounding(tolerance=1e-3, continuity="tangent")
 
 
@@ -296,45 +255,3 @@ def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
     # The inverse of the servo leads by dddq / K_p, and by what the jerk's own jumps ask for.
     ahead = np.abs(np.diff(compensated.set_points.q, 2, axis=0)) / set_points.cycle**2
     assert (ahead < limits.joint_acceleration + limits.joint_jerk / 25.0).all()
-
-
-def test_only_stops_that_limits_of_jerk_add_are_reported():
-    plain = ARM.limits.replace(speed=0.1)
-    endless = plain.replace(joint_jerk=float("inf")).for_joints(2)
-    for plan in plans(BENT, {"limits": plain}, {"limits": endless}):
-        assert plan.full_stops == {} and not stops_said(plan.warnings)
-    (plan,) = plans(CORNER, {"rounding": None})
-    assert plan.full_stops == {"rounding off": 1} and plan.jerk_stops == ()
-    assert plan.stops_note == "Run run0: 1 full stop inside contours (1 rounding off)."
-    timing = dataclasses.replace(plan.run.timing, duration=2 * plan.trajectory.duration)
-    slow = dataclasses.replace(plan.run, timing=timing)
-    again = run(a_job(plan.path, slow), simulate=False).runs["run0"]
-    assert again.full_stops == {"rounding off": 1} and again.jerk_stops == ()
-
-
-@each("orientation, stops", [("fixed", 0), ("follows", 0), ("turns", 2)])
-def test_transitions_in_space(orientation, stops):
-    way = BENT.lifted().placed(ac.Frame(position=(0.1, -0.2, 0.2)))
-    down = from_rpy([[np.pi, 0, 0]] * 3 + [[np.pi, 0, 0.05]])
-    turned = {
-        "fixed": lambda: way.oriented(down[0]),
-        "follows": lambda: way.following_tangent((0.0, 0.0, 1.0)),
-        "turns": lambda: way.oriented(down),
-    }[orientation]()
-    arm, rounding = ac.load_arm("ur5e"), Rounding(tolerance=1e-3, angular_tolerance=0.05)
-    limits = arm.limits.replace(speed=0.1, joint_jerk=100.0).for_joints(6)
-    (plan,) = plans(turned, {"limits": limits, "rounding": rounding}, arm=arm)
-    assert len(plan.jerk_stops) == stops
-    assert sum("full stop" in x for x in plan.warnings) == (stops > 0)
-
-
-def test_corners_have_no_such_stops_unless_arcs_are_asked_for():
-    curved, tangent = plans(CORNER, {}, {"rounding": ARCS})
-    assert curved.full_stops == {} and tangent.full_stops == {"curvature jumps": 2}
-    assert curved.trajectory.duration < tangent.trajectory.duration
-    (warning,) = stops_said(tangent.warnings)
-    assert warning.startswith("2 full stops")
-    c = tangent.path.path.corners
-    assert [x.s for x in tangent.jerk_stops] == pytest.approx([c.start[0], c.end[0]], abs=1e-9)
-    # The corner error is the same.
-    assert curved.path.path.corners.error == pytest.approx([1e-3], rel=1e-9)

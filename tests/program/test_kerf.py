@@ -141,18 +141,6 @@ def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given():
     np.testing.assert_allclose(right([0, right.length]), [[0, -1e-3], [0.051, 0.05]], atol=1e-15)
 
 
-def test_a_cut_beside_an_open_contour_keeps_clear_of_its_ends():
-    hook = Path.polyline([(0, 0), (0.04, 0), (0.04, 0.02), (0.02, 0.02), (0.02, 0.003)])
-    with pytest.raises(InvalidInput) as caught:
-        cut(hook, kerf=8e-3, kerf_side="left")
-    # Half the kerf on each side of the gap.
-    assert caught.value.allowed == pytest.approx(3e-3, rel=1e-3)
-    for side in ("left", "right"):
-        offset_path = cut(hook, kerf=2.99e-3, kerf_side=side).path
-        away = hook.project(offset_path(np.linspace(0, offset_path.length, 999))).distance
-        assert away.min() == pytest.approx(2.99e-3 / 2, abs=1e-12)
-
-
 def test_random_cuts_beside_open_contours_keep_their_distance_or_are_refused():
     rng = np.random.default_rng(3)
     refusals = 0

@@ -230,12 +230,6 @@ def test_a_closed_contour_whose_tool_ends_otherwise_stays_as_drawn():
     )
 
 
-def test_an_overlap_of_thousands_of_turns_is_soon_there():
-    tiny = Path.polyline([[0, 0], [1e-5, 0], [1e-5, 1e-5], [0, 0]])
-    prepared_contour = only(tiny, Process(overlap=1000 * tiny.length))
-    assert prepared_contour.path.length == pytest.approx(1001 * tiny.length)
-
-
 SWITCHED = [
     ([(True, 0.02), (False, 0.15)], False),
     ([(True, 0.02), (False, 0.04)], True),
@@ -506,19 +500,6 @@ def test_rapids_get_the_speed_that_nothing_else_gives_them():
 # --------------------------------------------------------------------------------- layers, orders
 
 
-def test_values_of_a_layer_are_none_for_null():
-    marks = {"overlap": None, "dwell": None, "events": None, "analog": None, "tabs": None}
-    process = Process(overlap=0.01, dwell=0.2, events=(Event(name="x"),), by_layer={"mark": marks})
-    layer_process = process.of_layer("mark")
-    assert (
-        layer_process.overlap,
-        layer_process.dwell,
-        layer_process.events,
-        layer_process.analog,
-        layer_process.tabs,
-    ) == (0.0, 0.0, (), (), None)
-
-
 def test_layers_demand_where_segments_do_not():
     first = line([0.3, 0], [0.4, 0], speed=0.05)
     path = path_of(first, line([0.4, 0], [0.4, 0.1], tolerance=1e-4))
@@ -530,24 +511,6 @@ def test_layers_demand_where_segments_do_not():
     assert mark.path.speeds[0] == 0.05 and np.isnan(mark.path.speeds[1])
     other = Process(layers={"engrave": SegmentLimits(speed=0.1)})
     refused((lambda: prepare(two, other), "'engrave'", "'cut', 'mark'"))
-
-
-@given(st.permutations(range(5)))
-def test_the_nearest_order_is_that_of_a_search_by_hand(order):
-    starts = np.array([[0, 0], [1, 0], [2.2, 0.1], [0.1, 1.3], [3, 3]]) * 0.1
-    paths = [Path.polyline([x, x + [0.02, 0.01]]) for x in starts]
-    contours = [Contour(path=paths[i], name=str(i)) for i in order]
-    prepared_program = prepare(program(*contours), Process(order="nearest"))
-    names = [x.name for x in prepared_program.contours]
-    assert sorted(names) == sorted(x.name for x in contours) and names[0] == str(order[0])
-    position, remaining = starts[order[0]] + [0.02, 0.01], set(order[1:])
-    for name in names[1:]:
-        nearest = min(
-            remaining, key=lambda i, position=position: float(np.hypot(*(starts[i] - position)))
-        )
-        assert name == str(nearest)
-        remaining.remove(nearest)
-        position = starts[nearest] + [0.02, 0.01]
 
 
 def test_refuses_values_that_make_no_process():
@@ -600,19 +563,6 @@ def test_refuses_values_that_make_no_process():
 
 
 # ---------------------------------------------------------------------------------------- rounding
-
-
-def test_rounding_a_program_rounds_contours_and_leaves_rapids():
-    bent = Path.polyline([[0.35, 0.25], [0.3, 0.2], [0.3, 0.1]])
-    drawn = program(Contour(path=BEND, work=(0.02, 0.09)), Rapid(path=bent), SQUARE)
-    done = round_corners(drawn, tolerance=1e-3)
-    first, alone = done.contours[0], ac.round_corners(BEND, tolerance=1e-3)
-    np.testing.assert_array_equal(first.path.vertices, alone.vertices)
-    (rapid,) = rapids(done)
-    assert rapid is bent
-    # After the corner the path is shorter by what the arc saves.
-    saved = BEND.length - alone.length
-    assert first.work == pytest.approx((0.02, 0.09 - saved), abs=1e-12)
 
 
 # --------------------------------------------------------------------------- passes and by layer

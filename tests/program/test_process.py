@@ -46,16 +46,6 @@ def parents(*contours, up=UP):
     return find_nesting(contours, up).parents.tolist()
 
 
-def test_the_parent_is_the_smallest_enclosing_contour_in_any_order():
-    rings = [circle(0, 0, 0.01), circle(0, 0, 0.04), circle(0, 0, 0.02), circle(0.1, 0, 0.03)]
-    assert parents(*rings, polyline([0.1, 0.0], [0.11, 0.0])) == [2, -1, 1, -1, 3]
-    # Contours are seen from above also where their plane is tilted.
-    program = ac.Program(moves=(circle(0, 0, 0.05), circle(0.02, 0, 0.01)))
-    frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
-    for up in (frame.rotation[:, 2], UP):
-        assert parents(*program.placed(frame).contours, up=up) == [-1, 0]
-
-
 def test_parents_and_areas_are_those_of_exact_arcs():
     hole = circle(0, 0, 0.02)
     turned = ac.Contour(path=hole.path.reversed())
@@ -94,13 +84,3 @@ def test_the_winding_number_is_that_of_a_fine_polygon(seed):
     wound = np.round((turned[:, -1] - turned[:, 0]) / (2 * np.pi)).astype(int)
     clear = np.min(np.linalg.norm(fine[:, None] - places, axis=2), axis=0) > 5e-3
     assert (holds == (wound != 0))[clear].all()
-
-
-def test_a_point_at_the_height_of_a_vertex_that_is_off_by_rounding_is_inside():
-    # The arc ends 2e-17 above the start of the line after it, at the height of the mark.
-    first = arc((0.05, 0.06), (0.0, 0.06), -0.5)
-    end = path_of(first).vertices[-1]
-    low = [end[0], end[1] - 2e-17 - 1e-18]
-    path = path_of(first, line(low, (-0.05, 0.0)), line((-0.05, 0.0), (0.05, 0.06)))
-    for y in (end[1], low[1], np.nextafter(end[1], 0)):
-        assert parents(ac.Contour(path=path), polyline([0.03, y], [0.031, y])) == [-1, 0]

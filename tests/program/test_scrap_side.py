@@ -127,25 +127,6 @@ def test_a_lead_that_crosses_another_contour_is_refused():
     assert marked.contours[0].work[0] == pytest.approx(0.02)
 
 
-@each("more", [{}, {"overlap": 1e-3}, {"kerf": 1e-3}, {"kerf": 1e-3, "passes": 2}])
-def test_leads_at_a_corner_of_a_hole_lie_in_the_waste(more):
-    corners = [(0.02, 0.02), (0.05, 0.02), (0.05, 0.04), (0.02, 0.04), (0.02, 0.02)]
-    for points in (corners, corners[::-1]):
-        window = ac.Path.polyline(points)
-        process = {"begin": "drawn", "lead_in": lead(), "lead_out": lead(), **more}
-        hole, _ = prepared(contours(OUTLINE, window), **process).contours
-        (on, work_end), path = hole.work, hole.path
-        for s in (np.linspace(0, 0.99 * on, 20), np.linspace(work_end + 0.04e-3, path.length, 20)):
-            assert ((path(s) > (0.02, 0.02)) & (path(s) < (0.05, 0.04))).all()
-        assert on == pytest.approx(4e-3) and path.length - work_end == pytest.approx(4e-3)
-
-
-def test_leads_of_a_contour_that_has_an_overlap_already_touch_its_tangent():
-    around = prepared(contours(circle(0.01)), overlap=2e-3).contours
-    prepared_path = prepared(around, begin="drawn", lead_in=lead(), lead_out=lead()).path
-    assert prepared_path.curvatures[[0, -1]] == pytest.approx([np.pi / 2 / 4e-3] * 2)
-
-
 def test_random_leads_lie_in_the_waste_or_are_refused():
     rng = np.random.default_rng(7)
     refusals = 0
@@ -211,18 +192,6 @@ def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direc
     placed = ac.Program(moves=tuple(moves)).placed(frame)
     prepared_contours = ac.prepare(placed, ac.Process(direction=direction, up=up)).contours
     assert [turns_left(x.path, up) for x in prepared_contours[:3]] == turning_left
-
-
-def test_climb_has_the_kerf_to_the_left_of_the_edge():
-    moves = contours(OUTLINE, HOLE)
-    prepared_contours = prepared(moves, direction="climb", kerf=2e-3, order="drawn").contours
-    sides = prepared(moves, direction="climb", kerf=2e-3, kerf_side="left", order="drawn").contours
-    for one, other in zip(prepared_contours, sides, strict=True):
-        assert one.path.length == pytest.approx(other.path.length, abs=1e-12)
-    assert (
-        prepared_contours[0].path.length > OUTLINE.length
-        and prepared_contours[1].path.length < HOLE.length
-    )
 
 
 def test_a_layer_has_its_own_direction_and_events_on_the_way_keep_the_drawn_one():

@@ -199,35 +199,6 @@ def run(arm, q, cycle, kp, kv, limit, interpolation="linear"):
     return execution
 
 
-gains = st.floats(1.0, 200.0)
-cycles = st.sampled_from([1e-4, 1e-3, 4e-3, 0.03, 0.2])
-
-
-@given(
-    st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-1e-3, 1e-3)), min_size=1, max_size=12),
-    cycles,
-    gains,
-    gains,
-    st.sampled_from(["linear", "step"]),
-)
-def test_any_set_points_come_to_rest(arm, q, cycle, kp, kv, interpolation):
-    kv = max(kv, kp / 10)  # hardly damped servos do settle, but take their time
-    run(arm, np.array(q), cycle, kp, kv, 5.0, interpolation)
-
-
-@given(
-    st.lists(st.sampled_from([-1, 0, 1]), min_size=2, max_size=10),
-    cycles,
-    st.sampled_from([10.0, 25.0, 37.5, 60.0]),
-    st.sampled_from([40.0, 100.0, 150.0]),
-    st.sampled_from([1.0, 1 - 1e-15, 1 + 1e-15, 1 - 1e-12, 1 + 1e-12, 1 + 1e-9, 1 - 1e-9]),
-)
-def test_steps_to_the_very_limit(arm, signs, cycle, kp, kv, share):
-    # A held step of limit / (K_p K_v) makes the demand start exactly at the limit.
-    q = np.cumsum(signs) * LIMIT / (kp * kv) * share
-    run(arm, np.stack([q, -q], axis=1), cycle, kp, kv, LIMIT, "step")
-
-
 @given(
     st.lists(st.sampled_from([-1, 0, 1]), min_size=1, max_size=6),
     st.sampled_from([1e-4, 1e-3, 4e-3]),

@@ -2,7 +2,6 @@
 
 from collections import Counter
 
-import numpy as np
 import pytest
 from soak import check, corners, timing
 
@@ -40,20 +39,3 @@ def test_no_verdict_on_printed_trajectories_contradicts_what_the_samples_prove(v
     # Most are decided, so that "cannot tell" is no way out.
     verdicts = Counter(x.said for x in outcomes)
     assert verdicts["violated" if violating else "kept"] > CHECKS * 0.6
-
-
-def test_the_oracle_of_check_knows_where_the_tool_is():
-    for name in ("pmk3s", "ur5e"):
-        arm, forward, dof = check.load(name), check.FORWARD[name], len(check.REACH[name])
-        q = np.random.default_rng(0).uniform(-3, 3, (200, dof))
-        # The controller's base may be turned against the oracle's: distances tell.
-        for k in (1, 7):
-            pair = [
-                np.linalg.norm(x[k:] - x[:-k], axis=1) for x in (forward(q), arm.tool_position(q))
-            ]
-            np.testing.assert_allclose(*pair, atol=1e-12)
-        for j in range(dof):
-            moved = q.copy()
-            moved[:, j] += 1e-6
-            step = np.linalg.norm(forward(moved) - forward(q), axis=1)
-            assert (step <= 1e-6 * check.REACH[name][j] * (1 + 1e-6)).all()

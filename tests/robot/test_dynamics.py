@@ -200,36 +200,3 @@ def test_torques_and_their_parts_are_those_of_pinocchio(seed, dof, n):
     same(dynamics.gravity(q), torque(q, still, still))
     same(dynamics.torque(q, dq, ddq), torque(q, dq, ddq) + armature * ddq)
     same(dynamics.mass_matrix(q), mass(q) + np.diag(armature))
-
-
-def test_states_of_any_form_have_the_same_torques(states):
-    dynamics = Dynamics(chain())
-    expected = dynamics.torque(*states)
-    for q in states:
-        q.flags.writeable = False
-    np.testing.assert_array_equal(dynamics.torque(*states), expected)
-    single = [dynamics.torque(*(x[k] for x in states)) for k in (0, 99)]
-    np.testing.assert_allclose(single, expected[[0, 99]], rtol=1e-13)
-    folded = dynamics.torque(*(np.asfortranarray(x).reshape(4, 25, 3) for x in states))
-    np.testing.assert_array_equal(folded.reshape(100, 3), expected)
-    assert dynamics.torque(*np.zeros((3, 0, 3))).shape == (0, 3)
-    assert dynamics.mass_matrix(np.zeros((0, 3))).shape == (0, 3, 3)
-
-
-@each("turns", [3, -1000, 100_000, 10**9])
-def test_whole_turns_change_no_torque(turns, states):
-    q, dq, ddq = states
-    dynamics = Dynamics(chain())
-    # The position itself is rounded, by half of its last digit.
-    rounding = np.spacing(7.0 * abs(turns)) + 1e-15
-    torque = dynamics.torque(q + 2 * np.pi * turns, dq, ddq)
-    expected = dynamics.torque(q, dq, ddq)
-    np.testing.assert_allclose(torque, expected, rtol=0, atol=2e3 * rounding)
-
-
-def test_a_position_that_is_no_number_has_no_torque(states):
-    q, dq, ddq = states
-    q[40, 1] = np.nan
-    torque = Dynamics(chain()).torque(q, dq, ddq)
-    assert np.isnan(torque[40]).any()
-    assert np.isfinite(np.delete(torque, 40, axis=0)).all()

@@ -41,16 +41,6 @@ def test_places_torques_and_jacobians(name):
         np.testing.assert_allclose(arm.tool_jacobian(q), jacobian[:, :2], atol=1e-9)
 
 
-@each("name", ac.arm_names())
-def test_without_armature_the_drive_torque_is_that_of_the_bodies_and_friction(name):
-    arm = ac.load_arm(name)
-    q, dq, ddq = states(arm, seed=1, n=100)
-    torque = seen_by_mujoco(model_of(name, np.zeros(arm.dof)), q, dq, ddq)[0]
-    viscous = 0.003 if name in ("panda", "fr3") else 0.0  # published for these alone
-    largest = np.abs(torque).max(axis=1, keepdims=True)
-    assert (np.abs(arm.torque(q, dq, ddq) - torque - viscous * dq) <= 1e-8 * largest).all()
-
-
 def test_a_payload_is_a_body_on_the_tip():
     load = Payload(
         mass=2.0,

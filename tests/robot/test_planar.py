@@ -120,32 +120,6 @@ def test_the_jacobian_its_rate_and_tool_motion_agree_with_differences(arm):
     np.testing.assert_allclose(arm.joint_acceleration(q(t), dq, a), ddq, atol=1e-11)
 
 
-@each("n", [0, 1, 31, 33])
-def test_blocks_of_states_end_anywhere(arm, n):
-    q, dq, ddq = np.random.default_rng(n).normal(size=(3, n, 2))
-    velocity, acceleration = arm.tool_motion(q, dq, ddq)
-    jacobian, rate = arm.tool_jacobian(q), arm.tool_jacobian_rate(q, dq)
-    np.testing.assert_allclose(velocity, np.einsum("nij,nj->ni", jacobian, dq), atol=1e-14)
-    expected = np.einsum("nij,nj->ni", jacobian, ddq) + np.einsum("nij,nj->ni", rate, dq)
-    np.testing.assert_allclose(acceleration, expected, atol=1e-14)
-    np.testing.assert_array_equal(arm.tool_velocity(q, dq), velocity)
-    np.testing.assert_array_equal(arm.tool_acceleration(q, dq, ddq), acceleration)
-
-
-def test_links_lead_from_the_base_to_the_tool(arm):
-    q = random_joints(10)
-    points = arm.links(q)
-    assert points.shape == (10, 3, 2)
-    np.testing.assert_array_equal(points[:, 0], np.tile((L0, 0), (10, 1)))
-    lengths = np.linalg.norm(np.diff(points, axis=1), axis=2)
-    np.testing.assert_allclose(lengths, np.tile((L1, L2), (10, 1)))
-    np.testing.assert_array_equal(points[:, 2], arm.tool_position(q))
-    assert arm.joint_position([0.35, 0.1]).shape == (2,)
-    assert arm.joint_position(np.full((3, 4, 2), 0.2)).shape == (3, 4, 2)
-    assert arm.tool_jacobian(np.ones((5, 2))).shape == (5, 2, 2)
-    assert arm.dof == 2 and arm.dimension == 2
-
-
 OUT_OF_REACH = [
     ((0.700, 0.0), ("(0.7, 0) m", "0.1 m out of reach", "more than 0.465 m"), 0.565, FAR),
     ((0.145, 0.0), ("(0.145, 0) m", "0.025 m out of reach", "less than 0.035 m"), 0.01, NEAR),

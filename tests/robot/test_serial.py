@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from tests.dynamics_extra import pinocchio
-from tests.geometry.tables import each, refused
+from tests.geometry.tables import refused
 
 import armcontour as ac
 from armcontour.core.frames import Frame, exp, log
@@ -109,38 +109,6 @@ def test_the_tools_jerk_has_all_digits(arm3):
     np.testing.assert_allclose(generic, exact, atol=1e-12 * size)
 
 
-def test_the_jerk_of_many_states_is_that_of_each(arm3):
-    states = np.random.default_rng(4).normal(size=(4, 2, 3, arm3.dof))
-    jerk = arm3.tool_jerk(*states)
-    assert jerk.shape == (2, 3, 3)
-    np.testing.assert_array_equal(jerk[1, 2], arm3.tool_jerk(*states[:, 1, 2]))
-    # At rest there is no way to go along.
-    q, rest, _, dddq = states
-    jerk = ac.Arm.tool_jerk(arm3, q, rest * 0, rest * 0, dddq)
-    np.testing.assert_allclose(jerk, arm3.tool_velocity(q, dddq), atol=1e-12)
-
-
-@each("n", [0, 1, 31, 33])
-def test_blocks_of_states_end_anywhere(arm3, n):
-    q, dq, ddq, dddq = states = np.random.default_rng(n).normal(size=(4, n, arm3.dof))
-    twist, bend = arm3.tool_twist(q, dq), arm3.tool_twist_rate(q, dq, ddq)
-    # The Jacobian and its rate are computed by other code.
-    expected = np.einsum("nij,nj->ni", arm3.jacobian(q), dq)
-    np.testing.assert_allclose(twist, expected, rtol=0, atol=1e-13 * arm3.dof)
-    rate = arm3.tool_jacobian_rate(q, dq)
-    expected = arm3.tool_velocity(q, ddq) + np.einsum("nij,nj->ni", rate, dq)
-    np.testing.assert_allclose(bend[:, :3], expected, rtol=0, atol=1e-12 * arm3.dof)
-    velocity, acceleration = arm3.tool_motion(q, dq, ddq)
-    np.testing.assert_array_equal(velocity, twist[:, :3])
-    np.testing.assert_array_equal(acceleration, bend[:, :3])
-    states.flags.writeable = False
-    points, jerk = arm3.tool_position(states[0]), arm3.tool_jerk(*states)
-    for k in range(n):
-        one = states[:, k]
-        np.testing.assert_allclose(arm3.tool_position(one[0]), points[k], atol=1e-14)
-        np.testing.assert_allclose(arm3.tool_jerk(*one), jerk[k], atol=1e-12)
-
-
 def test_pinocchio_sees_the_same_arm():
     pin = pinocchio()
     arm = crooked()
@@ -187,28 +155,6 @@ def test_work_frame_and_tool_only_define_the_two_ends_of_the_pose(arm3, states):
     np.testing.assert_allclose(equipped.torque(q, dq, ddq), expected, rtol=1e-12)
 
 
-def test_a_new_tool_keeps_the_payload_unless_it_brings_one():
-    load = Payload(mass=1.0)
-    arm = crooked().with_tool(Frame(), load)
-    assert arm.chain.payload is load
-    assert arm.with_tool(Frame.rpy([0, 0, 1], [0, 0, 0])).chain.payload is load
-    assert arm.with_tool(Frame(), Payload(mass=2.0)).chain.payload.mass == 2.0
-
-
-def test_links_lead_from_the_base_to_the_tool(arm3, states):
-    q = states[0]
-    points = arm3.links(q)
-    assert points.shape == (200, arm3.dof + 3, 3)
-    np.testing.assert_allclose(points[:, 0], np.tile(arm3.chain.base.position, (200, 1)))
-    np.testing.assert_allclose(points[:, -2], arm3.with_tool(Frame()).tool_position(q), atol=1e-12)
-    np.testing.assert_array_equal(points[:, -1], arm3.tool_position(q))
-    lengths = np.linalg.norm(np.diff(points, axis=1), axis=2)
-    np.testing.assert_allclose(lengths, np.tile(lengths[0], (200, 1)), atol=1e-12)
-    np.testing.assert_allclose(
-        lengths[0, :-2], np.linalg.norm(arm3.chain.positions, axis=1), atol=1e-12
-    )
-
-
 def test_one_state_and_any_shape_of_states():
     arm = crooked(dof=4)
     q = np.random.default_rng(3).normal(size=(2, 5, 4))
@@ -230,23 +176,6 @@ def test_one_state_and_any_shape_of_states():
         values = method(*[q] * count)
         assert values.shape == (2, 5, *shape)
         np.testing.assert_allclose(values[1, 2], method(*[q[1, 2]] * count), atol=1e-12)
-
-
-def test_what_an_arm_is_made_of_stays_as_it_is_and_states_have_to_fit():
-    arm, states = crooked(), np.zeros((5, 7))
-    assert (arm.dof, arm.dimension, arm.branches) == (6, 3, ())
-    with pytest.raises(ValueError, match="read-only"):
-        arm.link_table[0] = 0
-    np.testing.assert_array_equal(arm.limits.joint_velocity, np.ones(6))
-    q = np.zeros((2, 6))
-    q.setflags(write=False)
-    arm.tool_position(q)[0, 0] = 1.0  # results are the caller's own
-    refused(
-        (lambda: arm.tool_position(states), "crooked has 6 joints", "(5, 7)"),
-        (lambda: arm.tool_jacobian_rate(states[:, :6], states), "(5, 6), (5, 7)"),
-        (lambda: arm.tool_position(1.0), "6 columns"),
-        (lambda: arm.tool_twist(states[:, :6], states[:3, :6]), "broadcast together", "(3, 6)"),
-    )
 
 
 GOOD = {

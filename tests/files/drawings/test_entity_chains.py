@@ -198,28 +198,6 @@ def test_pieces_on_others_are_left_out_and_named():
     assert total == pytest.approx(3 + arc().length + 1 + 2 * (1 + np.sqrt(2)))
 
 
-def test_tiny_and_many_pieces():
-    # A circle of 1 mm of lines of 3 µm, in no order.
-    t = np.linspace(0, 2 * np.pi, 1001)
-    points = 0.5e-3 * np.column_stack([np.cos(t), np.sin(t)])
-    points[-1] = points[0]
-    given_ = [line(a, b) for a, b in zip(points, points[1:], strict=False)]
-    order = np.random.default_rng(0).permutation(len(given_))
-    contour = chained([given_[i] for i in order])
-    assert contour.closed and len(contour.path) == 1000
-    # Gaps on both sides of a piece of 2 µm.
-    ends = ((0, 1, "a"), (1 + 3e-6, 1 + 5e-6, "micro"), (1 + 8e-6, 2, "b"))
-    contours, _ = chain_pieces([line((a, 0), (b, 0), name) for a, b, name in ends], TOLERANCE)
-    assert sum(x.path.length for x in contours) == pytest.approx(2, abs=2e-5)
-    assert [x.name for x in contours] == ["a"]
-    assert gaps(contours[0].path)[:-1].max(initial=0) < 1e-9
-    # Many pieces at one point, or on one line.
-    t = np.linspace(0, 2 * np.pi, 300, endpoint=False)
-    star = [line((0, 0), (np.cos(x), np.sin(x))) for x in t]
-    assert len(chain_pieces(star, TOLERANCE)[0]) == 150
-    assert len(chain_pieces([line((0, 0), (1, 1))] * 300, TOLERANCE)[0]) == 1
-
-
 def test_short_contours_are_left_out_and_segments_keep_their_demands():
     contours, (note,) = chain_pieces([*pieces(), line((5, 5), (5, 5 + 3e-6), "dust")], TOLERANCE)
     assert len(contours) == 1 and "0.01 mm" in note and note.endswith(": dust.")
@@ -245,34 +223,3 @@ def test_short_contours_are_left_out_and_segments_keep_their_demands():
         [limited_line((0, 0), (1, 0), 0.1, "a"), limited_line((2, 0), (1, 3e-6), 0.2, "b")]
     ).path
     assert path.tags == ("a", "b") and path.speeds.tolist() == [0.1, 0.2]
-
-
-@pytest.mark.parametrize(
-    "corner",
-    [
-        [(1, 0), (1 - 3e-7, 0), (1 - 3e-7, 1)],
-        [(0.5, 0), (0.5, -3e-6), (0.5, 0), (1, 0), (1, 1)],
-        [(0.5, 0), (0.5 + 4e-7, 0), (0.5 + 1e-7, 0), (1, 0), (1, 1)],
-        [(1, 0), (1 + 3e-7, 3e-7), (1 + 3e-7, -3e-7), (1, 2e-7), (1, 1)],
-        [(1, 0), (1, 1), (0, 1), (0, -3e-7)],
-    ],
-)
-def test_short_edges_at_which_a_contour_turns_back_are_left_out(corner):
-    points = [(0, 0), *corner] if corner[-1][0] == 0 else [(0, 0), *corner, (0, 1)]
-    points = np.array([*points, points[0]])
-    one = [piece(ac.Path.polyline(points), "a")]
-    repeats = len(np.unique(points, axis=0)) < len(points) - 1
-    for given_ in (one, one if repeats else pieces(points, "aaaaaaaaaa")):
-        (contour,), (note,) = chain_pieces(given_, TOLERANCE)
-        assert contour.closed and "0.01 mm" in note and note.endswith(": a.")
-        assert contour.path.length == pytest.approx(4, abs=1e-5)
-        assert contour.path.lengths.min() > 0.4
-    # Teeth and steps of the drawing stay.
-    saw = np.column_stack([np.arange(40) * 1e-6, np.arange(40) % 2 * 8e-6])
-    steps = np.repeat(np.arange(40), 2) * 5e-6
-    for points in (saw, np.column_stack([steps[:-1], steps[1:]])):
-        assert len(chained([piece(ac.Path.polyline(points))]).path) == len(points) - 1
-
-
-def test_nothing_is_chained_to_nothing():
-    assert chain_pieces([], TOLERANCE) == ([], [])

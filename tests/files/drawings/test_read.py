@@ -11,7 +11,7 @@ from tests.files.tables import refusals
 
 import armcontour as ac
 from armcontour.files.drawings.arc_chain import ArcChain
-from armcontour.files.drawings.outlines import BezierSpline, Outline, fit_splines, paths_of
+from armcontour.files.drawings.outlines import BezierSpline, fit_splines
 
 CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
 GCODE = "G21 F600\nG0 X0 Y0\nG1 X20\nG0 X0 Y10 Z2\nG1 X20\n"
@@ -82,17 +82,6 @@ def test_layers_and_names_choose_contours(read):
     refusals(lambda x: x.path, [(read(units="mm"), "w.csv has 2 contours")])
 
 
-def test_progress_increases_to_one_at_most(read):
-    examples = [f"{os.getcwd()}/examples/drawings/{x}" for x in ("gasket.dxf", "lettering.svg")]
-    for file in ("long.ngc", *examples):
-        progress_log = []
-        text = "G21 F600\n" + "G1 X1\nG1 X2\n" * 10_000 if file == "long.ngc" else None
-        read(file, text, progress=progress_log.append)
-        assert {x.names for x in progress_log} == {(os.path.basename(file),)}
-        shares = [x.done or 0.0 for x in progress_log]
-        assert shares == sorted(shares) and 0 <= shares[0] < shares[-1] <= 1
-
-
 def test_what_cannot_be_read_is_refused(read, tmp_path):
     (tmp_path / "folder.dxf").mkdir()
     (tmp_path / "part.dwg").write_bytes(b"AC1032")
@@ -143,17 +132,6 @@ def arc(a, b, angle, centre=(0.0, 0.0)):
     return ArcChain.arc(np.array(centre), np.array([a, 0.0]), np.array([0.0, b]), angle)
 
 
-def test_a_short_arc_of_a_huge_circle_ends_where_it_is_drawn():
-    radius, half = 1e9, 0.5
-    ends = np.array([(-half, 0.0), (half, 0.0)])
-    centre = np.array([0.0, half**2 / (2 * radius) - radius])
-    sine, angle = np.array([radius, half]), 2 * np.arcsin(half / radius)
-    chain = ArcChain.arc(centre, ends[0] - centre, sine, angle, ends)
-    np.testing.assert_allclose(chain.to_segments(TOLERANCE).ends, ends[1:], atol=1e-12)
-    # `bounding_points` is the extent of the arc, not of the circle.
-    assert np.abs(chain.bounding_points).max() < 1
-
-
 @given(seed=st.integers(0, 2**32), degree=st.integers(2, 5), extra=st.integers(0, 6))
 @settings(max_examples=15)
 def test_a_b_spline_with_any_knots_and_weights_is_followed(seed, degree, extra):
@@ -172,24 +150,3 @@ def test_a_b_spline_with_any_knots_and_weights_is_followed(seed, degree, extra):
     ((_, segments),) = fit_splines([spline], TOLERANCE)
     path = ac.Path(segments=segments)
     assert path.project(value[:, :2] / value[:, 2:]).distance.max() <= TOLERANCE
-
-
-def test_many_curves_at_once_are_what_each_is_alone(monkeypatch):
-    monkeypatch.setattr("armcontour.files.drawings.outlines.FIT_BATCH", 20)
-    rng = np.random.default_rng(4)
-    counts = 3 * rng.integers(1, 6, 16) + 1
-    splines = [BezierSpline(points=rng.uniform(0, 0.1, (n, 2)), degree=3) for n in counts]
-    splines[7] = BezierSpline(
-        points=splines[7].points, weights=rng.uniform(1, 2, len(splines[7].points))
-    )
-    splines[9] = BezierSpline(points=rng.uniform(0, 0.1, (5, 2)), degree=2)
-    together = dict(fit_splines(splines, TOLERANCE))
-    assert sorted(together) == list(range(16))
-    for i, spline in enumerate(splines):
-        ((_, alone),) = fit_splines([spline], TOLERANCE)
-        assert len(alone) == len(together[i])
-        np.testing.assert_allclose(alone.starts, together[i].starts, atol=1e-12)
-        np.testing.assert_allclose(alone.lengths, together[i].lengths, atol=1e-12)
-    shares = []
-    assert None not in paths_of([Outline([x]) for x in splines], TOLERANCE, tell=shares.append)
-    assert len(shares) > 1 and shares == sorted(shares) and shares[-1] == 1.0

@@ -122,24 +122,6 @@ def test_printed_curves_have_no_corners(read, shape):
         assert printed.path.project(mended.path(s)).distance.max() <= min(rounding, 1e-5), decimals
 
 
-@pytest.mark.parametrize(("shape", "decimals"), [("rectangle", 3), ("arcs", 3), ("ellipse", 2)])
-def test_printed_curves_take_no_longer_than_exact_ones(read, shape, decimals):
-    draw, ending = SHAPES[shape]
-    exact = duration(read(draw(13), ending))
-    assert duration(read(draw(decimals), ending)) <= 1.01 * exact
-
-
-def test_a_program_keeps_its_events_and_its_start(read):
-    text = rectangle(3).replace("G3", "M62 P1\nG3", 1)
-    printed, mended = read(text, mend_vertices=0.0), read(text)
-    assert [type(x) for x in printed.moves] == [type(x) for x in mended.moves]
-    (before,), (after,) = printed.contours, mended.contours
-    assert len(before.events) == len(after.events) > 0
-    for x, y in zip(before.events, after.events, strict=True):
-        np.testing.assert_allclose(after.path(y.s), before.path(x.s), atol=1e-6)
-    np.testing.assert_array_equal(after.path(0.0), before.path(0.0))
-
-
 def test_tolerances_of_the_file_and_of_the_layer_bound_it(read, refuses):
     # Exact stop.
     assert kinks(read(rectangle(3).replace("G64 P0.1", "G61"))) >= 5
@@ -210,15 +192,3 @@ def test_a_curve_of_svg_has_continuous_curvature_within_the_chord_tolerance(read
         assert jumps(path) < 1e-9
         assert path.project(points).distance.max() <= tolerance + 1.1e-9
         assert jumps(read(text, ".svg", chord_tolerance=tolerance).path) > 1e-3
-
-
-def test_lines_and_arcs_of_g_code_get_transitions(read, refuses):
-    text = "G21 G90 G17\nF1000\nG0 X0 Y0\nG1 X50\nG3 X50 Y30 J15\nG1 X0\nG3 X0 Y0 J-15\nM30\n"
-    plain, smooth = read(text), read(text, continuity="curvature", scale=2.0)
-    assert jumps(smooth.path) < 1e-11
-    twice = plain.placed(ac.Frame(), scale=2.0).path
-    s = np.linspace(0, smooth.path.length, 9001)
-    # Half of the chord tolerance, times 2 for the scale.
-    assert 0.9e-5 < twice.project(smooth.path(s)).distance.max() < 1e-5 + 1.1e-9
-    assert (smooth.path.speeds == plain.path.speeds[0]).all()
-    refuses(lambda: read(text, continuity="smooth"), ac.InvalidInput, "tangent, curvature")

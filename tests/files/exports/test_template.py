@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.files.tables import refusals
 
-from armcontour.core.file_access import reading_below
 from armcontour.files.exports import SetPointTable, TemplateFormat, URScriptFormat
-from armcontour.files.exports.template import BUILT_IN, describe_program
+from armcontour.files.exports.template import BUILT_IN
 from armcontour.motion import TimedEvent
 
 NUMBER = r"-?\d+\.\d+"
@@ -107,15 +106,6 @@ def test_analog_outputs_are_set_where_they_change(table, tmp_path):
     outputs = [({"power": 2}, "power ... from -1 to 1")]
     refusals(lambda x: made(high, tmp_path, "kuka", outputs=x), outputs)
     assert "SetAO aoP, 10.000000;" in made(high, tmp_path, "abb", outputs={"power": "aoP"})
-
-
-def test_programs_of_many_points_are_named(table):
-    for name, way in (("urscript", "RTDE"), ("kuka", "--cycle"), ("abb", "--cycle")):
-        assert describe_program(table(6, count=10_000, events=()), name, None) == []
-        (note,) = describe_program(table(6, count=12_345, events=()), name, None)
-        assert "12345 points" in note and way in note
-    for name in ("csv", "own.j2"):
-        assert describe_program(table(6, count=12_345, events=()), name, None) == []
 
 
 def test_ours_refuse_arms_of_other_joints_and_other_outputs(table, tmp_path):
@@ -250,20 +240,6 @@ def test_a_template_takes_others_only_from_its_folder(table, tmp_path, how):
         assert text == ("" if how == "import" else "HEAD")
 
 
-def test_where_files_are_confined_templates_are_those_of_the_package_and_of_the_folder(
-    table, tmp_path
-):
-    folder, outside = tmp_path / "jobs", tmp_path / "outside.j2"
-    folder.mkdir()
-    outside.write_text("SECRET")
-    (folder / "part.j2").write_text("HEAD")
-    inside = house(folder, "{% include 'part.j2' %}")
-    free = [made(table(6), tmp_path, x) for x in (*BUILT_IN, inside)]
-    with reading_below([folder]):
-        assert [made(table(6), tmp_path, x) for x in (*BUILT_IN, inside)] == free
-        refusals(lambda x: made(table(6), tmp_path, x), [(outside, "is not in")])
-
-
 SERVOJ = re.compile(r"servoj\(\[([^\]]*)\], 0, 0, ([\d.]+), lookahead, gain\)")
 MOVEJ = re.compile(r"movej\(\[([^\]]*)\], a=0.3, v=0.2\)")
 OUTPUT = re.compile(r"set_standard_digital_out\((\d), (True|False)\)")
@@ -301,23 +277,6 @@ def run(text):
 def program(table, tmp_path, **options):
     URScriptFormat(**options).write(table, tmp_path / "a.script")
     return (tmp_path / "a.script").read_text(encoding="utf-8")
-
-
-def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(table, tmp_path):
-    exported = table(count=9)
-    label = dataclasses.replace(exported.events[2], value="plain words")
-    exported = dataclasses.replace(
-        exported, events=(*exported.events[:2], label, *exported.events[3:])
-    )
-    text = program(exported, tmp_path, outputs={"tool": 3})
-    points, events, _ = run(text)
-    names = [(3, True), "gas=2.5", "label=plain words", (3, False), (3, True)]
-    assert [name for _, name in events] == names
-    for (time, _), event in zip(events, exported.events, strict=True):
-        assert abs(time - event.t) <= exported.cycle / 2 + 1e-12
-    np.testing.assert_allclose([q for _, q in points[:9]], exported.q, rtol=0, atol=0.5000001e-7)
-    exact = [float(x) for x in re.findall(r"# .* at ([\d.]+) s", text)]
-    np.testing.assert_allclose(exact, [x.t for x in exported.events], rtol=0, atol=0.5000001e-6)
 
 
 @given(
@@ -374,9 +333,3 @@ def test_refuses_what_it_cannot_say(table, tmp_path):
     ]
     refusals(lambda x: program(x[0], tmp_path, **x[1]), cases)
     assert not list(tmp_path.iterdir())
-
-
-def test_long_names_are_shortened(table, tmp_path):
-    long = dataclasses.replace(table(events=()), name=30 * "long")
-    run(program(long, tmp_path))
-    assert program(long, tmp_path).startswith(f"def armcontour_{5 * 'long'}():\n")

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
-from tests.files.tables import refusals, values
+from tests.files.tables import refusals
 
 import armcontour as ac
 from armcontour.core.frames import Frame
@@ -176,18 +176,6 @@ def test_built_in_arms_take_tools_payloads_and_frames():
     assert arm.chain.assumed == ac.load_arm("ur5e").chain.assumed
 
 
-def test_arm_files_are_read_without_the_traps_of_yaml(tmp_path):
-    flood = "".join(f"x{i}: &x{i} [{', '.join([f'*x{i - 1}'] * 10)}]\n" for i in range(1, 9))
-    table = [
-        ("name: a\nlinks: [1, 1]\nname: b\n", "arm.yaml ... 'name' is repeated ... line 3"),
-        (f"x0: &x0 [1]\n{flood}", "fewer aliases"),
-    ]
-    refusals(lambda x: ac.load_arm(write(tmp_path, x)), table)
-    limits = write(tmp_path, "joint_limits: {a: {max_velocity: 1, max_velocity: 2}}")
-    twice = [(limits, "'max_velocity' is repeated")]
-    refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(joint_limits=x)), twice)
-
-
 # a [m], d [m], alpha [rad]: support article 45257 of Universal Robots, classic convention.
 UR = {
     "ur5e": ([0, -0.425, -0.3922, 0, 0, 0], [0.1625, 0, 0, 0.1333, 0.0997, 0.0996]),
@@ -231,12 +219,6 @@ def test_arms_by_their_dh_parameters(name):
         point, rotation = arm.pose(q)
         np.testing.assert_allclose(point, place[:3, 3], atol=1e-12)
         np.testing.assert_allclose(rotation, place[:3, :3], atol=1e-12)
-
-
-def test_the_ur5e_stretched_out():
-    # All joints at zero: the arm lies along -x, as the controller shows it.
-    position = ac.load_arm("ur5e").tool_position(np.zeros(6))
-    np.testing.assert_allclose(position, [-0.8172, -0.2329, 0.0628], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ac.arm_names())
@@ -358,19 +340,6 @@ def for_all(lines):
     return "joint_limits:\n" + "".join(f"  {joint}: {{{lines}}}\n" for joint in JOINTS)
 
 
-def test_a_file_of_the_field():
-    arm = load(DATA / "joint_limits.yaml")
-    limits = arm.limits
-    assert arm.limits_hint == ""
-    np.testing.assert_allclose(limits.joint_velocity, [np.pi / 2, 1.5, 2.5, 4])
-    # The smaller of acceleration and deceleration holds both ways.
-    np.testing.assert_array_equal(limits.joint_acceleration, [3, 2, 10, 20])
-    assert limits.joint_jerk is None
-    np.testing.assert_array_equal(limits.joint_torque, [80, 70, 35, 15])
-    np.testing.assert_allclose(limits.joint_lower, [-np.inf, -np.pi / 3, -2.5, -np.inf])
-    np.testing.assert_allclose(limits.joint_upper, [np.inf, 1.0, 2.5, np.inf])
-
-
 def test_limits_of_all_or_some_joints(tmp_path):
     no_limits = "has_velocity_limits: false, max_velocity: 1, has_position_limits: false, "
     no_limits += "has_effort_limits: false, has_jerk_limits: true, max_jerk: 100"
@@ -387,36 +356,6 @@ def test_limits_of_all_or_some_joints(tmp_path):
     inner = text.replace("\n", "\n      ")
     wrapped = "/**:\n  ros__parameters:\n    robot_description_planning:\n      " + inner
     np.testing.assert_array_equal(with_text(tmp_path, wrapped).limits.joint_acceleration, [2] * 4)
-
-
-def test_it_goes_before_an_arm_file_too(tmp_path):
-    file, arm_file = tmp_path / "limits.yaml", tmp_path / "arm.yaml"
-    file.write_text("joint_limits: {wrist_3_joint: {max_acceleration: !degrees 60}}")
-    limits = ac.load_arm("ur5e", ac.ArmOptions(joint_limits=file)).limits
-    np.testing.assert_allclose(limits.joint_acceleration, [np.pi] * 5 + [np.pi / 3])
-    np.testing.assert_array_equal(limits.joint_torque, [150, 150, 150, 28, 28, 28])
-    # Accelerations of a file hold both ways.
-    arm_file.write_text("""
-name: mine
-kind: planar_two_link
-base: {value: 0.1, unit: m}
-links: {value: [0.3, 0.2], unit: m}
-limits:
-  joint_acceleration: {value: [[-1, 3], [-2, 4]], unit: rad/s^2}
-  joint_velocity: {value: [2, 2], unit: rad/s}
-""")
-    table = """
-{joint 1: {max_acceleration: 5}, joint 2: {max_deceleration: 3}} => {joint_acceleration: [5, 2]}
-{joint 1: &x {has_acceleration_limits: false}, joint 2: *x} => {joint_acceleration: null}
-"""
-
-    def read(text):
-        file.write_text(f"joint_limits: {text}")
-        return ac.load_arm(arm_file, ac.ArmOptions(joint_limits=file)).limits
-
-    values(read, table)
-    one = read("{joint 1: {max_acceleration: 5}, joint 2: {max_velocity: 1}}")
-    np.testing.assert_array_equal(one.joint_acceleration, [[-5, 5], [-2, 4]])
 
 
 def test_a_file_of_joint_limits_completes_the_description(tmp_path):

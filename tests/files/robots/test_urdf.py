@@ -1,6 +1,5 @@
 """Arms from robot descriptions: the chain in them, what hangs on it, and what is refused."""
 
-import os
 import re
 from pathlib import Path as FilePath
 
@@ -412,16 +411,6 @@ def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path):
         refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
 
 
-def test_what_weighs_nothing_may_move_along_with_the_arm(tmp_path):
-    finger = '<link name="right_finger">.*?(<inertial>.*?</inertial>)'
-    inertial = re.search(finger, TEXT, re.DOTALL)[1]
-    mimic = ('<mimic joint="left"', '<mimic joint="roll"')
-    arm, bare = load(tmp_path, (inertial, ""), mimic), load(tmp_path, (inertial, ""))
-    q, dq, ddq = np.random.default_rng(4).normal(size=(3, 20, 4))
-    np.testing.assert_array_equal(arm.torque(q, dq, ddq), bare.torque(q, dq, ddq))
-    assert arm.has_bodies and not any("right" in note for note in arm.notes)
-
-
 def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path):
     ranges = 'lower="-1" upper="1" effort="1"'
     for range_text, end in (('lower="0.5" upper="1"', 0.5), ('lower="-1" upper="-0.25"', -0.25)):
@@ -527,23 +516,6 @@ def test_names_that_cannot_be_printed_and_numbers_that_are_none_are_refused(tmp_
     refusals(lambda x: load(tmp_path, x), table)
     large = [((old, new), words) for old, new, words in rows(TOO_LARGE)]
     refusals(lambda x: load(tmp_path, x), large)
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
-def test_pipes_are_refused(tmp_path):
-    pipes = [(tmp_path / f"pipe.{x}", "is not a regular file") for x in ("urdf", "yaml")]
-    for pipe, _ in pipes:
-        os.mkfifo(pipe)
-    refusals(ac.load_arm, pipes)
-    refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(joint_limits=x)), pipes)
-    # Joints that mimic one another in a long row are refused.
-    mimics = "".join(
-        f'<link name="m{i}"/><joint name="m{i}" type="revolute"><parent link="tcp"/>'
-        f'<child link="m{i}"/><mimic joint="m{i + 1}"/></joint>'
-        for i in range(600)
-    )
-    change = ("</robot>", mimics + "</robot>")
-    refusals(lambda x: load(tmp_path, x), [(change, "Joint m ... must mimic an existing joint")])
 
 
 # Joints as name, kind, parent link, child link.

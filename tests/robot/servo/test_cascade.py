@@ -130,27 +130,6 @@ def test_the_integrator_does_not_wind_up(plan, drive_cycle):
             assert execution.q.max() - 1 == pytest.approx(overshoot, abs=0.01)
 
 
-def test_results_between_samples_are_those_of_a_finer_run(plan):
-    for drive_cycle in (0.0, 5e-3):
-        check_between(plan, drive_cycle)
-
-
-def check_between(plan, drive_cycle):
-    servo = ac.ServoModel(
-        kp=12.0, kv=80.0, ki=9.0, velocity_feedforward=0.5, dead_time=3e-3, drive_cycle=drive_cycle
-    )
-    set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
-    plant = ac.ServoPlant(ARM, servo, ac.Limits(joint_acceleration=[1.0, 1.0]))
-    coarse, fine = (ac.simulate(set_points, plant, resolution=x) for x in (CYCLE, CYCLE / 8))
-    n = min(len(coarse.t), len(fine.t[::8]))
-    np.testing.assert_allclose(coarse.q[:n], fine.q[::8][:n], atol=1e-12)
-    between = plant.motion_between(coarse, np.arange(20, 30))
-    k = np.argmin(np.abs(between.t[:, None] - fine.t), axis=1)
-    same = np.abs(fine.t[k] - between.t) < 1e-9
-    assert same.sum() > 80
-    np.testing.assert_allclose(between.q[same], fine.q[k[same]], atol=1e-12)
-
-
 @pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
 @pytest.mark.parametrize("feed", [(0.0, 0.0), (0.9, 0.0), (0.9, 0.4)])
 def test_set_points_compensate_the_cascade(plan, interpolation, feed):

@@ -154,18 +154,6 @@ def test_held_set_points_cancel_feedforward_exactly(arm, plan):
     assert (difference.max(axis=0) < set_points.truncated + 1e-9).all()
 
 
-def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
-    arm = ac.load_arm("ur5e")
-    path = ac.Path.polyline([(0.4, -0.1, 0.3), (0.4, 0.1, 0.3)]).oriented(np.diag([1.0, -1, -1]))
-    plan = ac.plan(path, arm, arm.limits.replace(speed=0.25, joint_jerk=100.0))
-    servo, errors = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0), []
-    for method in ("inverse_dynamics", "none"):
-        set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
-        execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
-        errors.append(ac.evaluate(execution, path).contour_error.rms)
-    assert errors[0] < min(1e-6, 0.1 * errors[1])
-
-
 OMEGA = np.array([0.0, 1.0, 30.0, 500.0])
 
 
@@ -182,19 +170,6 @@ def test_the_response_is_5_and_the_slowest_rate_that_of_its_slowest_pole():
         slowest = -np.roots([1.0, kv, kp * kv]).real.max()
         np.testing.assert_allclose(ac.ServoModel(kp=kp, kv=kv).slowest, slowest, rtol=1e-6)
     assert ac.ServoModel(kp=[5.0, 7.0], order="first").slowest == 5.0
-
-
-@pytest.mark.parametrize("tau", [0.0, 0.034])
-def test_response_of_first_order_and_dead_time(tau):
-    delay_factor = np.exp(-1j * OMEGA * tau)
-    first = ac.ServoModel(kp=25.0, order="first", dead_time=tau)
-    np.testing.assert_allclose(
-        first.response(1j * OMEGA)[:, 0], delay_factor * 25 / (25 + 1j * OMEGA)
-    )
-    second = ac.ServoModel(kp=25.0, kv=150.0, dead_time=[0.0, tau])
-    prompt = ac.ServoModel(kp=25.0, kv=150.0).response(1j * OMEGA)[:, 0]
-    both = np.stack([prompt, delay_factor * prompt], axis=1)
-    np.testing.assert_allclose(second.response(1j * OMEGA), both)
 
 
 def test_what_is_not_given_and_one_gain_for_all_joints():
@@ -241,21 +216,6 @@ def test_refusals(refuses):
     refuses(lambda: servo.check_gains(4e-3), ac.InvalidInput, "0.004 s", "250000 1/s")
 
 
-@pytest.mark.parametrize("kp", [5.0, 20.0, 60.0, 200.0])
-def test_the_inverse_of_a_lag_with_feedforward_is_never_worse_than_none(kp, arm, plan):
-    """Gains and dead times as those found for a KR C4, each joint with its own feed-forward."""
-    path = plan.laws[0].joint_path.tool_path
-    for f in ([0.8, 0.9], [1.1, 0.95], [1.0, 1.0]):
-        servo = ac.ServoModel(kp=kp, order="first", velocity_feedforward=f, dead_time=[4e-3, 7e-3])
-        errors = []
-        for method in ("inverse", "none"):
-            set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
-            execution = ac.simulate(set_points, ac.ServoPlant(arm, servo))
-            errors.append(ac.evaluate(execution, path).contour_error)
-        assert errors[0].rms < 0.1 * errors[1].rms
-        assert errors[0].max < 0.5 * errors[1].max
-
-
 SLOW = {
     "first": {"kp": [0.05, 0.4], "order": "first"},
     "lead": {"kp": [0.3, 0.4], "order": "first", "acceleration_feedforward": [0.02, 0.01]},
@@ -284,9 +244,3 @@ def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind
     assert (error < set_points.truncated + simulation_error).all() and (
         error > 0.5 * set_points.truncated - simulation_error
     ).all()
-
-
-def test_short_transients_are_not_cut_off(arm, plan):
-    servo = servo_of("first order", kp=200.0)
-    assert ac.compensate(plan, servo, ac.Inverse()).truncated is None
-    assert ac.compensate(plan, servo, ac.NoCompensation()).truncated is None
