@@ -205,13 +205,13 @@ def test_units_and_scales(tmp_path):
 
 
 BAD_MESHES = [
-    ("a.stl", binary()[:-1], "incomplete ... 12 triangles need 684 bytes, but it has 683"),
-    ("a.stl", b"<html>" * 50, "not an STL file"),
-    ("a.stl", binary(np.where(CORNERS == 0.3, np.nan, CORNERS)), "Triangle 1  ... not finite"),
-    ("a.stl", ascii_stl().rsplit("vertex", 1)[0].encode(), "35 vertices ... multiple of 3"),
+    ("a.stl", binary()[:-1], "a.stl is incomplete"),
+    ("a.stl", b"<html>" * 50, "a.stl has no triangles"),
+    ("a.stl", binary(np.where(CORNERS == 0.3, np.nan, CORNERS)), "not finite"),
+    ("a.stl", ascii_stl().rsplit("vertex", 1)[0].encode(), "no triangles"),
     ("a.obj", b"", "no triangles"),
-    ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 x 0\nf 1 2 3\n", "line 3 ... finite numbers ... '0 x 0'"),
-    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "line 3 ... vertex '3' ... 2 vertices are defined"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 x 0\nf 1 2 3\n", "does not have the format obj"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "does not have the format obj"),
     ("a.dae", b"<COLLADA/>", ".stl or .obj"),
 ]
 
