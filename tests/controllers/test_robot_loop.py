@@ -49,9 +49,10 @@ def errors(result) -> list[float]:
 
 def test_identified_servo_reaches_predicted_error(job):
     robot = Simulated()
-    found = identify_on(job, robot, execute=True)
+    found = identify_on(job, robot, execute=True, options=SECOND)
     servo = found.fit.servo_model()
-    assert found.resting == () and list(found.played) == ["run"] and len(robot.motions) == 1
+    assert list(found.logs) == ["run", "excitation"] and len(robot.motions) == 2
+    assert found.fit.judgement.programs == 2 and found.fit.judgement.trusted
     np.testing.assert_allclose(servo.kp, 25.0, rtol=0.05)
     np.testing.assert_allclose(servo.kv, 150.0, rtol=0.1)
     assert found.prediction.largest.max() < 1e-6
@@ -66,29 +67,6 @@ def test_dry_runs_move_nothing(job):
     assert identify_on(job, robot).fit is None
     assert learn_on(job, robot).lesson is None
     assert robot.motions == []
-
-
-def test_saturation_is_judged_as_in_a_log(job):
-    """The same fit as of the logs alone, with the limit of the drives."""
-    robot = Simulated(acceleration=0.55, cycle=4e-3)
-    found = identify_on(job, robot, execute=True, options=SECOND).fit
-    again = ac.identify(list(found.logs), SECOND)
-    for here, there in zip(found.joints, again.joints, strict=True):
-        assert here.servo == there.servo and here.saturation == there.saturation
-    assert "saturates at 0.55" in found.joints[0].saturation
-    np.testing.assert_allclose(found.servo_model().acceleration_limit, 0.55, rtol=1e-3)
-
-
-def test_excitation_judges_on_two_programs(job):
-    found = identify_on(job, Simulated(cycle=4e-3), execute=True, excitation=True, options=SECOND)
-    assert list(found.logs) == ["run", "excitation"]
-    assert found.fit.judgement.programs == 2 and found.fit.judgement.trusted
-
-
-def test_resting_joints_are_excited(job):
-    slow = parse_job(JOB.replace("0.15 m/s", "0.01 m/s"))
-    found = identify_on(slow, Simulated())
-    assert found.resting == slow.arm.joint_names and list(found.played) == ["run", "excitation"]
 
 
 def test_excitation_is_within_limits_from_rest_to_rest(job):

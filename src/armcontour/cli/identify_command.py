@@ -31,7 +31,7 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     raise_if(lonely, "--force requires --out, the folder for the report.")
     if options.on is not None:
         return _identify_robot(logs, options)
-    others = {"run_name": "--run", "sets": "--set", "excitation": "--excitation"}
+    others = {"run_name": "--run", "sets": "--set"}
     refuse_without_controller(options, others)
     arm = None if options.arm is None else named_arm(options.arm)
     return _identify_servos(logs, options, arm)

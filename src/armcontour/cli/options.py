@@ -36,7 +36,7 @@ TOPICS: dict[str, tuple[str, ...]] = {
     "Log and files of numbers": ("log", "set_points", "start", "end", "columns",
                                  "interpolation"),
     "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
-                         "reserve", "excitation", "band"),
+                         "reserve", "band"),
     "Arm": ("arm",),
     **dict.fromkeys((FILES, POINTS), ()),
     "Processes": ("workers",),
@@ -371,8 +371,6 @@ class IdentifyOptions(ControllerOptions, WindowOptions):
         on: Controller that executes the motions of the identification: linuxcnc, franka or ur. The
             argument is then the job.
         reserve: With --on, minimum reserve of this run.
-        excitation: With --on, always excite all joints, so that servos are judged with two
-            programs.
         sets: With --on, any key of the job with its value; may be repeated.
         arm: Arm with whose tool the errors are also reported: as for check.
         drive_cycle: Cycle of the drives' loops; by default continuous.
@@ -386,7 +384,6 @@ class IdentifyOptions(ControllerOptions, WindowOptions):
     on: Text = None
     run_name: Name = None
     reserve: str = "20 %"
-    excitation: bool = False
     sets: Annotated[Texts, typer.Option("--set")] = None
     arm: Text = None
     drive_cycle: Text = None

@@ -63,7 +63,6 @@ def identify_robot(
             controller,
             run_name=options.run_name,
             reserve=reserve,
-            excitation=options.excitation,
             options=ServoFit(model=options.model, kinematics=job.arm, **fit_options),
             stop_requested=stop.is_set,
         )

@@ -63,11 +63,11 @@ class LinuxCNC(Controller):
         accelerations: Largest acceleration of the simulated drives [rad/s²], one or one per joint.
         late: True for `pid` with `error-previous-target`, LinuxCNC's default, with which a loop
             compares the measured position with the command of the cycle before.
-        cycle: Cycle of the servo thread [s].
-        ahead: Time that the FIFO holds, against pauses of this machine [s].
     """
 
     name = "linuxcnc"
+    # The FIFO holds 0.3 s, against pauses of this machine.
+    ahead = 300
 
     def __init__(
         self,
@@ -76,8 +76,6 @@ class LinuxCNC(Controller):
         servo: ServoModel | None = None,
         accelerations: float | FloatArray = np.inf,
         late: bool = False,
-        cycle: float = 1e-3,
-        ahead: float = 0.3,
     ) -> None:
         super().__init__()
         self.hal_file = None if hal_file is None else FilePath(hal_file)
@@ -85,7 +83,6 @@ class LinuxCNC(Controller):
             raise InvalidInput("LinuxCNC needs either a HAL file or a servo to simulate.")
         self.simulates = self.hal_file is None
         self.servo, self.accelerations, self.late = servo, accelerations, late
-        self.cycle, self.ahead = cycle, round(ahead / cycle)
 
     @classmethod
     def simulated(cls, servo: ServoModel, arm: Arm) -> LinuxCNC:
@@ -95,14 +92,13 @@ class LinuxCNC(Controller):
             servo: The drives; with a dead time of one cycle loops are `late`.
             arm: The arm.
         """
-        cycle, model = 1e-3, servo.for_joints(arm.dof)
-        late = bool(np.isclose(model.dead_time, cycle).all())
+        model = servo.for_joints(arm.dof)
+        late = bool(np.isclose(model.dead_time, cls.cycle).all())
         lower, upper = model.saturate(*arm.limits.acceleration_bounds(arm.dof))
         return cls(
             servo=model.replace(dead_time=0.0) if late else model,
             accelerations=np.minimum(-lower, upper),
             late=late,
-            cycle=cycle,
         )
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
