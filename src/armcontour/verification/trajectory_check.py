@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Annotated, Any, Protocol
 
 import numpy as np
@@ -27,7 +26,6 @@ from armcontour.robot import Arm, Limits, SerialArm, resolve_limits
 from armcontour.robot.limit_use import Use
 from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
-from armcontour.verification.contour_windows import find_windows
 from armcontour.verification.limit_verdict import (
     CANNOT_TELL,
     KEPT,
@@ -241,7 +239,7 @@ def check(
     reported violation is real within the rounding; a peak between samples may be higher.
 
     In a program, tool limits are checked along contours with their leads, and joint limits on every
-    move. Samples are assigned to contours such that the distances from the tool are smallest.
+    move. Samples of a program with several moves are checked against the limits of the joints only.
 
     "violated" means that every motion through the samples exceeds the limit, for all true numbers
     within their printed digits. "kept" means that the samples, and the smallest peaks between
@@ -289,6 +287,13 @@ def check(
     planned = samples.limits if isinstance(samples, Trajectory) else None
     bounds = resolve_limits("check", arm, limits, planned)
     of_arm = {x for x in LIMIT_UNITS if getattr(bounds, x) is getattr(arm.limits, x)}
+    if not _is_law(samples) and program is not None and len(program.moves) > 1:
+        if (deviation, coverage_error, orientation_deviation) != (None, None, None):
+            raise InvalidInput(
+                "Deviations from a path require samples of one contour, but the program has "
+                "several moves. Check the plan of the program, or the samples of one contour."
+            )
+        not_judged |= dict.fromkeys(_not_judged(bounds.of_tool, None, set()))
     for part in _split(samples, arm, program, bounds):
         tally = LimitUseAccumulator(arm, part.limits, part.path, deviation, orientation_deviation)
         motion = part.motion
@@ -345,40 +350,29 @@ class _Part:
 
 def _split(samples: Any, arm: Arm, program: Program | None, bounds: Limits) -> list[_Part]:
     """Split a motion: the whole motion with joint limits, and its contours with tool limits."""
-    spans, plural = (
-        getattr(samples, "spans", ()),
-        program is not None and len(program.moves) > 1,
-    )
+    spans = getattr(samples, "spans", ())
+    plural = program is not None and len(program.moves) > 1
     if not plural and (program is not None or all(x.kind == "contour" for x in spans)):
         on = None if program is None else program.path
         return [_Part(motion=samples, limits=bounds, path=on)]
     tool = bounds.of_tool
     parts = [_Part(motion=samples, limits=bounds.of_joints)]
-    if program is None and all(getattr(tool, x) is None for x in TOOL_LIMITS):
+    unlimited = program is None and all(getattr(tool, x) is None for x in TOOL_LIMITS)
+    if unlimited or not _is_law(samples):
         return parts
-    paths: list[Path | None] = [] if program is None else [x.path for x in program.contours]
-    if _is_law(samples):
-        spans = getattr(samples, "contour_spans", ())
-        paths = paths or [None] * len(spans)
-        if len(spans) != len(paths):
-            raise InvalidInput(
-                f"The trajectory has {len(spans)} contours, but the program has {len(paths)}. "
-                "Check the trajectory with the planned program."
-            )
-        return parts + [
-            _Part(motion=x.trajectory, limits=tool, path=path, t=x.t[0], s=x.s[0])
-            for x, path in zip(spans, paths, strict=True)
-        ]
-    assert program is not None
-    log = _check_samples(samples, arm.dof, None)
-    windows = find_windows(arm.tool_position(log.q), program)
-    starts = program.breaks[:-1].tolist()
-    for (first, last), path, start in zip(windows, paths, starts, strict=True):
-        rows = {x: getattr(log, x) for x in ("t", "q", "dq", "ddq")}
-        part = {x: None if y is None else y[first : last + 1] for x, y in rows.items()}
-        motion = SimpleNamespace(**part, resolution=getattr(samples, "resolution", None))
-        parts.append(_Part(motion=motion, limits=tool, path=path, s=start))
-    return parts
+    spans = getattr(samples, "contour_spans", ())
+    paths: list[Path | None] = (
+        [None] * len(spans) if program is None else [x.path for x in program.contours]
+    )
+    if len(spans) != len(paths):
+        raise InvalidInput(
+            f"The trajectory has {len(spans)} contours, but the program has {len(paths)}. "
+            "Check the trajectory with the planned program."
+        )
+    return parts + [
+        _Part(motion=x.trajectory, limits=tool, path=path, t=x.t[0], s=x.s[0])
+        for x, path in zip(spans, paths, strict=True)
+    ]
 
 
 def _judge_law(

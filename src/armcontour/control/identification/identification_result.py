@@ -53,8 +53,6 @@ class JointIdentification(JointEstimates):
             worst log, for one log weighted by motion.
         share: `unseen_rms`, divided by the tracking error of the same log and weights.
         model_error: Largest error on all parts, fitted or not [rad].
-        scaling: Growth of the RMS error on parts that were not fitted, (3,): error at rest [rad],
-            per velocity [s] and per acceleration [s²]. Their squares add.
         noise: Noise of the encoder, standard deviation [rad].
         note: Reason for a missing or weak model, or empty.
         effective: True if the residuals are not white. Then an effect is not modelled, and the
@@ -75,7 +73,6 @@ class JointIdentification(JointEstimates):
     unseen_rms: float = math.nan
     share: float = math.nan
     model_error: float = math.nan
-    scaling: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     noise: float = math.nan
     note: str = ""
     effective: bool = False
@@ -88,7 +85,7 @@ class JointIdentification(JointEstimates):
         weak = "weak" if self.written and self.note else ""
         delay = "delay only" if not self.written and self.servo.dead_time else ""
         words = (weak, "effective" * self.effective, delay)
-        notes = (self.growth, self.saturation, self.note)
+        notes = (self.saturation, self.note)
         return Data(
             f"Servo of {self.name}",
             (
@@ -100,21 +97,10 @@ class JointIdentification(JointEstimates):
                 Row("order", self.order, "", "model", ", ".join(filter(None, words))),
                 *(Row(x, getattr(self, x), "rad") for x in ("tracking_rms", "rms", "largest")),
                 *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
-                *(Row(x, getattr(self, x)) for x in ("scaling", "noise", "note", "saturation")),
+                *(Row(x, getattr(self, x)) for x in ("noise", "note", "saturation")),
             ),
             (self.table("parameters"),),
             notes=tuple(filter(None, notes)),
-        )
-
-    @property
-    def growth(self) -> str:
-        """Sentence about the growth of the error with speed and acceleration; empty if no model."""
-        if not np.isfinite(self.scaling).all():
-            return ""
-        still, rate, acceleration = (number(x, "rad") for x in self.scaling)
-        return (
-            f"Error where not fitted: {still} at rest, {rate} per rad/s, "
-            f"{acceleration} per rad/s² (RMS, squares add)."
         )
 
     @property

@@ -1,4 +1,4 @@
-"""Residuals of the model of a joint: whiteness test, patterns, and recommended next recording."""
+"""Residuals of the model of a joint: whiteness test, resolution and correlation."""
 
 from __future__ import annotations
 
@@ -10,33 +10,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.sampling import white_noise
 from armcontour.motion.log import Log
 
-# A pattern is reported if it explains at least this share of the squared residuals.
-LEAST_EXPLAINED = 0.25
-# Residuals are fast if their median frequency exceeds the median frequency of the command by this
-# factor.
-FAST_RATIO = 3.0
-# The regressor of dry friction is tanh(velocity / (SLIDING_SHARE * largest velocity)), a smoothed
-# sign function.
-SLIDING_SHARE = 0.02
 # Spacing of the samples from which velocities and accelerations are computed [s].
 SAMPLE_SPACING = 8e-3
-# Number of reweighted fits of the growth of residuals with velocity and acceleration.
-REWEIGHTINGS = 5
-# Description of each pattern of residuals, and the recording that is recommended for it.
-PATTERNS = {
-    "velocity": (
-        "is in phase with the velocity, as with viscous friction or a changing delay",
-        "the same program also at half its speed",
-    ),
-    "sign": (
-        "has the sign of the velocity, as with dry friction or backlash",
-        "slow reversals of this joint alone",
-    ),
-    "position": (
-        "depends on the position, as with gravity",
-        "the same program at half its speed, and a program around the positions of the work",
-    ),
-}
 # The correlation length is the sum of the autocorrelations before the first one below this value.
 LEAST_CORRELATION = 0.05
 # Whiteness test: significance level, and smallest number of spectral lines of its low band.
@@ -46,41 +21,6 @@ SIGNIFICANCE, FEWEST_LINES = 0.01, 8
 # resolution. VARIANCE_SLACK: relative excess over the variance of quantization that is still
 # accepted.
 POSITION_ROUNDING, STEP_ROUNDING, VARIANCE_SLACK = 1e-9, 0.01, 0.2
-
-
-def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> str:
-    """Sentence that names the strongest pattern in the residuals [rad] and the next recording."""
-    every: dict[str, list[FloatArray]] = {}
-    residuals, pitches = [], []
-    for log, errors in zip(logs, rests, strict=True):
-        use = np.isfinite(errors)
-        if not use.any():
-            continue
-        for name, columns in _patterns(log, j).items():
-            some = columns[use]
-            every.setdefault(name, []).append(some - some.mean(axis=0))
-        residuals.append(errors[use] - errors[use].mean())
-        both = residuals[-1], log.command[use, j]
-        pitches.append([_median_frequency(x, log.interval) for x in both])
-    if not residuals:
-        return ""
-    residual = np.concatenate(residuals)
-    shares = {x: _explained_share(residual, np.concatenate(y)) for x, y in every.items()}
-    name = max(shares, key=shares.__getitem__)
-    fast, slow = np.mean(pitches, axis=0)
-    if shares[name] < LEAST_EXPLAINED:
-        if fast > FAST_RATIO * slow:
-            pattern = f"is mostly above {fast:.3g} Hz, as with elastic joints"
-            record = f"a multisine up to {4 * fast:.3g} Hz, sampled at 1 kHz"
-        else:
-            pattern, record = "has no known pattern", "one program twice, to see which part repeats"
-    elif name in PATTERNS:
-        pattern, record = PATTERNS[name]
-    else:
-        pattern = f"depends on the motion of {name}, as with coupled axes"
-        record = f"the motion of each of the two joints while {name} or this joint rests"
-    much = f" ({shares[name]:.0%} of its square)" if shares[name] >= LEAST_EXPLAINED else ""
-    return f"The residual {pattern}{much}. Record {record}."
 
 
 def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
@@ -93,67 +33,6 @@ def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
         sizes.append([np.abs(x).max(axis=0) for x in (rates, accelerations)])
     largest = np.max(sizes, axis=0)
     return largest[0], largest[1]
-
-
-def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> FloatArray:
-    """RMS residual at rest [rad], its growth per velocity [s] and per acceleration [s²], (3,)."""
-    # Model: the expected squared residual is the sum of the squares of these three parts.
-    from scipy.optimize import nnls
-
-    rows, squares = [], []
-    for log, errors in zip(logs, rests, strict=True):
-        use = np.isfinite(errors)
-        rate = np.gradient(log.command[:, j], log.t)
-        columns = (np.ones(len(rate)), rate, np.gradient(rate, log.t))
-        rows.append(np.stack(columns, axis=1)[use] ** 2)
-        squares.append(errors[use] ** 2)
-    every, values = np.concatenate(rows), np.concatenate(squares)
-    scale = np.maximum(np.linalg.norm(every, axis=0), 1e-300)
-    parts, expected = np.zeros(3), np.full(len(values), max(float(values.mean()), 1e-300))
-    # Weights are reciprocal because the scatter of a square is proportional to its expectation.
-    for _ in range(REWEIGHTINGS):
-        q, r = np.linalg.qr(every / scale / expected[:, None])
-        parts = nnls(r, q.T @ (values / expected))[0] / scale
-        expected = np.maximum(every @ parts, 1e-6 * expected.max())
-    return np.asarray(np.sqrt(parts))
-
-
-def tracking_residuals(log: Log, j: int) -> FloatArray:
-    """Tracking errors of joint j less their regression on velocity and acceleration [rad], (n,)."""
-    rate = np.gradient(log.command[:, j], log.t)
-    columns = np.stack([rate, np.gradient(rate, log.t), np.ones(len(rate))], axis=1)
-    lag = log.measured[:, j] - log.command[:, j]
-    return np.asarray(lag - columns @ np.linalg.lstsq(columns, lag, rcond=None)[0])
-
-
-def _patterns(log: Log, j: int) -> dict[str, FloatArray]:
-    """Regressors of each pattern by name, at the samples of a log, (n, 1) or (n, 2)."""
-    rates = np.gradient(log.command, log.t, axis=0)
-    accelerations = np.gradient(rates, log.t, axis=0)
-    q, rate = log.command[:, j], rates[:, j]
-    columns = {
-        "velocity": rate[:, None],
-        "sign": np.tanh(rate / max(SLIDING_SHARE * float(np.abs(rate).max()), 1e-30))[:, None],
-        "position": np.stack([np.sin(q), np.cos(q)], axis=1),
-    }
-    for k, name in enumerate(log.joint_names):
-        if k != j:
-            columns[name] = np.stack([rates[:, k], accelerations[:, k]], axis=1)
-    return columns
-
-
-def _explained_share(residual: FloatArray, columns: FloatArray) -> float:
-    """Share of the squared residuals that a least-squares fit of the columns explains."""
-    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    remaining = residual - scaled @ np.linalg.lstsq(scaled, residual, rcond=None)[0]
-    return 1.0 - float(remaining @ remaining) / max(float(residual @ residual), 1e-300)
-
-
-def _median_frequency(signal: FloatArray, interval: float) -> float:
-    """Median frequency of a signal [Hz]: half of its power is below this frequency."""
-    power = np.cumsum(np.abs(np.fft.rfft(signal - signal.mean())) ** 2)
-    k = int(np.searchsorted(power, power[-1] / 2))
-    return float(np.fft.rfftfreq(len(signal), interval)[k])
 
 
 def is_white(residuals: FloatArray, step: float) -> bool:

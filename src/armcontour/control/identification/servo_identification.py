@@ -29,19 +29,13 @@ from armcontour.control.identification.joint_fit import (
     predict,
     split_logs,
 )
-from armcontour.control.identification.residuals import (
-    describe_residuals,
-    encoder_resolution,
-    is_white,
-    scale_residuals,
-    tracking_residuals,
-)
+from armcontour.control.identification.residuals import encoder_resolution, is_white
 from armcontour.control.identification.saturation_detection import (
     find_saturation,
     select_unsaturated,
 )
 from armcontour.control.identification.selection import Selected, find_lag, select_model
-from armcontour.control.identification.servo_validation import MAX_WEAK, choose_and_judge
+from armcontour.control.identification.servo_validation import MAX_WEAK, RECORD, choose_and_judge
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
@@ -175,11 +169,9 @@ def identify_joint(
         for log in logs:
             check_units(log, search.longest, j)
     if selected is None:
-        residuals = [tracking_residuals(x, j) for x in logs]
         note = (
             f"{name} has no model, because fitted gains (at most {search.fastest:g} 1/s) or "
-            f"feed-forward are at the bounds of their ranges. "
-            f"{describe_residuals(logs, j, residuals)}"
+            f"feed-forward are at the bounds of their ranges. {RECORD}"
         )
         return _mark_unknown(joint, segments, note)
     servo = JointServo(*(round_digits(x) for x in selected.servo))
@@ -209,7 +201,6 @@ def identify_joint(
         share=error / tracking,
         noise=noise,
         rests=tuple(rests),
-        scaling=scale_residuals(logs, j, rests),
     )
     if saturation is not None and saturation.hides and not joint.kp.determined:
         note = saturation.explain_no_model(name)
@@ -220,7 +211,7 @@ def identify_joint(
             f"on motion that was not fitted, {share:.0%} of the tracking error remains "
             f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS)"
         )
-        advice = f" {describe_residuals(logs, j, rests)}"
+        advice = f" {RECORD}"
     if note and (share > MAX_WEAK or selected.rms > GOOD_SHARE * motion):
         allowed = f"{MAX_WEAK:.0%}" if share > MAX_WEAK else f"{GOOD_SHARE:.0%} of the motion"
         note = f"{name} has no model, because {note}, which exceeds {allowed}.{advice}"

@@ -15,7 +15,6 @@ from armcontour.control.identification.identification_result import (
     write_servo,
 )
 from armcontour.control.identification.joint_fit import split_logs
-from armcontour.control.identification.residuals import describe_residuals
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.sampling import interpolate
 from armcontour.motion.log import Log
@@ -23,6 +22,11 @@ from armcontour.robot import Arm
 from armcontour.robot.servo.model import TRUSTED
 from armcontour.robot.servo.simulation import JointServo
 
+# Remedy for a weak or missing model.
+RECORD = (
+    "Record the program also at half its speed, and motions of this joint alone, to see whether "
+    "gravity, friction or other joints cause the error."
+)
 # Spacing of the samples from which contour errors are computed [s].
 SPACING = 4e-3
 # Two logs are of the same program if their commands differ by at most this share of their range.
@@ -153,7 +157,7 @@ def choose_and_judge(
                 f"The model of {joint.name} is weak: {shares[i][j]:.0%} of its deviation from the "
                 f"contour of {logs[i].source} remains with compensation ({left * 1e3:.3g} of "
                 f"{none[i][1][j] * 1e3:.3g} mrad RMS), which is most of the remaining contour "
-                f"error of this log. {describe_residuals(logs, j, joint.rests)}"
+                f"error of this log. {RECORD}"
             )
             joint = replace(joint, note=note)
         if c != "model":
