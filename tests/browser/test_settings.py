@@ -1,6 +1,5 @@
 """Settings are changed by mouse and keys in the form of the page, and the plan follows."""
 
-import numpy as np
 import pytest
 from playwright.sync_api import expect
 from tools.studio_page import serving
@@ -135,45 +134,6 @@ def test_kerf_and_lead_in_are_saved_and_undone(studio, folder):
     studio.page.keyboard.press("Control+s")
     studio.wait("body", dirty="false")
     assert (folder / "job.yaml").read_text() == JOB
-
-
-def test_pierce_and_tabs_need_other_keys_and_are_sent_with_them(studio):
-    before = planned(studio)
-    open_group(studio, "Process", "process.pierce", "process.tabs", "process.switch")
-    studio.type("process.pierce.time", "0.5 s")
-    expect(studio.slider("process.pierce.time").locator(".refused")).to_contain_text("switch")
-    data, duration = change(studio, process__switch__name="laser")
-    assert data["process"] == {"pierce": {"time": "0.5 s"}, "switch": {"name": "laser"}}
-    # Both contours are pierced.
-    assert duration == pytest.approx(before + 1.0, abs=0.1)
-    studio.type("process.tabs.width", "2 mm")
-    refused = studio.find("#panel details[data-key='process.tabs'] > .refused")
-    expect(refused).to_contain_text("count")
-    data, _ = change(studio, process__tabs__count="2")
-    assert data["process"]["tabs"] == {"width": "2 mm", "count": 2}
-    expect(refused).to_have_count(0)
-    leave = studio.find("#panel details[data-key='process.tabs'] .acts button")
-    with studio.renewing():
-        leave.click()
-    assert "tabs" not in studio.text
-
-
-def test_weave(studio):
-    before = planned(studio)
-    open_group(studio, "Process", "process.weave")
-    studio.type("process.weave.width", "2 mm")
-    expect(studio.find("#panel details[data-key='process.weave'] > .refused")).to_be_visible()
-    data, duration = change(studio, process__weave__pitch="6 mm")
-    assert data["process"]["weave"] == {"width": "2 mm", "pitch": "6 mm"} and duration > before
-
-
-def test_tilt_of_the_tool(studio):
-    planned(studio)
-    open_group(studio, "Tool and tilt")
-    data, _ = change(studio, tilt="10")
-    axis = data["path"]["orientation"]["axis"]
-    assert axis == pytest.approx([np.sin(np.pi / 18), 0, -np.cos(np.pi / 18)], abs=1e-8)
-    expect(studio.slider("tilt").locator("input")).to_have_value("10")
 
 
 def test_settings_of_another_layer(studio):

@@ -41,51 +41,11 @@ def test_certify_writes_everything_that_repeats_it(command, job, tmp_path, done)
     assert code == 2 and "--force" in errors
 
 
-def test_options_replace_the_keys_of_the_job(job, refused, tmp_path, done):
-    shown = done("certify", job, "--servo-error", "0.05 mm", "--json")
-    assert json.loads(shown)["certificate"]["goal"]["servo_error"] == 5e-5
-    rows = [
-        (("--servo-error", "5 kg"), ["--servo-error"]),
-        (
-            ("--servo-error", "-0.5 mm"),
-            ["--servo-error: ", "certificate.servo_error: must be above zero, but is -0.5 mm."],
-        ),
-    ]
-    assert refused(tmp_path, rows, codes=(2,), begin=("certify", job)) == []
-    rows = [
-        (("certify", GASKET, "--cell", "pmk3s"), ["requires a tolerance"]),
-        (("certify", GASKET, "--servo-error", "0.1 mm"), ["--cell"]),
-    ]
-    assert refused(tmp_path, rows, codes=(2,)) == []
-
-
 def test_a_refusal_has_its_exit_code_and_writes_nothing(job, refused, tmp_path):
     text = CORNER_JOB.replace("pole_placement", "none").replace("0.1 mm", "0.01 um")
     (tmp_path / "slow.yaml").write_text(text, encoding="utf-8")
     rows = [("certify slow.yaml --out certified", ["largest contour error must be"])]
     assert refused(tmp_path, rows, codes=(4,)) == []
-
-
-def test_a_drawing_of_several_contours_is_certified_in_one_command(tmp_path, done):
-    out = tmp_path / "gasket"
-    # A line and an arc; `python -m soak certificates` certifies the drawings as they are.
-    some = [x for name in ("31", "3A") for x in ("--contour", f"handle {name}")]
-    options = ("--cell", "pmk3s", "--servo-error", "0.1 mm", *some)
-    shown = done("certify", GASKET, *options, "--out", out)
-    data = summary(out)
-    certificate, run = data["certificate"], data["runs"]["compensated"]
-    assert len(certificate["contours"]) == 2
-    moves = [x for x in run["moves"] if x["kind"] == "contour"]
-    for x, row in zip(certificate["contours"], moves, strict=True):
-        assert x["name"] in shown
-        assert x["contour_error"]["max"] == row["contour_error"]["max"] <= 1e-4
-        # The larger one of the contour error and of what the tool leaves out of the path.
-        executed = sum(x["budget"][part] for part in ("servo", "sampling", "box"))
-        assert x["contour_error"]["max"] <= executed * (1 + 1e-9) < 1e-6
-        assert x["budget"]["left"] == pytest.approx(1e-4 - executed, rel=1e-9)
-    assert max(run["demand_ratio"]) <= 1 + 1e-6 and not any(run["saturated"])
-    # 1 % at most, of which rapids take most.
-    assert 0 < certificate["cost"] < 0.01 * certificate["duration"]
 
 
 def test_the_motion_of_a_program_can_be_checked(command, tmp_path, done):

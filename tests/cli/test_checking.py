@@ -52,25 +52,6 @@ def folder(tmp_path, mac):
     return tmp_path
 
 
-def test_times_since_1970_and_notes(folder, check):
-    t, *q = np.loadtxt(folder / "planned.csv", delimiter=",", skiprows=1).T
-    titles = "timestamp,actual_q_0,actual_q_1,actual_TCP_pose_0"
-    unix_times = 1_700_000_000 + t
-    write(folder / "late.csv", titles, unix_times, *q, 0 * t)
-    options = ("--path", "job.yaml", "--limits", "limits.yaml")
-    outcome = check(folder, "late.csv", *options)
-    data = json.loads(check(folder, "late.csv", *options, "--json").out)
-    assert data["left_out"] == ["actual_TCP_pose_0"] and data["notes"] == []
-    (use,) = (x for x in data["limits"] if x["name"] == "joint_acceleration")
-    assert unix_times[0] <= use["t"] <= unix_times[-1]
-    shown = next(x for x in outcome.out.splitlines() if x.split()[:1] == [use["name"]])
-    assert f"{use['t']:.4f}".rstrip("0").rstrip(".") in shown
-    # Rows that are there twice.
-    lines = (folder / "late.csv").read_text().splitlines()
-    (folder / "late.csv").write_text("\n".join([*lines[:9], lines[8], *lines[9:]]) + "\n")
-    assert "Note: 1 row of late.csv was skipped" in check(folder, "late.csv", *options).out
-
-
 def test_kept_limits_end_with_0(folder, check):
     options = (*PLANNED, "--path", "job.yaml")
     outcome = check(folder, *options)
@@ -200,17 +181,6 @@ def test_an_arm_from_a_description_with_its_limits(tmp_path, check):
     assert (velocity["joint"], velocity["limit"]) == (1, pytest.approx(np.pi / 2))
 
 
-def test_defaults_are_the_arm_of_the_job_and_titled_columns(folder, check):
-    named = check(folder, "planned.csv", "--arm", "pmk3s", "--path", "job.yaml", "--json")
-    default = check(folder, "planned.csv", "--path", "job.yaml", "--json")
-    assert json.loads(default.out) == json.loads(named.out)
-    text = (folder / "planned.csv").read_text().splitlines()[1:]
-    (folder / "bare.csv").write_text("\n".join(f"{x},open" for x in text))
-    bare = check(folder, "bare.csv", "--arm", "pmk3s", "--columns", "t,q1,q2,-", "--json")
-    titled = check(folder, "planned.csv", "--arm", "pmk3s", "--json")
-    assert json.loads(bare.out) == json.loads(titled.out)
-
-
 def test_a_measured_motion(folder, mac, check):
     """Noise is motion unless it is declared; unknown columns are skipped."""
     samples = mac.sample(4e-3)
@@ -233,34 +203,6 @@ def test_a_measured_motion(folder, mac, check):
     # What is computed has no noise to declare.
     rough = check(folder, "planned.csv", *options[1:])
     assert rough.code == 1 and "scatter" not in rough.out
-
-
-def test_a_wrapped_angle_is_no_noise(folder, check):
-    t, *q = np.loadtxt(folder / "planned.csv", delimiter=",", skiprows=1).T
-    wrapped = np.mod(q[0] - q[0].mean(), 2 * np.pi)
-    write(folder / "wrapped.csv", "t,q1,q2", t, wrapped, q[1])
-    outcome = check(folder, "wrapped.csv", "--arm", "pmk3s")
-    assert outcome.code == 1 and "q1 jumps by about a turn" in outcome.out
-    assert "scatter" not in outcome.out
-    write(folder / "wrapped.csv", "t,q1,q2", t, np.unwrap(wrapped), q[1])
-    assert "turn" not in check(folder, "wrapped.csv", "--arm", "pmk3s").out
-
-
-def test_a_motion_that_does_not_end_at_rest(folder, check):
-    t, *q = np.loadtxt(folder / "planned.csv", delimiter=",", skiprows=1).T
-    dq = np.gradient(q, t, axis=1)
-    middle = len(t) // 2
-    speed = np.abs(dq[:, middle]).max()
-    for titles, *columns in (("t,q1,q2", t, *q), ("t,q1,q2,dq1,dq2", t, *q, *dq)):
-        parts = {"end": slice(middle), "start": slice(middle, None), "": slice(None)}
-        for end, part in parts.items():
-            write(folder / "part.csv", titles, *(x[part] for x in columns))
-            outcome = check(folder, "part.csv", "--arm", "pmk3s")
-            for word in ("start", "end"):
-                assert (f"does not {word} at rest" in outcome.out) == (word == end), titles
-            data = json.loads(check(folder, "part.csv", "--arm", "pmk3s", "--json").out)
-            speeds = dict(zip(("start", "end"), data["end_speeds"], strict=True))
-            assert speeds.get(end, speed) == pytest.approx(speed, rel=0.02)
 
 
 SWEEP = """t,q1,q2,q3,q4,q5,q6
@@ -295,24 +237,6 @@ def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     assert "floor" in {y for x in pairs for y in (x["first"], x["second"])}
     # A scene alone does not name the arm.
     assert check(tmp_path, "sweep.csv", "--scene", "scene.yaml").code == 2
-
-
-def test_degrees_in_columns_of_radians_are_asked_about(tmp_path, check):
-    t = np.linspace(0, 5, 501)
-    q = np.outer(3 * (t / 5) ** 2 - 2 * (t / 5) ** 3, [20, -60, 80, 20, 10, 5])
-    for unit, code in (("rad", 2), ("deg", 0)):
-        titles = "t [s]," + ",".join(f"q{k} [{unit}]" for k in range(1, 7))
-        write(tmp_path / "log.csv", titles, t, q)
-        outcome = check(tmp_path, "log.csv", "--arm", "ur5e")
-        assert outcome.code == code, outcome.out + outcome.errors
-        has_question = outcome.errors.count("in degrees. If they are")
-        assert (
-            has_question == (unit == "rad")
-            and ("q3 [rad] is 80 rad" in outcome.errors) == has_question
-        )
-    # Radians that are only a little out of range are a violation.
-    write(tmp_path / "log.csv", titles.replace("deg", "rad"), t, q / 12)
-    assert check(tmp_path, "log.csv", "--arm", "ur5e").code == 1
 
 
 def test_the_commands_of_a_controller(folder, mac, check, refused):

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from tests.cli.helpers import summary
 
-from armcontour.files import ResultFolder
-
 PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
 TWO = "contour,x [mm],y [mm]\na,0,0\na,60,0\nb,0,30\nb,60,30\nb,60,60\nb,0,30\n"
 GCODE = """G21 G90 F3000
@@ -99,46 +97,6 @@ REFUSED = [
 def test_refuses_in_one_sentence_and_writes_nothing(folder, refused):
     rows = [(f"run {line} --out out", words) for line, words in REFUSED]
     assert refused(folder, rows) == []
-
-
-def test_an_export_that_cannot_be_written_is_refused_before_the_run(folder, refused, monkeypatch):
-    (folder / "wrong.txt.j2").write_text("{{ dof }}\n{{ speed }}\n")
-
-    def never(*_, **__):
-        raise AssertionError("the job was run")
-
-    monkeypatch.setattr("armcontour.jobs.run", never)
-    rows = [
-        ("--export kuka", ["6 joints", "2"]),
-        ("--export urscript", ["6 joints", "2"]),
-        ("--export none.j2", ["none.j2"]),
-        ("--export wrong.txt.j2", ["wrong.txt.j2", "line 2"]),
-    ]
-    begin = ("run", "two.csv", "--cell", "pmk3s", "--out", "out")
-    assert refused(folder, rows, codes=(2,), begin=begin) == []
-
-
-@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), MemoryError()])
-def test_a_run_that_fails_leaves_the_earlier_result(folder, command_in, monkeypatch, error):
-    out = folder / "out"
-    with ResultFolder(out) as results:
-        results.write("old.txt", "old")
-        results.write("summary.json", "{}")
-    before = sorted(folder.rglob("*"))
-    earlier = {x.name: x.read_text() for x in out.iterdir()}
-    written = []
-
-    def fail(*_, **__):
-        written.extend(x.name for x in out.glob(".armcontour-*/**/*.csv"))
-        raise error
-
-    monkeypatch.setattr("armcontour.report.render_report", fail)
-    line = "run plain.csv --cell pmk3s --out out --force --export csv"
-    ended = command_in(folder, *line.split())
-    assert ended.code == 1 and "Traceback" not in ended.errors
-    assert "set_points.csv" in written
-    assert {x.name: x.read_text() for x in out.iterdir()} == earlier
-    assert sorted(folder.rglob("*")) == before
 
 
 def test_without_simulation_the_requested_files_are_written(folder, call):

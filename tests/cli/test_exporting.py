@@ -72,7 +72,7 @@ arm: ur5e
 path:
   points: [[0.45, -0.05, 0.3], [0.55, -0.05, 0.3], [0.55, 0.05, 0.3]]
   orientation: {axis: [0, 0, -1]}
-limits: {speed: 250 mm/s, joint_jerk: 400 rad/s^3}
+limits: {speed: 250 mm/s}
 corners: {tolerance: 1 mm, continuity: curvature}
 servo: {kp: 25 1/s, kv: 150 1/s}
 cycle: 4 ms
@@ -90,11 +90,6 @@ def test_a_warning_of_accelerations_names_command_limits(call, folder):
     files = [folder / "square" / x / "export" / "set_points.yaml" for x in ("free", "kept")]
     free, kept = (yaml.safe_load(x.read_text())["points"][0]["accelerations"] for x in files)
     assert len(free) == 6 and len(kept) == 0
-    # The derivatives of an earlier result are those of the run.
-    call("export", "square", "stored.yaml", "--run", "kept", "--force")
-    assert not yaml.safe_load((folder / "stored.yaml").read_text())["points"][0]["accelerations"]
-    printed = call(*base, "--export", "ros-yaml", "--derivatives", "2")
-    assert printed.count("files have only positions") == 1
 
 
 @pytest.mark.parametrize("name", ["set_points", "reference"])
@@ -194,35 +189,3 @@ def test_analog_outputs_are_columns_of_a_run_and_not_of_an_earlier_result(call, 
     export_output = call("export", "plain", "laser.csv")
     assert "The analog outputs power are not exported" in export_output
     assert not any(x.startswith("analog") for x in pd.read_csv(folder / "laser.csv").columns)
-
-
-ROBOT_LASER = """name: laser
-arm: {name: ur5e, tool: {position: [0, 0, 120 mm]}}
-seed: [0.2, -1.7, -2.4, -0.6, 1.6, 2.5]
-path:
-  file: part.ngc
-  frame: {position: [380 mm, -70 mm, 50 mm]}
-  orientation: {axis: [0, 0, -1]}
-process:
-  dwell: 100 ms
-  analog: [{name: power, rest: 20 %, full: 1, off: 0}]
-limits: {speed: 50 mm/s}
-servo: {kp: 25 1/s, kv: 150 1/s}
-runs: {compensated: {}}
-"""
-
-
-def test_analog_outputs_of_robots_follow_the_job(call, folder):
-    (folder / "robot.yaml").write_text(ROBOT_LASER)
-    printed = call(
-        *("run", "robot.yaml", "--no-simulation", "--out", "robot", "--export", "urscript"),
-        *("--set", "export.outputs={power: AO1, spindle: 0}", "--cycle", "45 ms", "--call"),
-    )
-    assert "does not set power" not in printed
-    exports = folder / "robot" / "compensated" / "export"
-    for name in ("set_points", "reference"):
-        text = (exports / f"{name}.script").read_text()
-        # The period is for the other format: a servo needs every set-point.
-        assert " 0.004, lookahead" in text and " 0.045, lookahead" not in text
-        assert "set_standard_analog_out(1, 1.0000)" in text and "# contour line" in text
-        assert text.splitlines()[-1] == text.splitlines()[0][len("def ") : -1]

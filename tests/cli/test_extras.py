@@ -1,9 +1,7 @@
 """The command line around commands: extras, compiling, printing, progress, and the Studio."""
 
-import subprocess
 import sys
 import tomllib
-from pathlib import Path
 from pathlib import Path as FilePath
 
 import pytest
@@ -103,15 +101,6 @@ def test_the_demo_needs_no_extra(done, command, tmp_path, monkeypatch):
     assert (tmp_path / "out" / "report.html").read_text() == "mine"
 
 
-def test_the_paper_job_is_known_by_its_name(done, command, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    done("run", "paper", "--out", "out", "--no-simulation")
-    assert len(summary(tmp_path / "out")["runs"]) == 6
-    # A file of this name is the user's.
-    (tmp_path / "paper").write_text("name: [")
-    assert command("run", "paper", "--out", "other").code == 2
-
-
 KEPT = FilePath(armcontour.__file__).parent / "__pycache__"
 
 
@@ -141,20 +130,6 @@ def test_warm_reports_the_compiled_functions_and_their_folder(
     assert command("compile", "moon").code == 2
 
 
-def test_wrong_files_are_refused_before_anything_starts(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "part.csv").write_text("x,y\n0,0\n1,0\n")
-    (tmp_path / "job.yaml").write_text("name: a\n")
-    for name, options, words in (
-        ("none.yaml", {}, "There is no job file none.yaml"),
-        ("none.dxf", {"cell": "ur5e"}, "none.dxf"),
-        ("part.csv", {}, "part.csv is a drawing, .*--cell"),
-    ):
-        with pytest.raises(InvalidInput, match=words):
-            open_studio(None if name is None else Path(name), StudioOptions(**options))
-    assert capsys.readouterr().out == ""
-
-
 def test_the_address_is_printed_and_opened(tmp_path, monkeypatch, capsys):
     from armcontour.studio import server
 
@@ -182,10 +157,3 @@ studio_command.print_line = tell
 from armcontour.cli import main
 main()
 """
-
-
-def test_nothing_that_computes_is_loaded_before_the_address_is_printed(tmp_path):
-    (tmp_path / "part.svg").write_text("<svg/>")
-    line = [sys.executable, "-c", ADDRESS]
-    outcome = subprocess.run(line, capture_output=True, cwd=tmp_path, text=True)
-    assert outcome.stdout == "\n", (outcome.stdout, outcome.stderr)

@@ -93,26 +93,6 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
     assert refused(tmp_path, rows, codes=(2,), begin=learn) == []
 
 
-def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refused, done):
-    """`identify` changes the servo of the job after the log, and between runs."""
-    log, out, third = written(tmp_path, shop.table), tmp_path / "second", tmp_path / "third"
-    other = tmp_path / "other.yaml"
-    servo = "{kp: 24 1/s, kv: 140 1/s, dead_time: 1 ms}"
-    before = "{kp: 25 1/s, kv: 150 1/s}"
-    other.write_text(CORNER_JOB.replace(before, servo), encoding="utf-8")
-    done("learn", other, "--log", log, "--set-points", shop.first, "--out", out)
-    first = summary(out)["learning"]["runs"][0]
-    assert first["set_points_off"] < 1e-5
-    second = written(tmp_path, shop.executed(out, 1), name="run2.csv")
-    done("learn", shop.file, "--log", second, "--set-points", out, "--out", third)
-    runs = summary(third)["learning"]["runs"]
-    assert runs[1]["contour_rms"] < 0.25 * runs[0]["contour_rms"]
-    # Another plan is refused.
-    other.write_text(CORNER_JOB.replace("0.72 rad", "0.70 rad"), encoding="utf-8")
-    rows = [((other, "--log", log, "--set-points", shop.first, "--out", "a"), ["start again"])]
-    assert refused(tmp_path, rows, codes=(2,), begin=("learn",)) == []
-
-
 def test_options_that_do_not_go_together(shop, tmp_path, refused):
     log = written(tmp_path, shop.table)
     rows = [

@@ -1,9 +1,6 @@
 """The command line: runs, options, help, signals, cells, and errors with their exit codes."""
 
 import json
-import os
-import re
-import signal
 import subprocess
 import sys
 from pathlib import Path as FilePath
@@ -18,9 +15,8 @@ from typer.testing import CliRunner
 import armcontour as ac
 from armcontour.cli.commands import app
 from armcontour.cli.inputs import read_option
-from armcontour.cli.interrupts import run_interruptibly
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import Speed, Time, Tolerance
+from armcontour.core.quantities import Speed, Time
 from armcontour.files.cell import cell_names
 
 JOB = {
@@ -107,18 +103,6 @@ def test_any_key_of_the_job_is_set(tmp_path, run, refused):
     ):
         begin = ("run", "job.yaml", "--out", "no")
         assert refused(tmp_path, [(options, words)], codes=(2,), begin=begin) == []
-
-
-def test_shapes_of_corners_from_the_command_line(run):
-    free = ("--corner-shape", "free")
-    job = JOB | {"runs": JOB["runs"] | {"fast": {}}}
-    shown, result = run(job, "--no-simulation", *free)
-    assert re.search(r"Run fast: shaped: [\d.]+ s \(arcs [\d.]+ s, .*stops [\d.]+ s\)", shown)
-    shaping = result["runs"]["fast"]["shaping"]
-    assert "shaping" not in result["runs"]["planned"]
-    others = [x for name, x in shaping["durations"].items() if name != "shaped"]
-    assert shaping["gain"] == 1 - shaping["durations"]["shaped"] / min(others) >= 0
-    assert sum(shaping["starts"].values()) == 1
 
 
 def test_an_error_has_its_exit_code_and_leaves_nothing(tmp_path, refused):
@@ -214,40 +198,10 @@ def test_identify_finds_gains_in_a_log(tmp_path, command):
     np.testing.assert_allclose(fit["dead_time"], 0.02, atol=1e-3)
 
 
-@pytest.mark.parametrize("option", ["--set-points", "--details"])
-def test_removed_options_of_identify_are_refused(command, option):
-    ended = command("identify", "log.csv", option)
-    assert ended.code == 2 and f"No such option: {option}" in ended.errors
-
-
 def test_a_quantity_has_a_unit_unless_it_is_zero():
     assert read_option("--speed", None, Speed) is None
     assert read_option("--speed", "0e3", Time) == 0.0
     assert read_option("--speed", " 50 mm/s ", Speed) == 0.05
-
-
-def test_other_texts_are_refused_with_the_option():
-    for text, words in (
-        ("5 mm", "^--speed: must be a quantity in m/s, but is '5 mm'.$"),
-        ("5", "^--speed requires a unit, but '5' has none. Specify it as in '0.15 m/s'.$"),
-        ("12,5 mm/s", "Write '12.5 mm/s'"),
-        ("fast", "^--speed: 'fast' is not a quantity in m/s"),
-    ):
-        with pytest.raises(InvalidInput, match=words):
-            read_option("--speed", text, Speed)
-    # The unit is that of the text.
-    with pytest.raises(InvalidInput, match="^--servo-error: must be above zero, but is -0.5 mm.$"):
-        read_option("--servo-error", " -0.5 mm ", Tolerance)
-
-
-@pytest.mark.parametrize("ignored", [True, False])
-def test_an_ignored_signal_stays_ignored(ignored):
-    handler = signal.SIG_IGN if ignored else signal.SIG_DFL
-    before = signal.signal(signal.SIGTERM, handler)
-    try:
-        assert run_interruptibly(lambda: signal.getsignal(signal.SIGTERM) is handler) is ignored
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 # A plate of 30 x 20 mm with its corner cut; millimetres, the pen down at z = 0.
@@ -286,23 +240,6 @@ def test_a_cell_is_written_where_it_is_wanted_and_over_nothing(tmp_path, monkeyp
     assert call("init", "panda", "-o", "shop.yaml", "--force")[0] == 0
     assert "arm: panda\n" in (tmp_path / "shop.yaml").read_text()
     assert [x.name for x in tmp_path.iterdir()] == ["shop.yaml"]
-
-
-def test_a_command_imports_nothing_from_its_folder(tmp_path):
-    folder = tmp_path / "stranger"
-    folder.mkdir()
-    code = f"import os; open({str(tmp_path / 'imported')!r}, 'a').write(__file__ + '\\n')\n"
-    for x in ("pickle", "typing", "yaml", "numpy", "scipy", "numba", "armcontour"):
-        (folder / f"{x}.py").write_text(code)
-    # Numba would load compiled functions from the folder that this file names.
-    (folder / ".numba_config.yaml").write_text("cache_dir: compiled\n")
-    (folder / "line.csv").write_text("x [m],y [m]\n0.3,0.2\n0.3,0.21\n")
-    main = "from armcontour.cli import main; main()"
-    line = [sys.executable, "-P", "-c", main, "show", "line.csv"]
-    environment = {x: y for x, y in os.environ.items() if x != "NUMBA_CACHE_DIR"}
-    outcome = subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True)
-    assert outcome.returncode == 0, outcome.stderr
-    assert not (tmp_path / "imported").exists() and not (folder / "compiled").exists()
 
 
 GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"

@@ -3,7 +3,6 @@
 import re
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 from tests.cli.helpers import summary
 
@@ -59,11 +58,6 @@ def test_place_writes_a_map_a_table_and_a_job_that_runs(job, tmp_path, placed):
     drawn = (tmp_path / "part.svg", "--cell", job, "--speed", "0.1 m/s")
     *_, text = placed(*drawn, "--x", "0 mm .. 30 mm, 2", out="drawn")
     assert "name: part" in text and "speed: 0.1" in text
-
-
-def test_a_whole_turn_has_no_direction_twice(job, placed):
-    *_, data, _, _ = placed(job, "--yaw", "0 deg .. 360 deg, 4", "--move", "part")
-    np.testing.assert_allclose(data["axes"]["yaw"], np.arange(4) * np.pi / 2, atol=1e-11)
 
 
 def test_a_grid_out_of_reach_has_a_map_and_an_exit_code(job, tmp_path, command):

@@ -88,14 +88,6 @@ def test_a_motion_is_played_and_recorded(bench, tmp_path):
     ]
 
 
-def test_lines_arrive_in_pieces(bench):
-    data = "".join(f"{x}\n" for x in [*MOTION, "G"]).encode()
-    for k in range(len(data)):
-        bench.feeder.take(data[k : k + 1])
-    bench.loop(5)
-    assert bench.commands == list(range(10))
-
-
 def test_a_stop_waits_until_it_is_wanted(bench):
     bench.send(*MOTION, "T 6", *rows(60, 61), "E", "G")
     bench.loop(2)
@@ -111,14 +103,6 @@ def test_the_earliest_stop_that_is_not_too_late_is_taken(bench):
     bench.send("S")
     bench.loop(3)
     assert bench.commands == [0, 1, 2, 3, 40] and bench.events == ["X 4", "D"]
-
-
-def test_a_stop_that_comes_later_is_taken_then(bench):
-    bench.send(*MOTION, "G", "S")
-    bench.loop(2)
-    bench.send("T 5", *rows(50), "E")
-    bench.loop(2)
-    assert bench.commands == [0, 1, 2, 3, 4, 50]
 
 
 def test_without_a_stop_the_motion_is_played_to_its_end(bench):

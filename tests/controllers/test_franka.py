@@ -206,19 +206,6 @@ def test_it_moves_gently_to_the_first_row_and_holds_between_motions(library):
         feed(device, [(1e-2,) * 7], 10)
 
 
-def test_positions_that_the_robot_changed_are_in_the_record(library):
-    class Changing(Control):
-        def writeOnce(self, command):  # noqa: N802
-            super().writeOnce(command)
-            self.q_d = [x / 2 for x in command.q]
-
-    library.control = Changing(range(50))
-    device = library.device("127.0.0.1")
-    device.connect()
-    samples = feed(device, [(1e-5 * k,) * 7 for k in range(10)], 30)
-    assert {k: command[0] for _, k, command, _ in samples}[9] == pytest.approx(4.5e-5)
-
-
 def test_a_reflex_is_a_failure_and_a_robot_in_one_is_refused(library):
     library.control = Control([0, 1, 2, None])
     device = library.device("127.0.0.1")

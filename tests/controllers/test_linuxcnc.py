@@ -21,8 +21,8 @@ from soak.hal_drives import CYCLE, follow
 from soak.hal_drives import LIMIT as ACCELERATION
 
 import armcontour as ac
-from armcontour.controllers import LinuxCNC, Motion, Stop, play
-from armcontour.core.errors import ControllerRefused, InvalidInput
+from armcontour.controllers import LinuxCNC, Motion, play
+from armcontour.core.errors import ControllerRefused
 
 needs_linuxcnc = pytest.mark.skipif(
     shutil.which("halcmd") is None, reason="needs the Debian package linuxcnc-uspace"
@@ -143,13 +143,6 @@ class Later:
 
 
 @needs_linuxcnc
-def test_a_dry_run_moves_nothing(job):
-    played = play(job, controller(), speed_factor=1.0)
-    assert played.record is None and played.distance == 0.0
-    assert not played.to_data()["executed"].value
-
-
-@needs_linuxcnc
 def test_a_wrong_start_and_swapped_joints_are_refused(job, planned, refuses):
     u = commands(planned.set_points)
     with controller() as on:
@@ -197,27 +190,6 @@ def test_a_hal_file_that_does_not_fit_is_refused(job, tmp_path, refuses, old, ne
     assert old in HAL
     file.write_text(HAL.replace(old, new), encoding="utf-8")
     refuses(lambda: play(job, LinuxCNC(file), speed_factor=1.0), ControllerRefused, *words)
-
-
-def test_a_faster_thread_of_the_file_is_accepted(job, tmp_path, refuses):
-    """The next refusal is about the set-points, which is also before LinuxCNC is looked for."""
-    file = tmp_path / "machine.hal"
-    threads = "name1=base period1=250000 name2=servo period2=1000000"
-    file.write_text(HAL.replace("name1=servo period1=1000000", threads), encoding="utf-8")
-    refuses(
-        lambda: play(job, LinuxCNC(file), speed_factor=1.0), ControllerRefused, "not identified"
-    )
-
-
-@pytest.mark.parametrize("servo", [{"dead_time": 2e-3}, {"velocity_feedforward": 1.0}])
-def test_a_servo_that_is_not_simulated_is_refused(job, servo, refuses):
-    on = controller(servo=SERVO.replace(**servo))
-    refuses(lambda: play(job, on, speed_factor=1.0), InvalidInput, *servo)
-
-
-def test_stops_are_checked():
-    with pytest.raises(InvalidInput):
-        Stop(k=-1, q=np.zeros((2, 2)))
 
 
 @pytest.mark.parametrize("name", ["play", "identify", "learn"])
@@ -323,14 +295,3 @@ def test_dry_runs_of_the_page_work_and_typing_errors_are_named(tmp_path):
     number = wrong.splitlines().index("setp pid-1.Again 25") + 1
     assert done.returncode == 10
     assert f"reached: machine.hal:{number}: " in done.stderr and "pid-1.Again" in done.stderr
-
-
-@needs_linuxcnc
-@needs_own_hal
-def test_drives_of_a_hal_file_that_are_off_are_refused(tmp_path):
-    off = HAL.replace(" => pid-1.enable pid-2.enable", "")
-    assert off != HAL
-    kind, message = play_own_file(tmp_path, off)
-    # A late set-point can stop the motion to the start before the drives should have moved.
-    assert kind == "ControllerRefused"
-    assert "have not moved" in message or "motion to the start" in message

@@ -14,7 +14,6 @@ from armcontour.cli import play_command
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import play
 from armcontour.core.errors import ControllerRefused
-from armcontour.core.result import Row
 from armcontour.files import parse_job
 from armcontour.files.log_file import log_text
 
@@ -107,17 +106,6 @@ def test_a_robot_that_moves_otherwise_is_not_kept(job, robot, stops):
     assert played.to_data()["kept"].note
 
 
-def test_joints_that_rest_elsewhere_are_not_kept(plain):
-    """A drive that is off for the last 3 mrad leaves the tool on its path."""
-    whole = run_at(plain, simulated()).record.measured
-    end = int(np.argmax(np.abs(whole - whole[-1]).max(axis=1) < 3e-3))
-    played = run_at(plain, simulated(trip=end))
-    assert played.record.stopped is None and played.kept is False
-    data = played.to_data()
-    assert "rests" in data["kept"].note and data["contour_error.max"].value < 5e-4
-    assert run_at(plain, simulated(trip=end), band=6e-3).kept
-
-
 def test_the_band_follows_the_speed(job, plain):
     for speed in (1.0, 0.1):
         motion = play(job, simulated(), speed_factor=speed).motion
@@ -180,19 +168,6 @@ def test_compensated_set_points_above_the_limits_need_an_identified_servo(job, p
     assert played.kept and max(played.to_data()["command_use"].value) > 10
     simple = play(plain, Machine(late=False), speed_factor=1.0).to_data()["command_use"].value
     assert 0.9 < max(simple) <= 1.0
-
-
-class Named(Simulated):
-    """Its check compares names, as that of a HAL file does."""
-
-    def check(self, arm, limits, q):
-        return [Row("joints", list(arm.joint_names), "", "joints of the file")]
-
-
-def test_a_check_of_names_is_printed(job):
-    played = play(job, Named(late=False))
-    assert "joint 1, joint 2" in str(played)
-    assert played.to_data()["joints"].value == ["joint 1", "joint 2"]
 
 
 class Late(Simulated):

@@ -95,14 +95,6 @@ def test_error_falls_in_every_run(learned):
     np.testing.assert_array_equal(result.best.q, result.lesson.runs[-1].q)
 
 
-def test_earlier_runs_go_on(job, learned):
-    _, result = learned
-    robot = Simulated()
-    resumed = learn_on(job, robot, execute=True, runs=3, logs=result.logs[:2])
-    assert len(robot.motions) == 1
-    np.testing.assert_allclose(errors(resumed), errors(result), rtol=1e-6)
-
-
 def test_log_of_other_set_points_is_refused(job, learned):
     _, result = learned
     robot = Simulated()
@@ -141,20 +133,6 @@ def test_stop_on_request_keeps_what_was_learned(job, learned):
     assert stopped.stopped and len(stopped.logs) == 1 and stopped.played.record.stopped
     again = learn_on(job, Stopped(), runs=1, logs=result.logs[:1])
     np.testing.assert_array_equal(stopped.lesson.q, again.lesson.q)
-
-
-class Disturbed(Simulated):
-    """Its first motion has late set-points."""
-
-    def stream(self, motion, stop_requested=lambda: False):
-        record = super().stream(motion, stop_requested)
-        return replace(record, faithful=len(self.motions) > 1, notes=("late",))
-
-
-def test_disturbed_motion_is_played_again(job):
-    robot = Disturbed()
-    assert len(learn_on(job, robot, execute=True, runs=1).logs) == 1
-    assert len(robot.motions) == 2
 
 
 def test_identification_stopped_on_request_is_not_repeated(job):

@@ -124,11 +124,6 @@ def test_robots_that_cannot_play_are_refused(arm, double, word, reason):
         robot.connect(arm, START)
 
 
-def test_an_address_without_a_robot_is_refused(arm):
-    with Ur("127.0.0.1") as robot, pytest.raises(ControllerRefused, match="port 30004"):
-        robot.connect(arm, START)
-
-
 def test_a_protective_stop_ends_the_motion_with_its_record(arm, double):
     address, _ = double("stopped_at=100")
     part = motion(arm, START, START + 0.1, stops=False)

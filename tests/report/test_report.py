@@ -23,20 +23,9 @@ from armcontour.jobs.run_learning import LearningStudy, learn_run, plan_run
 from armcontour.report import render_report, sections, write_report
 from armcontour.report.figure import Node, make_subplots, make_trace, to_json
 from armcontour.report.sections import clearance
-from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
 from armcontour.report.style import finish, thin
 from armcontour.robot import scene as cell
-from armcontour.robot.servo import ServoModel
 from armcontour.studies.placement import Place, Placement
-
-FIRST_ORDER = """
-name: first
-arm: pmk3s
-path: {points: [[0.30, 0.20], [0.40, 0.20]]}
-limits: {speed: 0.1}
-servo: {order: first, kp: 25, dead_time: 12 ms}
-runs: {one: {compensation: {method: inverse}}}
-"""
 
 
 @pytest.fixture(scope="module")
@@ -88,19 +77,6 @@ def test_the_report_begins_with_a_run_that_is_not_kept(study):
     (loose,) = (x for x in study.job.runs if x.name == "uncompensated")
     strict = dataclasses.replace(study.job, runs=(dataclasses.replace(loose, accuracy=1e-6),))
     assert '<p class="verdict not-kept">' in first_screen(render_report(run(strict)))
-
-
-def test_other_servos_and_jobs_without_corners_have_a_report(study):
-    page = render_report(run(parse_job(FIRST_ORDER)))
-    header = page[page.index("<header>") : page.index("</header>")]
-    assert "kp 25 1/s" in header and "dead time 12 ms" in header and "kv" not in header
-    # One gain for all joints, as a job made in Python may have it.
-    servo = ServoModel(kp=25.0, kv=150.0)
-    only = dataclasses.replace(study.job, runs=study.job.runs[:1], servo=servo, plant_servo=servo)
-    page = render_report(run(only))
-    assert "kp 25 1/s, kv 150 1/s" in page
-    for absent in ('<details id="contours">', "Corners enlarged", "Where the time goes"):
-        assert absent not in page
 
 
 def test_writes_whole_or_not_at_all(study, tmp_path):
@@ -180,21 +156,6 @@ def test_arrays_are_written_in_base64_and_cannot_end_a_script():
     assert json.loads(text) == {"name": "</script><b>", "y": [1.0, None, None]}
 
 
-WORK = ", work: {position: [0.4, 0.1, 0.3], rpy: [0.3, -0.4, 1.0]}"
-TILTED = f"""
-name: tilted
-arm: {{name: ur5e{WORK}}}
-path: {{points: [[0, 0, 0], [0.05, 0, 0]], orientation: {{axis: [0, 0, -1]}}}}
-limits: {{speed: 0.1}}
-servo: {{kp: 25, kv: 150}}
-runs: {{compensated: {{}}}}
-"""
-OBSTACLES = """
-scene:
-  obstacles:
-    - {type: halfspace, name: table}
-    - {type: box, name: block, fixed_to: part, at: [0.1, 0, 0], size: [0.02, 0.02, 0.02]}
-"""
 SEAM = """
 name: seam
 arm: ur5e
@@ -218,26 +179,6 @@ Q = np.array([[0.3, -1.2, 1.4, -1.0, -1.5, 0.2]])
 # Along x, y and yaw, 2 places each.
 def traces(figure):
     return {x.name: x for x in figure.data}
-
-
-def test_bodies_stand_in_the_coordinates_of_the_arms_base():
-    job = parse_job(TILTED + OBSTACLES)
-    same_job = parse_job(TILTED.replace(WORK, ""))
-    links = seen_from_base(job.arm, job.arm.links(Q))[0]
-    np.testing.assert_allclose(links, same_job.arm.links(Q)[0] * 1e3, atol=1e-9)
-    assert np.abs(links[0]).max() < 1e-9
-    traces = {trace.name: points for trace, points in draw_surroundings(job, links)}
-    table, block = traces["table"], traces["block"]
-    # The table is that of the base; its plate is larger than the arm, which stands on it.
-    assert table[:, 2].max() == pytest.approx(0, abs=1e-9)
-    assert np.ptp(table[:, 0]) > np.ptp(links[:, 0])
-    base = job.arm.chain.base.inverse
-    middle = base.position + base.rotation @ [0.1, 0, 0]
-    np.testing.assert_allclose(block.mean(axis=0), middle * 1e3, atol=1e-9)
-    assert traces["base_link_inertia"][:, 2].min() > -5
-    drawn = draw_surroundings(parse_job(TILTED), np.array([[0, 0, 9.0], [400, 90, 5]]))
-    plane = {trace.name: points for trace, points in drawn}["plane of the base"]
-    assert (plane[:, 2] == 0).all() and np.ptp(plane[:, :2], axis=0).tolist() == [400, 90]
 
 
 @needs_dynamics

@@ -2,8 +2,6 @@
 
 import dataclasses
 import re
-import runpy
-import sys
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -16,12 +14,10 @@ import armcontour as ac
 from armcontour.core.palette import LIMITS
 from armcontour.core.render import number
 from armcontour.files.cell import read_cell
-from armcontour.files.drawings.read import read_path
 from armcontour.jobs import run
 from armcontour.planning.explanation import Binding
 from armcontour.program import Lead, Pierce, Process, Switch
 from armcontour.report import render_report, sections
-from armcontour.report.outline import VISIBLE, simplify
 from armcontour.report.plan_drawing import draw_plan, view_of
 from armcontour.report.sections.motion import MAX_BARS, list_bars
 
@@ -187,15 +183,6 @@ def test_planes_are_drawn_from_their_front(points, axes):
     np.testing.assert_allclose(view_of(np.array(points, dtype=float)), axes, atol=1e-9)
 
 
-def test_any_path_in_space_has_a_view_that_hides_no_direction():
-    t = np.linspace(0, 20, 300)
-    helix = np.stack([np.cos(t), np.sin(t), t / 10], axis=1)
-    for points in (helix, helix[:2], helix[:, [2, 2, 2]], np.outer(t, [0, 0, 1.0])):
-        axes = view_of(points)
-        np.testing.assert_allclose(axes @ axes.T, np.eye(2), atol=1e-9)
-        assert np.ptp(points @ axes.T, axis=0).max() > 0.4 * np.ptp(points, axis=0).max()
-
-
 def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):
     lines = ["G21 G90"]
     for k in range(300):
@@ -233,36 +220,6 @@ SHARE = st.floats(-1, 1)
 CURVE = st.lists(st.tuples(SHARE, SHARE), min_size=2, max_size=30)
 
 
-@given(st.lists(CURVE, min_size=1, max_size=4))
-def test_simplified_curves_stay_within_what_is_not_seen(curves):
-    arrays = [np.array(x) for x in curves]
-    size = np.ptp(np.concatenate(arrays), axis=0).max()
-    for points, indices in zip(arrays, simplify(arrays, even=1), strict=True):
-        assert indices[0] == 0 and indices[-1] == len(points) - 1
-        assert (np.diff(indices) > 0).all()
-        for i, x in enumerate(points):
-            k = min(max(int(np.searchsorted(indices, i, side="right")) - 1, 0), len(indices) - 2)
-            a, b = points[indices[k]], points[indices[k + 1]]
-            along = b - a
-            share = np.clip((x - a) @ along / max(along @ along, 1e-300), 0, 1)
-            assert np.linalg.norm(x - a - share * along) <= VISIBLE * size + 1e-12
-
-
-def test_a_long_program_has_a_small_report(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules[list_bars.__module__], "MAX_BARS", 50)
-    lines = ["G21 G90 G64 P0.2", "G0 X0 Y0", "M3"]
-    for row in range(24):
-        for i in range(1, 101):
-            x = i if row % 2 == 0 else 100 - i
-            lines.append(f"G1 X{x} Y{row + 0.2 * (i % 2):g} F6000")
-    long = study_of(tmp_path, "\n".join(lines))
-    assert len(render_report(long)) < 2.5e6
-    figure, *_ = sections.over_time(long).parts
-    bars = sum(len(x.x) for x in figure.data if x.type == "bar")
-    (result,) = long.runs.values()
-    assert bars <= 50 < len(result.explanation.bindings)
-
-
 @pytest.mark.parametrize(
     "name, cell, path",
     [
@@ -282,20 +239,6 @@ def test_a_sample_drawing_runs_to_a_report(name, cell, path):
     expected = ("handle 38", "Repaired ", "armcontour[dynamics]")
     assert all(any(part in x for part in expected) for x in result.warnings)
     assert any("Repaired " in x for x in result.warnings) == (name == "pocket.ngc")
-
-
-def test_the_sample_drawings_are_what_their_script_writes(tmp_path):
-    runpy.run_path(str(DRAWINGS / "make.py"))["main"](tmp_path)
-    names = ["gasket.dxf", "lettering.svg", "plate.dxf", "pocket.ngc"]
-    assert sorted(x.name for x in tmp_path.iterdir()) == names
-    for name in names:
-        shipped, again = read_path(DRAWINGS / name), read_path(tmp_path / name)
-        assert [x.layer for x in again.contours] == [x.layer for x in shipped.contours]
-        for one, other in zip(again.contours, shipped.contours, strict=True):
-            np.testing.assert_allclose(one.path.vertices, other.path.vertices, atol=1e-12)
-            np.testing.assert_allclose(one.path.lengths, other.path.lengths, atol=1e-12)
-        if not name.endswith(".dxf"):  # whose bytes depend on the version of ezdxf
-            assert (tmp_path / name).read_bytes() == (DRAWINGS / name).read_bytes()
 
 
 @needs_dynamics

@@ -1,8 +1,6 @@
 """Figures, tables and reports of single results, as of a plan that was made in Python."""
 
 import re
-import sys
-from html import unescape
 
 import numpy as np
 import plotly.graph_objects as go
@@ -72,46 +70,6 @@ def test_figures_are_those_of_the_results(made):
         np.testing.assert_allclose(ends, end, atol=0.05)
 
 
-def test_figures_without_plotly_name_the_extra(in_plane, refuses, monkeypatch):
-    monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
-    refuses(lambda: in_plane[0].figure("path"), ac.InvalidInput, "armcontour[figures]")
-
-
-def test_figures_that_do_not_exist_are_refused(in_plane, refuses):
-    planned, _, result = in_plane
-    refuses(lambda: planned.figure("error"), ac.InvalidInput)
-    refuses(lambda: result.figure("torque"), ac.InvalidInput, "speed")
-    joints = ac.plan(
-        ac.JointPath.spline([[0.0, 0.0], [1.0, 0.5]]),
-        None,
-        ac.Limits(joint_velocity=1, joint_acceleration=1),
-    )
-    refuses(lambda: joints.figure("joints"), ac.InvalidInput)
-
-
-def test_a_plan_of_joints_shows_the_path_of_its_tool(arm):
-    planned = ac.plan(ac.JointPath.spline([[0.0, 0.9], [0.3, 1.5], [0.5, 1.2]]), arm)
-    x, y = drawn(planned.figure("path").data[0])
-    tool = 1e3 * arm.tool_position(planned([0.0, planned.duration]))
-    np.testing.assert_allclose([[x[0], y[0]], [x[-1], y[-1]]], tool, atol=1e-3)
-
-
-def test_tables_have_a_row_for_each_time(made):
-    planned, executed, result = made
-    for columns, t in (
-        (planned.to_dict(cycle=8e-3), planned.sample(8e-3).t),
-        (executed.to_dict(), executed.t),
-        (result.to_dict(), result.contour_error.t),
-    ):
-        np.testing.assert_array_equal(columns["t"], t)
-        assert all(isinstance(x, np.ndarray) and x.shape == t.shape for x in columns.values())
-    np.testing.assert_array_equal(executed.to_dict()["dq2"], executed.dq[:, 1])
-    np.testing.assert_array_equal(result.to_dict()["contour_error"], result.contour_error.values)
-    assert result.to_dict()["tracking_error"].max() == pytest.approx(
-        result.tracking_error.max, rel=0.05
-    )
-
-
 def without_code(page):
     """A page without its scripts and styles."""
     return re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
@@ -153,23 +111,6 @@ def test_a_program_has_figures_and_a_report(arm, tmp_path):
     page = (tmp_path / "plan.html").read_text(encoding="utf-8")
     assert '<details id="contours">' in page
     assert isinstance(planned.figure("path"), go.Figure)
-
-
-def test_results_are_tables_in_notebooks(made, arm):
-    planned, executed, result = made
-    why = ac.explain(planned, planned.arm, planned.arm.limits.replace(speed=0.15))
-    for x in (planned, executed, result, planned.arm.limits, why, result.contour_error):
-        shown = x._repr_html_()
-        assert shown.startswith("<table>" if "\n" in str(x) else "<p>")
-        assert shown.count("<tr>") == shown.count("</tr>")
-        # It says what is printed.
-        assert unescape(re.sub("<[^>]*>", " ", shown)).split() == str(x).split()
-        assert str(x).splitlines()[0].split(":")[0] in shown
-    assert "(m or rad)" not in str(result.contour_error) and " mm" in str(result.contour_error)
-
-
-def test_angles_are_printed_in_degrees(in_space):
-    assert " deg" in str(in_space[2].orientation_error)
 
 
 def test_evaluations_without_their_execution_are_refused(in_plane, refuses, tmp_path):

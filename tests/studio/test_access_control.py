@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from armcontour.files import parse_job
-from armcontour.robot.scene import Box, Capsule, Cylinder, Mesh, Sphere
 from armcontour.studio.access_control import (
     BURST,
     MAX_UPLOAD,
@@ -17,7 +16,7 @@ from armcontour.studio.access_control import (
     make_token,
     respond,
 )
-from armcontour.studio.arm_picture import arm_frame, triangles_of
+from armcontour.studio.arm_picture import arm_frame
 
 DOOR = Endpoint(4711, "0123456789abcdef0123456789abcdef")
 HOST = (b"host", b"127.0.0.1:4711")
@@ -138,39 +137,6 @@ def test_messages_come_at_a_rate_with_some_at_once():
     allowance = RateLimit(lambda: now)
     for now, allowed in ((0.0, BURST), (1.0, RATE), (1e6, BURST)):  # noqa: B007 - read by the lambda
         assert sum(allowance.allow() for _ in range(10_000)) == allowed
-
-
-def volume(corners):
-    """Volume inside closed triangles; above zero if they are seen from outside."""
-    return np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
-
-
-def test_triangles_close_shapes_without_gaps():
-    corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
-    triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    for shape, size in (
-        (Box(size=np.array([0.1, 0.2, 0.3])), 0.006),
-        (Sphere(radius=0.1), 4 / 3 * np.pi * 1e-3),
-        (Cylinder(radius=0.1, length=0.5), np.pi * 0.005),
-        (Capsule(radius=0.1, length=0.5), np.pi * (0.005 + 4e-3 / 3)),
-        (Mesh(points=corners), 1 / 6),
-        (Mesh(points=corners, triangles=triangles), 1 / 6),
-    ):
-        surface = triangles_of(shape)
-        assert surface.shape[1:] == (3, 3)
-        assert volume(surface) == pytest.approx(size, rel=0.03), shape
-        middle, radius = shape.ball
-        assert np.linalg.norm(surface - middle, axis=2).max() <= radius * (1 + 1e-9), shape
-        if isinstance(shape, Mesh):
-            continue
-        surface = np.round(surface, 12)
-        across = np.cross(surface[:, 1] - surface[:, 0], surface[:, 2] - surface[:, 0])
-        assert np.linalg.norm(across, axis=1).min() > 1e-6, shape
-        # They are seen from outside, and each edge is one of two triangles, in both directions.
-        assert (np.einsum("ij,ij->i", across, surface.mean(axis=1)) > 0).all(), shape
-        sides = ((0, 1), (1, 2), (2, 0))
-        edges = [tuple(map(tuple, x[[i, j]] + 0.0)) for x in surface for i, j in sides]
-        assert len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges), shape
 
 
 SCENE = """

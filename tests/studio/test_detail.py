@@ -10,7 +10,6 @@ from armcontour.studio.document import Document
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.scheduler import SchedulerOptions
 from armcontour.studio.session import Session
-from armcontour.studio.view import Detail
 
 COLUMNS, ROWS, PITCH, RADIUS = 40, 50, 8e-3, 2.5e-3
 # Width of the view [px]; half a pixel is not seen.
@@ -43,14 +42,6 @@ def distances(points, line):
     share = ((points - a) * along).sum(2) / np.maximum((along**2).sum(2), 1e-30)
     nearest = a + np.clip(share, 0, 1)[..., None] * along
     return np.linalg.norm(points - nearest, axis=2).min(axis=0)
-
-
-def sharpest(line):
-    """Smallest and largest turn at the corners of a closed polyline [rad]."""
-    steps = np.diff(line, axis=0)
-    angle = np.unwrap(np.arctan2(*steps.T[::-1]))
-    turns = np.abs(np.diff(angle))
-    return turns.min(), turns.max()
 
 
 class Shown:
@@ -99,21 +90,6 @@ def origin(picture):
     """The middle of the first circle on the screen."""
     points = picture.arrays["objective"].astype(float)
     return points.min(axis=0) + RADIUS
-
-
-def test_all_contours_are_seen_in_their_shapes(picture, origin):
-    assert picture.header["tier"] == "outline"
-    lines = Shown(picture, origin).lines
-    assert sorted(lines) == list(range(COLUMNS * ROWS))
-    size = np.ptp(picture.arrays["objective"], axis=0).max()
-    for k, (line,) in lines.items():
-        error = distances(shape_of(k % 3, 200), line).max() / (size / WIDTH)
-        assert error <= SEEN and error * size / WIDTH <= 1.1 * picture.header["error"]
-        smallest_turn, largest_turn = sharpest(line)
-        if k % 3 == 1:
-            assert len(line) == 5 and smallest_turn == pytest.approx(np.pi / 2, abs=1e-4)
-        else:
-            assert len(line) > 12 and largest_turn < 0.7
 
 
 @pytest.mark.parametrize("scale", [3e3, 3e4, 3e5, 4e6])
@@ -176,16 +152,3 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
         (answer,) = tab.say("detail", **wrong)
         assert answer.kind == "failed"
     session.close()
-
-
-def test_a_part_that_is_moved_has_the_same_points(program):
-    paths = [x.path for x in program.contours]
-    smooth = Detail(np.inf)
-    parts = [x(smooth.arc_lengths(x)) for x in paths]
-    points, ends = np.concatenate(parts)[:, :2], np.cumsum([0, *map(len, parts)])
-    turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
-    point_sets = []
-    for moved in (points, points @ turn.T + [0.1, 0.2]):
-        detail = Detail.for_points(moved)
-        point_sets.append(detail.essential_points(moved, ends))
-    assert np.array_equal(*point_sets) and 10_000 < point_sets[0].sum() < len(points) / 2

@@ -215,25 +215,6 @@ def test_a_draft_survives_until_the_job_is_saved(file, home):
     assert not (file.parent / ".armcontour").exists()
 
 
-def test_a_draft_that_was_not_decided_on_is_offered_again(file, tmp_path):
-    drawing = tmp_path / "part.dxf"
-    shutil.copy(DRAWINGS / "gasket.dxf", drawing)
-    for opening in (lambda: Document.open(file), lambda: Document.of_drawing(drawing, "ur5e")):
-        document = opening()
-        document.apply(FASTER, "speed")
-        # Sessions that have only looked at the document end like this.
-        assert opening().write_draft() and opening().write_draft()
-        assert opening().earlier == document.text
-
-
-@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"key": 1}', "\x00"])
-def test_a_draft_that_cannot_be_read_is_none(file, home, text):
-    faster(file)
-    (draft,) = drafts(home)
-    draft.write_text(text)
-    assert Document.open(file).earlier is None
-
-
 def test_every_document_has_a_draft_of_its_own(tmp_path, home):
     drawing = tmp_path / "part.dxf"
     shutil.copy(DRAWINGS / "gasket.dxf", drawing)
@@ -267,16 +248,6 @@ def test_every_document_has_a_draft_of_its_own(tmp_path, home):
     document.earlier = None
     document.write_draft()
     assert openings[-1]().earlier is None and openings[-2]().earlier == texts[-2]
-
-
-def test_a_folder_that_cannot_be_written_to_has_no_draft(file, home):
-    document = Document.open(file)
-    (home / "armcontour").write_text("no folder")
-    document.apply(FASTER, "speed")
-    assert document.can_undo and not document.write_draft()
-    shutil.rmtree(file.parent)
-    with pytest.raises(InvalidInput):
-        document.save()
 
 
 def test_a_job_is_saved_through_a_link_only_where_it_may_be_read(file, tmp_path_factory):

@@ -252,22 +252,6 @@ def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
     assert turned == edited(text, do="place", turn=turn, about=centre)
 
 
-def test_frames_and_points_keep_their_written_form():
-    data = edited(TURNED, do="place", by=[0.0125, 0.0])
-    assert data["path"]["frame"] == {"position": ["22.5 mm", 0.02, 0], "rpy": [0, 0, "30 deg"]}
-    data = edited(TURNED, do="place", turn=math.radians(15), about=[0.01, 0.02])
-    assert data["path"]["frame"] == {"position": ["10 mm", 0.02, 0], "rpy": [0, 0, "45 deg"]}
-    quaternion = TURNED.replace("rpy: [0, 0, 30 deg]", "quaternion: [0, 0, 0, 1]")
-    turned = edited(quaternion, do="place", turn=math.pi / 2)["path"]["frame"]["quaternion"]
-    np.testing.assert_allclose(turned, [0, 0, math.sqrt(0.5), math.sqrt(0.5)], atol=1e-15)
-    data = edited(PLANE, do="move_waypoint", index=1, to=[0.3614837, 0.2], step=1e-4)
-    assert data["path"]["points"][1] == ["361.5 mm", "20 cm"]
-    data = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
-    assert data["path"]["points"][1] == ["361 mm", "210 mm"]
-    with pytest.raises(InvalidInput, match="waypoint 2 must be a list of 2 coordinates"):
-        edited(PLANE, do="set_waypoint", index=1, value=["1 mm"])
-
-
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
 @given(st.integers(0, 8), st.floats(-0.05, 0.05), st.floats(-0.05, 0.05))
 def test_a_point_lies_where_it_was_moved_to(text, index, u, v):
@@ -406,25 +390,6 @@ def unit_in_si(key):
     joints = {"joint_velocity": "rad/s", "joint_acceleration": "rad/s^2", "joint_jerk": "rad/s^3"}
     name = key.split(".")[1]
     return joints.get(name) or kinds[name.rpartition("_")[2]]
-
-
-def test_names_of_digits_are_names_in_lists_of_keys():
-    data = edited(TEXT, "paper", do="set", key=["process", "by_layer", "0", "passes"], value=2)
-    assert data["process"] == {"by_layer": {"0": {"passes": 2}}}
-
-
-def test_a_value_of_one_run_takes_the_rest_of_its_mapping_along():
-    shaped = TEXT.replace("{tolerance: 5 mm}", "{tolerance: 5 mm, shape: arc}")
-    state = state_of(shaped, "paper")
-    edit = {"do": "set", "key": ["corners", "tolerance"], "value": "2", "run": True}
-    data = change_data(state.data, changes_of(edit, state))
-    assert data["runs"]["paper"]["corners"] == {"tolerance": "2 mm", "shape": "arc"}
-    assert data["corners"]["tolerance"] == "5 mm"
-    # Mappings that are empty without a key go with it, but for the run.
-    text = TEXT.replace(
-        "{timing: {method: paper}, compensation: {method: none}}", "{limits: {speed: 1}}"
-    )
-    assert edited(text, "paper", do="unset", key=["limits", "speed"])["runs"]["paper"] == {}
 
 
 @pytest.mark.parametrize(

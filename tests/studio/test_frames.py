@@ -9,26 +9,23 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from tests.dynamics_extra import needs_dynamics
 from tests.studio.conftest import PAPER
 from tests.studio.session_pages import figure
 
 from armcontour.core import render
-from armcontour.core.errors import Collision, ExecutionError, InvalidInput, Unreachable
+from armcontour.core.errors import Collision, ExecutionError, Unreachable
 from armcontour.core.palette import LIMITS
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import TYPES, PageFrame
 from armcontour.studio.picture import (
-    MAX_SHORTFALLS,
     NO_LIMIT,
     drawing_frame,
     picture_frame,
     refusal_header,
 )
-from armcontour.studio.preview import CONFIGURATION_NOTE, MOVING_SAMPLES, CoarsePlanner, Tier
-from armcontour.studio.view import select_points
+from armcontour.studio.preview import CONFIGURATION_NOTE, CoarsePlanner, Tier
 from armcontour.verification import check, evaluate
 
 
@@ -125,34 +122,6 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
         assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
-def test_slow_places_that_are_not_listed_are_counted(shown, view):
-    why, limit_count = shown[0].explanation, MAX_SHORTFALLS
-    slow = [
-        replace(why.shortfalls[0], speed=0.01 + 1e-4 * (k % limit_count))
-        for k in range(2 * limit_count)
-    ]
-    planned = replace(shown[0], explanation=replace(why, shortfalls=tuple(slow)))
-    header = picture_frame(planned, view).header
-    assert len(header["shortfalls"]) == limit_count and f"{limit_count} further points" in " ".join(
-        header["notes"]
-    )
-    assert not any("further points" in x for x in shown[1].header["notes"])
-
-
-def test_other_methods_have_no_colours(plans, view):
-    for name in ("proposed", "conventional"):
-        frame = packed(picture_frame(plans[name], view))
-        assert (frame.arrays["binding"] == NO_LIMIT).all()
-        assert not frame.header["limits"] and not frame.header["time"]
-
-
-def test_the_arm_is_played_closely(plans, gasket_plan, view):
-    for planned in (*plans.values(), gasket_plan):
-        a, trajectory = packed(picture_frame(planned, view)).arrays, planned.trajectory
-        t = np.linspace(0, trajectory.duration, 5001)
-        near(np.transpose([np.interp(t, a["t"], q) for q in a["q"].T]), trajectory(t), 1e-4)
-
-
 def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view):
     planned, frame = gasket
     a, contours = frame.arrays, planned.path.contours
@@ -224,14 +193,6 @@ def test_times_of_limits_rapids_and_dwells_add_up(previewer, square, view):
         assert times["rapids between contours"] == pytest.approx(rapid) and rapid > 0.1
         count = sum(x.kind == "dwell" for x in spans)
         assert times.get("dwells", 0.0) == pytest.approx(dwell * count)
-
-
-@needs_dynamics
-def test_an_arm_below_its_base_is_a_warning(previewer, square, view):
-    for height, is_below in ((0.0, False), (-0.3, True)):
-        path = square["path"] | {"frame": {"position": [0, 0, height]}}
-        warnings = picture_frame(previewer.plan(square | {"path": path}), view).header["warnings"]
-        assert any("below the base" in x for x in warnings) == is_below
 
 
 def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view):
@@ -342,31 +303,6 @@ def test_what_is_unpacked_is_what_was_packed(arrays):
         np.testing.assert_array_equal(unpacked.arrays[name], values)
 
 
-@given(
-    count=st.integers(1, 3000),
-    count_kept=st.integers(20, 400),
-    seed=st.integers(0, 100),
-    heavy=st.floats(0, 1),
-)
-def test_what_stands_out_is_kept(count, count_kept, seed, heavy):
-    random = np.random.default_rng(seed)
-    rows = list(random.normal(size=(2, count)))
-    weight = random.uniform(size=count) * (random.uniform(size=count) < heavy)
-    weight[random.integers(count)] = np.inf
-    rows_kept = select_points(weight, rows, count_kept)
-    assert (np.diff(rows_kept) > 0).all() and rows_kept[0] == 0 and rows_kept[-1] == count - 1
-    assert len(rows_kept) <= max(count_kept + 20, 0) or count <= count_kept
-    if count <= count_kept:
-        assert len(rows_kept) == count
-    assert int(np.argmax(weight)) in rows_kept
-    for row in rows:
-        assert {int(row.argmin()), int(row.argmax())} <= set(rows_kept.tolist())
-    # Of those that only a part of fits, the heavy ones are kept.
-    dropped = np.setdiff1d(np.arange(count), rows_kept)
-    if len(dropped) and (weight > 0).sum() <= count_kept // 2:
-        assert (weight[dropped] == 0).all()
-
-
 def whole(data, name, cycle):
     """The result of a full run with another cycle."""
     data = copy.deepcopy(data)
@@ -464,40 +400,3 @@ def test_a_motion_of_minutes_is_planned_but_not_simulated(previewer, paper):
     planned = previewer.plan(paper, "optimal")
     assert planned.trajectory.duration > 3000
     assert not previewer.may_execute(planned) and not previewer.may_be_exact(planned)
-
-
-def test_set_points_are_made_as_for_the_experiment(previewer, paper):
-    for experiment in (None, {}):
-        data, name = paper | {"experiment": experiment}, "inverse-dynamics"
-        (job_run,) = (x for x in parse_job(yaml.safe_dump(data)).runs if x.name == name)
-        (preview_run,) = previewer.job(data, name).runs
-        assert preview_run.compensation == job_run.compensation, experiment
-
-
-def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewer, paper):
-    with pytest.raises(InvalidInput):
-        previewer.plan(paper, "other")
-    planned = previewer.plan(paper, "optimal")
-    assert planned.run.cycle == 4e-3
-    assert planned.differs == ("the preview has a cycle of 4 ms; the full run has 0.2 ms.",)
-    assert previewer.plan(paper, "optimal", tier=Tier.EXACT).run.cycle == 0.2e-3
-    stiff = paper | {"servo": {"kp": 25, "kv": 300_000}}
-    assert previewer.plan(stiff, "optimal").run.cycle == 0.2e-3
-
-
-def test_while_something_moves_errors_are_those_at_fewer_samples(previewer, paper):
-    del paper["experiment"]
-    planned = previewer.plan(paper, "optimal")
-    moving = replace(planned, tier=Tier.MOVING)
-    every, fewer = previewer.execute(planned), previewer.execute(moving)
-    assert 3 * MOVING_SAMPLES < len(every.execution.t)
-    assert MOVING_SAMPLES <= len(fewer.execution.t) < 2 * MOVING_SAMPLES
-    indices = np.searchsorted(every.errors.t, fewer.errors.t)
-    # The profile ends where the tool is at rest, which is between samples.
-    expected = every.errors.values[indices[:-1]]
-    assert fewer.errors.values[:-1] == pytest.approx(expected, abs=1e-12)
-    assert fewer.errors.rms == pytest.approx(every.errors.rms, rel=1e-3)
-    assert fewer.errors.max <= every.errors.max
-    # What the drives need is not only known at the samples.
-    assert (fewer.execution.demand_range == every.execution.demand_range).all()
-    assert previewer.execute(planned).errors.max == every.errors.max

@@ -39,23 +39,6 @@ def test_the_plane_of_an_arm_in_the_plane_is_its_own():
 
 
 X, Y, Z = np.eye(3)
-PLANES = (
-    # On a table, on a wall across x, on a wall across y, up a line.
-    ([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]], X, Y, True),
-    ([[0.4, 0, 0.2], [0.4, 0.1, 0.2], [0.4, 0.1, 0.3]], Y, Z, True),
-    ([[0.4, 0.2, 0.2], [0.5, 0.2, 0.2], [0.5, 0.2, 0.3]], X, Z, True),
-    ([[0.4, 0, 0.2], [0.5, 0.1, 0.2]], X, Y, True),
-    ([[0.4, 0.2, 0.2], [0.4, 0.2, 0.4]], X, Z, True),
-    # A saddle: the nearest of the planes of the frame.
-    ([[0.4, 0, 0.2], [0.5, 0, 0.21], [0.5, 0.1, 0.2], [0.4, 0.1, 0.21]], X, Y, False),
-)
-
-
-def test_the_plane_of_points_in_space_is_theirs_and_upright():
-    for points, x, y, flat in PLANES:
-        plane = handles(f"{{points: {points}}}").plane
-        np.testing.assert_array_equal([plane.x, plane.y], [x, y], err_msg=str(points))
-        assert plane.flat is flat, points
 
 
 BARE = parse_job(f"name: a\narm: ur5e\npath: {{points: [[0.4, 0, 0.2], [0.5, 0, 0.2]]}}{TAIL}")
@@ -130,8 +113,6 @@ SVG = (
     "{}</svg>"
 )
 LINES = '<path d="M0 0 L60 0 L60.3 40.7"/>'
-# Tangent arcs of less and of more than three quarters of a turn.
-ARCS = '<path d="M10 20 L40 20 A10 10 0 0 1 40 40 A3 3 0 1 0 43 43 L10 47 A4 9 0 0 1 5 20"/>'
 CIRCLE = '<circle cx="30" cy="40" r="20"/>'
 JOB = """\
 # Kept.
@@ -143,10 +124,6 @@ servo: {{kp: 25 1/s, kv: 150 1/s}}
 runs: {{own: {{}}}}
 """
 PLANE = "{file: a.svg, scale: 0.5, frame: {position: [280 mm, 0.2, 0], rpy: [0, 0, 20 deg]}%s}"
-SPACE = (
-    "{file: a.svg, names: null, frame: {position: [0.4, -0.1, 0.2], rpy: [10 deg, 0.2, 20 deg]}, "
-    "orientation: {axis: [0, 0, -1]}%s}"
-)
 
 
 def converted(folder, drawing, path, arm="pmk3s", more=""):
@@ -159,12 +136,6 @@ def converted(folder, drawing, path, arm="pmk3s", more=""):
     new = change_text(text, changes_of({"do": "to_waypoints"}, state))
     assert new.startswith("# Kept.\n")
     return job, parse_job(new), load(new, "")["path"]
-
-
-@pytest.mark.parametrize(("path", "arm"), [(PLANE, "pmk3s"), (SPACE, "ur5e")])
-def test_lines_stay_lines_and_arcs_stay_arcs(tmp_path, path, arm):
-    for drawing in (LINES, ARCS, CIRCLE):
-        compare(tmp_path, drawing, path, arm)
 
 
 def compare(tmp_path, drawing, path, arm):
@@ -182,16 +153,6 @@ def compare(tmp_path, drawing, path, arm):
         assert isinstance(like, str) == (path == PLANE)
     else:
         assert {"via", "center", "to"} & set(written["segments"][0])
-
-
-def test_speeds_and_tolerances_of_segments_and_layers_stay(tmp_path):
-    drawing = f'<g id="CUT">{LINES}</g>'
-    layers = PLANE % ", layers: {CUT: {speed: 30 mm/s, tolerance: 0.1 mm}}"
-    before, after, written = converted(tmp_path, drawing, layers + "%s")
-    assert written["segments"][0]["speed"] == "30 mm/s" and "layers" not in written
-    assert after.program.path.speeds.tolist() == [0.03, 0.03]
-    assert after.program.path.tolerances.tolist() == pytest.approx([1e-4, 1e-4])
-    assert before.process.layers
 
 
 def test_what_waypoints_do_not_have_is_refused(tmp_path):

@@ -69,29 +69,6 @@ def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
     session.close()
 
 
-def test_a_mapping_that_is_set_keeps_the_comments_of_its_keys(tmp_path, file):
-    place, old = tmp_path / "job.yaml", "servo: {kp: 25 1/s, kv: 150 1/s}\n"
-    new = "servo:\n  kp: 25 1/s  # note of kp\n  kv: 150 1/s  # note of kv\n"
-    assert old in file.read_text()
-    place.write_text(file.read_text().replace(old, new))
-    session = session_of(place)
-    session.begin()
-    tab = SessionPage(session)
-    servo = {"kp": [24.5, 25.5], "order": ["second", "second"], "kv": 140}
-    tab.edit({"do": "set", "key": "servo", "value": servo})
-    text = session.document.text
-    assert "kp: [24.5 1/s, 25.5 1/s]  # note of kp" in text and "140 1/s  # note of kv" in text
-    assert parse_job(text).servo.kp.tolist() == [24.5, 25.5]
-    # What the mapping does not have is removed.
-    tab.edit({"do": "set", "key": "servo", "value": {"kp": 30, "kv": 150}}, gesture=2)
-    assert set(session.document.data["servo"]) == {"kp", "kv"}
-    tab.say("undo")
-    assert session.document.text == text
-    tab.say("undo")
-    assert session.document.text == place.read_text()
-    session.close()
-
-
 def test_next_set_points_are_those_of_the_command(ask, robot, file, log, command):
     first, second, third = (robot.folder / x for x in ("first", "second", "third"))
     assert command("run", file, "--out", first, "--no-simulation")[0] == 0
@@ -154,17 +131,6 @@ def test_logs_that_do_not_fit_the_job_are_refused(ask, robot, done, tmp_path):
             with pytest.raises(InvalidInput, match=r"bad\.csv") as refused:
                 ask(task, log)
             assert str(tmp_path) not in str(refused.value)
-
-
-def test_columns_have_the_names_that_the_page_gives(ask, robot, done, tmp_path):
-    log = write_table(tmp_path / "plain.csv", robot.table(done), "time,foo_1,foo_2,bar_1,bar_2")
-    with pytest.raises(InvalidInput, match="columns"):
-        ask("learn", log)
-    columns = "u# [rad]=foo_#,q# [rad]=bar_#"
-    rows = dict.fromkeys(("identify", "learn"))
-    for task in rows:
-        rows[task] = ask(task, log, columns=columns).header["rows"]
-    assert all(rows.values())
 
 
 def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, home):

@@ -5,9 +5,7 @@ import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
 from armcontour.core.frames import Frame as Pose
-from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.preview import CoarsePlanner
 
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
 
@@ -39,18 +37,6 @@ def test_the_page_reads_the_frames_that_the_server_writes():
         assert computed["arrays"][name] == values.ravel().astype(float).tolist()
 
 
-def test_executions_break_between_contours(paper, view, tmp_path):
-    lines = '<path d="M 350 100 L 400 140"/><path d="M 300 250 L 330 290"/>'
-    size = 'width="500mm" height="500mm" viewBox="0 0 500 500"'
-    drawing = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{lines}</svg>'
-    (tmp_path / "two.svg").write_text(drawing)
-    previewer = CoarsePlanner(tmp_path)
-    executed = previewer.execute(previewer.plan({**paper, "path": {"file": "two.svg"}}, "optimal"))
-    arrays = execution_frame(executed, view).arrays
-    steps = np.linalg.norm(np.diff(arrays["base"], axis=0), axis=1)
-    assert arrays["breaks"].tolist() == [0, 1 + steps.argmax()]
-
-
 STORE = """
 const { Store } = await import("./state.js");
 const { exactnessOf } = await import("./figures.js");
@@ -73,20 +59,6 @@ def test_no_older_frame_is_shown_after_a_newer_one():
         orders,
     )
     assert values == [[1, 5], [1, 6], [2, 6], [2, None], [2, 7]]
-
-
-def test_a_repeated_document_does_not_outdate_pictures():
-    values = compute(
-        f"""{STORE}
-        listen("page", ["picture"]);
-        put("document", 6, 1, {{ id: "a" }});
-        put("document", 6, 2, {{ id: "a" }});
-        put("picture", 6, 1);
-        put("picture", 5, 3);
-        tell([told.length, store.latest("picture").seq]);
-        """
-    )
-    assert values == [1, 1]
 
 
 def test_obstacles_are_drawn_where_their_corners_are():
@@ -124,23 +96,6 @@ def test_zero_has_no_sign():
         """
     )
     assert values == ["0", "0", "−0.000002", "−12.35", "0.000", "−0.040", "0.0 mm"]
-
-
-def test_colours_distinguish_errors_of_several_magnitudes():
-    errors = np.geomspace(1e-7, 1e-3, 200).astype(np.float32)
-    points = np.stack([np.arange(200), np.zeros(200)], axis=1)
-    values = compute(
-        """
-        globalThis.Path2D = class { moveTo() {} lineTo() {} };
-        const { Layers } = await import("./layers.js");
-        const arrays = { base: given[0].flat(), error: given[1], breaks: [] };
-        const store = { theme: "light", options: { colour: "error" }, latest: () => ({ arrays }) };
-        tell(new Layers(store).strokes({}, { arrays }).map((x) => x.colour));
-        """,
-        [points, errors],
-    )
-    # A linear scale has two colours for all but the last tenth of these errors.
-    assert len(set(values)) >= 12
 
 
 CAMERA = """

@@ -1,9 +1,6 @@
 """The machine of tiers: what pages see while somebody edits, and when nothing moves."""
 
-import time
 from importlib import resources
-from itertools import count
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -296,34 +293,6 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     assert "done" in progress(tab.edit(moved(2), gesture=2))
 
 
-def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
-    _, tab, _ = opened()
-    monkeypatch.setattr(scheduler, "SLOW_PLAN", 0.5)
-    looks = count()
-    slow = SimpleNamespace(monotonic=time.monotonic, thread_time=lambda: next(looks))
-    monkeypatch.setattr(scheduler, "time", slow)
-    for _ in range(2):
-        frames = tab.edit(moved(next(looks)), final=False)
-        assert tiers(frames)[0] == "picture moving", "one late plan may be late by chance"
-    assert tiers(tab.edit(moved(3), final=False)) == ["picture outline"]
-    # Quick plans end this.
-    slow.thread_time = lambda: 0.0
-    assert tiers(tab.edit(moved(4)))[0] == "picture preview"
-    assert tiers(tab.edit(moved(5), gesture=1, final=False))[0] == "picture moving"
-
-
-def test_progress_of_exact_figures_is_sent_with_its_step(opened, during, monkeypatch):
-    monkeypatch.setattr(scheduler, "PROGRESS_INTERVAL", -1e6)
-    _, tab, lane = opened(preview_worker=Nested)
-    step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
-    lane.deliver(PageFrame("progress", step))
-    message = tab.last("progress")
-    assert (message["tier"], message["share"]) == ("exact", 0.25)
-    assert message["steps"] == ["compensated", "timing (step 3 of 7)"]
-    answer(lane)
-    assert progress(tab.frames)[-1] == "done"
-
-
 def test_a_killed_process_is_reported_and_the_next_edit_has_figures(opened):
     _, tab, lane = opened(preview_worker=Nested)
     id = lane.given[-1][0]
@@ -349,11 +318,3 @@ def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
     assert lane.cancelled == [lane.given[-1][0]]
     lane.deliver(PageFrame("cancelled", {"id": lane.given[-1][0]}))
     assert len(lane.given) == 2 and "cancelled" not in kinds(tab.frames)
-
-
-def test_a_motion_of_minutes_has_its_errors_from_the_exact_run_and_no_refusal(opened):
-    slow = JOB.replace("{speed: 50 mm/s}", "{speed: 0.1 mm/s}")
-    _, tab, lane = opened(slow, preview_worker=RestingWorker)
-    assert tiers(tab.frames) == ["picture preview"] and "refusal" not in kinds(tab.frames)
-    answer(lane)
-    assert tiers(tab.frames)[-1] == "figures exact"

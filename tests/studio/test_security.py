@@ -286,22 +286,6 @@ def test_s11_this_machine_only(studio):
             socket.create_connection((address, studio.port)).close()
 
 
-def test_s12_no_programs(studio):
-    assert studio.upload("a.xacro", b"<robot/>")[0] == 422
-    assert studio.upload("a.j2", b"{{ 1 }}")[0] == 422
-
-
-def test_what_is_allowed_works_after_all_that(studio, folder):
-    with studio.page() as page:
-        page.hear("document")
-        seq = page.edit({"do": "set", "key": "corners.tolerance", "value": "4 mm"})
-        assert page.hear("executed", seq=seq).header["run"] == "slow"
-        seq = page.say("undo")
-        assert page.hear("document", seq=seq).header["text"] == JOB
-    assert [x.name for x in folder.iterdir() if x.suffix == ".csv"] == ["link.csv"]
-    assert (folder / "job.yaml").read_text() == JOB
-
-
 def test_s13_the_token_is_nowhere(studio, heard, folder, capfd):
     for path in (f"/{studio.token}", f"/?token={studio.token}", f"/files/{studio.token}"):
         studio.request("GET", path, Referer=f"{studio.base}/?token={studio.token}")

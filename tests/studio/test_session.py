@@ -6,18 +6,15 @@ from tests.studio.session_pages import (
     JOB,
     MOVE,
     RecordingTaskWorker,
-    RestingWorker,
     SessionPage,
     figure,
     kinds,
     session_of,
 )
 
-from armcontour.studio import pages as module
-from armcontour.studio.commands import MAX_EDITS
 from armcontour.studio.connection import open_session
 from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.pages import MAX_FILES, Pages, without_options
+from armcontour.studio.pages import without_options
 
 CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
 pytestmark = pytest.mark.usefixtures("no_hurry")
@@ -105,46 +102,6 @@ def test_uploads_are_drawings_or_other_documents_and_pages_know_which(session, t
     assert tab.frames[-1].header["rev"] == tab.last("document")["rev"]
 
 
-def test_pages_know_when_another_job_or_drawing_is_shown(session, tab):
-    ids = [tab.last("document")["id"]]
-    tab.edit(MOVE)
-    assert tab.last("document")["id"] == ids[0]
-    for name, content in (("line.csv", CSV), ("job.yaml", JOB.encode())):
-        session.open_upload(name, content, None)
-        assert tab.last("document")["id"] not in ids
-        ids.append(tab.last("document")["id"])
-    # A page that comes gets the last one only, before the picture of it.
-    later = SessionPage(session)
-    assert kinds(later.frames).count("document") == 1
-    assert later.last("document")["id"] == ids[-1]
-
-
-def test_a_page_that_joins_a_refused_job_has_its_path_and_the_refusal_of_its_plan(file):
-    session = session_of(file, RestingWorker)
-    session.begin()
-    tab = SessionPage(session)
-    tab.edit({**MOVE, "to": [2.0, 0.15]})
-    lane = RecordingTaskWorker.last
-    figures = {"id": lane.given[-1][0], "tier": 3, "sentence": "not reached", "at": {}}
-    lane.deliver(PageFrame("refusal", figures))
-    later = SessionPage(session)
-    document, refusal = later.last("document"), later.last("refusal")
-    assert refusal["tier"] == 1 and refusal["at"]["uv"] == pytest.approx([2.0, 0.15])
-    (picture,) = (x for x in later.frames if x.kind == "picture")
-    assert (picture.header["tier"], picture.header["rev"]) == ("outline", document["rev"])
-    drawn = picture.arrays["objective"] + picture.header["centre"]
-    corners = [[0.35, 0.1], [2.0, 0.15], [0.28, 0.3]]
-    np.testing.assert_allclose(drawn, corners, rtol=0, atol=1e-6)
-    # An open page keeps its motion, and gets the path with the refusal.
-    assert tab.last("picture")["tier"] == "preview"
-    (outline,) = (x for x in tab.frames if "outline" in x.header)
-    assert (outline.arrays["objective"] == picture.arrays["objective"]).all()
-    tab.say("undo")
-    after = SessionPage(session)
-    assert after.last("picture")["tier"] == "preview" and "refusal" not in kinds(after.frames)
-    session.close()
-
-
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -184,15 +141,6 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
     session.close()
 
 
-def test_a_message_has_a_bounded_number_of_edits(tab):
-    before = tab.last("document")["text"]
-    assert tab.edit(*[MOVE] * (MAX_EDITS + 1))[-1].kind in ("refusal", "executed")
-    assert tab.last("refusal")["error"] == "InvalidInput"
-    assert tab.last("document")["text"] == before
-    tab.edit(*[MOVE] * MAX_EDITS, gesture=1)
-    assert tab.last("document")["text"] != before
-
-
 WHOLE = ["document", "picture", "executed"]
 
 
@@ -223,22 +171,6 @@ def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, 
     assert session.document.text == changed
     tab.say("undo")
     assert session.document.text == JOB and not session.document.can_undo
-
-
-def test_edits_that_are_refused_or_unreachable_are_states(session, tab):
-    speed = {"do": "set", "key": "limits.speed", "value": "0 m/s"}
-    frames = tab.edit(speed, final=False)
-    assert kinds(frames) == ["refusal"] and "limits.speed" in frames[0].header["sentence"]
-    frames = tab.edit(speed, gesture=1)
-    assert kinds(frames) == ["document", "refusal", "picture", "executed"]
-    assert frames[1].header["dropped"] and frames[1].header["seq"] == tab.seq
-    assert session.document.text == JOB and not session.document.can_undo
-    frames = tab.edit({**MOVE, "to": [2.0, 0.15]})
-    assert kinds(frames) == ["document", "refusal"]
-    refusal = frames[1].header
-    assert refusal["error"] == "Unreachable" and refusal["exit"] == 3 and "uv" in refusal["at"]
-    assert session.document.can_undo
-    assert kinds(tab.say("undo")) == WHOLE
 
 
 def test_edits_of_a_message_see_one_another_and_one_of_an_older_document_is_not_made(session, tab):
@@ -324,19 +256,6 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     assert tab.last("progress")["share"] == 0.5
     tab.say("task", id="t1", task="report")
     assert len(lane.given) == 2
-
-
-def test_the_newest_files_are_kept_as_far_as_there_is_room(monkeypatch):
-    tabs = Pages()
-    numbers = [tabs.keep_file(f"{k}.csv", "text/csv", b"%d" % k) for k in range(MAX_FILES + 2)]
-    assert list(tabs.files) == numbers[2:]
-    assert tabs.files[numbers[-1]].data == b"%d" % (MAX_FILES + 1)
-    monkeypatch.setattr(module, "MAX_BYTES", 100)
-    tabs = Pages()
-    first, second = (tabs.keep_file("x.csv", "text/csv", bytes(60)) for _ in range(2))
-    assert list(tabs.files) == [second] and first != second
-    third = tabs.keep_file("x.csv", "text/csv", bytes(200))
-    assert list(tabs.files) == [third] and len(tabs.files[third].data) == 200
 
 
 def test_sentences_for_pages_have_no_options_of_the_command_line():

@@ -66,21 +66,6 @@ def test_each_card_is_a_job_that_each_arm_can_do(arm, tmp_path):
         new_document("table", arm, Uploads(), before)
 
 
-def test_arms_are_shown_by_the_silhouettes_of_their_links(opened):
-    _, tab = opened()
-    assert tab.last("document")["start"]
-    arms = start(tab)["arms"]
-    assert [x["name"] for x in arms] == list(cell_names())
-    for x in arms:
-        x_min, top, wide, high = map(int, x["box"].split())
-        outlines = re.findall(r"M([^Z]*)Z", x["shape"])
-        arm = ac.load_arm(x["name"])
-        assert len(outlines) == len(arm.shapes.shapes)
-        points = np.array([p.split(",") for o in outlines for p in o.split("L")], dtype=int)
-        assert [*points.min(axis=0)] == [x_min, top]
-        assert [*(points.max(axis=0) - points.min(axis=0))] == [wide, high]
-
-
 def test_an_empty_plane_is_drawn_on_and_undone(opened):
     session, tab = opened()
     tab.say("new", card="empty", arm="ur10e")
@@ -192,30 +177,3 @@ def test_a_draft_of_another_running_studio_is_left_alone(opened, tmp_path, home)
     assert again.last("document")["draft"] == "job.yaml"
     again.say("restore_draft")
     assert "0.1 m/s" in again.last("document")["text"]
-
-
-def test_a_draft_without_a_file_is_offered_by_the_start_page_alone(opened, tmp_path):
-    (tmp_path / "job.yaml").write_text(JOB)
-    session, tab = opened()
-    tab.say("new", card="drawing", arm="ur5e")
-    session.document.apply(FASTER, "speed")
-    for file in (tmp_path / "job.yaml", None):
-        _, again = opened(file)
-        assert again.last("document")["draft"] is None
-        assert "not saved" in [x["where"] for x in start(again)["recent"]]
-        assert again.say("restore_draft")[-1].kind == "failed"
-
-
-def test_an_undecided_draft_stays_next_to_a_newer_one(opened, tmp_path):
-    file = tmp_path / "job.yaml"
-    file.write_text(JOB)
-    first = Document.open(file)
-    first.apply(FASTER, "speed")
-    later = Document.open(file)
-    assert later.earlier == first.text
-    later.apply([Change(("limits", "speed"), "0.2 m/s")], "speed")
-    assert Document.open(file).earlier == later.text
-    session, tab = opened()
-    (draft,) = [x for x in start(tab)["recent"] if x["where"] == "not saved"]
-    tab.say("open_recent", id=draft["id"])
-    assert session.document.text == first.text

@@ -1,8 +1,5 @@
 """Tasks as the other process does them."""
 
-from itertools import count
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import yaml
@@ -11,12 +8,9 @@ from tests.studio.conftest import DRAWINGS
 from tests.studio.session_pages import figure
 
 import armcontour as ac
-from armcontour.core.progress import Step
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.tasks import dispatch
-from armcontour.studio.tasks.dispatch import WARMUP_JOB, do, work
+from armcontour.studio.tasks.dispatch import do
 
 
 def quiet(step):
@@ -49,25 +43,6 @@ def short(coarse):
 def line(square):
     """The square's job with a short line."""
     return square | {"path": square["path"] | {"points": [[0, 0, 0], [0.01, 0, 0]]}}
-
-
-def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
-    # Each look at the clock is a second later than the one before.
-    monkeypatch.setattr(dispatch, "time", SimpleNamespace(monotonic=count().__next__))
-    progress_log = []
-
-    def steps(request):
-        for k in range(4):
-            request.progress(Step((f"{k}",), k / 4))
-        return PageFrame("result", {})
-
-    monkeypatch.setitem(dispatch.TASKS, "steps", steps)
-    work(("a", "steps", {"text": WARMUP_JOB}), progress_log.append)
-    for k, frame in enumerate(map(PageFrame.unpack, progress_log), 1):
-        share, eta = frame.header["share"], frame.header["eta"]
-        assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1
-        assert eta == (pytest.approx(k * (1 - share) / share) if share else None)
-    assert any(0 < PageFrame.unpack(x).header["share"] < 1 for x in progress_log)
 
 
 GASKET = """
@@ -118,16 +93,6 @@ def test_a_collision_is_a_refusal_where_it_is(square):
     del square["servo"]
     frame = ask("figures", square, "optimal")
     assert frame.kind == "refusal" and "servo" in frame.header["sentence"]
-
-
-def test_a_limit_that_cannot_be_kept_is_a_refusal_on_its_contour():
-    limited = GASKET.replace("speed: 0.2 m/s", "speed: 0.2 m/s, joint_torque: 20 N m")
-    frame = ask("figures", limited, "cut")
-    assert frame.header["error"] == "NotRealizable"
-    contour = parse_job(limited, folder=DRAWINGS).program.contours[0]
-    at = frame.header["at"]
-    # Corners are rounded by 0.5 mm.
-    np.testing.assert_allclose(at["xyz"], contour.path(at["s"]), rtol=0, atol=1e-3)
 
 
 FORMATS = (

@@ -62,23 +62,6 @@ def test_of_works_that_wait_only_the_latest_is_done():
     assert [x.header["id"] for x in heard.frames] == [1, 4]
 
 
-def test_work_that_rests_goes_on_when_newer_work_comes():
-    begun, heard = Event(), Heard()
-
-    def resting(stale):
-        begun.set()
-        assert stale(within=1e6)
-        heard(PageFrame("picture", {"id": 1}))
-
-    lane = PreviewWorker(heard)
-    lane.submit(resting)
-    begun.wait()
-    lane.submit(lambda stale: heard(PageFrame("picture", {"id": 2})))
-    heard.wait(2, "picture")
-    lane.close()
-    assert [x.header["id"] for x in heard.frames] == [1, 2]
-
-
 def test_errors_are_reported_and_the_lane_continues():
     def failing(error):
         def work(stale):

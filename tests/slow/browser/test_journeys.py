@@ -1,18 +1,16 @@
 """What a person does in the Studio, in a real browser; the page is held to the library."""
 
 import json
-import shutil
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 from tests.browser.test_journeys import agree, press
-from tools.studio_page import SQUARE, Studio, serving, write_job
+from tools.studio_page import SQUARE, serving, write_job
 
 import armcontour as ac
 from armcontour.studio.page_frame import without_options
@@ -92,46 +90,6 @@ def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tm
         with studio.changing():
             dialog.get_by_role("button", name="Take the file's").click()
         assert studio.text.encode() == original
-
-
-def focused(studio):
-    """What the element with the focus is called."""
-    name = studio.find(":focus")
-    return name.get_attribute("aria-label") or name.inner_text() if name.count() else ""
-
-
-def tab_to(studio, name):
-    """Press Tab until an element has the focus."""
-    for _ in range(120):
-        if focused(studio) == name:
-            return
-        studio.page.keyboard.press("Tab")
-    raise AssertionError(f"{name} is not reached by Tab")
-
-
-def test_j10_corners_and_speeds_are_changed_by_keys_alone(studio, judge):
-    keys = studio.page.keyboard
-    before = studio.figure("duration")
-    tab_to(studio, "Tolerance of corner 2")
-    element = studio.handle("corner", 1)
-    assert "5.000 mm" in element.get_attribute("aria-valuetext")
-    with studio.changing():
-        for _ in range(4):
-            keys.press("ArrowUp")
-    judgement = judge(studio)
-    agree(studio, judgement)
-    assert judgement.trajectory.duration < before
-    assert "7.000 mm" in element.get_attribute("aria-valuetext")
-    tab_to(studio, "speed, slider")
-    slower = studio.figure("duration")
-    with studio.changing():
-        keys.press("PageDown")
-    judgement = judge(studio)
-    agree(studio, judgement)
-    assert judgement.trajectory.duration > slower
-    with studio.changing():
-        keys.press("Control+z")
-    assert studio.figure("duration") == slower
 
 
 def test_j11_a_dropped_drawing_is_played(pages, judge):
@@ -243,108 +201,6 @@ def test_j13_a_page_outlives_its_server_and_a_draft_both(pages, tmp_path):
         assert studio.page.evaluate("location.hash") == ""
 
 
-@pytest.mark.parametrize(
-    ("arguments", "upload"),
-    [
-        (("plate.dxf", "--cell", "ur5e"), ()),
-        ((), ()),
-        (("job.yaml",), ("other.yaml",)),
-        (("job.yaml",), ("part.dxf", "ur10e")),
-    ],
-    ids=["drawing", "built-in", "uploaded job", "uploaded drawing"],
-)
-def test_j14_what_is_not_saved_outlives_its_server(browser, tmp_path, arguments, upload):
-    folder, elsewhere = tmp_path / "jobs", tmp_path / "elsewhere"
-    folder.mkdir()
-    elsewhere.mkdir()
-    write_job(folder / "job.yaml", "optimal")
-    write_job(elsewhere / "other.yaml", "optimal")
-    for place in (folder / "plate.dxf", elsewhere / "part.dxf"):
-        shutil.copy(DRAWINGS / "gasket.dxf", place)
-
-    @contextmanager
-    def opened():
-        with serving(*arguments, folder=folder) as server:
-            studio = Studio(browser, server)
-            try:
-                studio.begin()
-                yield studio
-                assert not studio.troubles
-            finally:
-                studio.close()
-
-    with opened() as studio:
-        if not arguments:
-            with studio.renewing():
-                studio.find("#start [data-card=paper]").click()
-        if upload:
-            studio.open(elsewhere / upload[0], *upload[1:])
-        with studio.renewing():
-            studio.type("limits.speed", "0.09 m/s")
-        changed = studio.text
-        studio.is_cut_off = True
-        studio.server.process.kill()
-        studio.server.process.wait()
-    # The draft of a file is offered with it, others by the start page.
-    is_of_file = "plate.dxf" in arguments
-    # A session that decides nothing leaves the offer.
-    with opened() as studio:
-        if is_of_file:
-            press(studio, "#question", "Decide later")
-        assert bool(studio.told("body", "draft")) == is_of_file
-    with opened() as studio:
-        if arguments and not is_of_file:
-            studio.find("#new").click()
-        with studio.renewing():
-            if is_of_file:
-                press(studio, "#question", "Take them up")
-            else:
-                studio.find("#start .drafts button").click()
-        assert studio.text == changed
-        studio.rest()
-        studio.page.reload()
-        studio.begin()
-        assert studio.text == changed
-        with studio.renewing():
-            studio.find("#undo").click()
-    with opened() as studio:
-        assert not studio.told("body", "draft")
-        if arguments:
-            studio.find("#new").click()
-        studio.wait_for("#start[open]")
-        expect(studio.find("#start .drafts button")).to_have_count(0)
-
-
-def test_j18_invalid_input_is_reported_and_kept(studio):
-    before, speed = studio.text, studio.slider("limits.speed").locator("input[type=text]")
-    studio.type("limits.speed", "5 parsecs")
-    message = studio.find("#panel .refused")
-    expect(studio.slider("limits.speed").locator(".refused")).to_contain_text("'5 parsecs'")
-    expect(speed).to_have_value("5 parsecs")
-    # The job is as it was, and is shown so.
-    studio.rest()
-    assert studio.told("body", "refused") != "true" and studio.text == before
-    # A plain number has the unit that is shown, and the sentence goes with the next change.
-    with studio.changing():
-        studio.type("limits.speed", "0.12")
-    assert "speed: 0.12 m/s" in studio.text
-    expect(message).to_have_count(0)
-    with studio.changing():
-        studio.type("limits.speed", "0.15 m/s")
-    assert studio.text == before
-    wrong = before.replace("speed: 0.15 m/s", "sped: 0.15 m/s")
-    area = apply(studio, wrong)
-    expect(studio.find("#tab-text [role=status]")).to_contain_text("Not applied: job: ")
-    expect(area).to_have_value(wrong)
-    with studio.changing():
-        apply(studio, before.replace("speed: 0.15 m/s", "speed: 0.1"))
-    expect(studio.find("#tab-text").get_by_role("button", name="Apply")).to_be_disabled()
-    # Beside a plain number stands its unit.
-    expect(speed).to_have_value("0.1")
-    expect(studio.slider("limits.speed").locator(".from")).to_have_text("m/s")
-    expect(studio.slider("servo.kv").locator(".from")).to_have_text("")
-
-
 def test_j25_a_job_refused_when_it_is_opened_is_shown_at_its_line(pages, tmp_path):
     job = write_job(tmp_path / "job.yaml", "optimal", changes=[("  speed:", "  sped:")])
     line = next(k for k, x in enumerate(job.read_text().splitlines(), 1) if "sped:" in x)
@@ -356,27 +212,3 @@ def test_j25_a_job_refused_when_it_is_opened_is_shown_at_its_line(pages, tmp_pat
         expect(studio.find("#tab-text [role=status]")).to_contain_text(f"Line {line}: ")
         chosen = "e => e.value.slice(e.selectionStart, e.selectionEnd)"
         assert "sped:" in area.evaluate(chosen)
-
-
-def test_j36_a_change_is_made_by_its_button_and_undone(studio):
-    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
-    studio.rest()
-    text, before = studio.text, studio.figure("duration")
-    studio.wait("#figures", changes="3")
-    button = studio.find("#changes button").first
-    effect = button.locator("b").inner_text()
-    unit, saved = effect.split()[2], float(effect.split()[1])
-    assert effect.startswith("saves ") and unit == "s" and saved > 1
-    with studio.changing():
-        button.click()
-    studio.rest()
-    # By the button the motion is as much shorter as it says, to its last digit.
-    assert before - studio.figure("duration") == pytest.approx(saved, abs=5.01e-5)
-    assert studio.text != text
-    with studio.changing():
-        studio.find("#undo").click()
-    assert studio.text == text
-    studio.rest()
-    assert studio.figure("duration") == before
-    # What was planned before is known.
-    studio.wait("#figures", changes="3")

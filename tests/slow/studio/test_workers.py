@@ -33,19 +33,6 @@ def slow(heard):
     lane.close()
 
 
-def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
-    slow.submit("d", "figures", LONG)
-    slow.submit("f", "figures", {"text": WARMUP_JOB})
-    progress = heard.wait("d", "progress").header
-    assert progress["task"] == "figures" and progress["steps"]
-    process = next(iter(slow._pool._children))
-    begin = time.monotonic()
-    slow.cancel("d")
-    assert time.monotonic() - begin < 0.2
-    assert figure(heard.wait("f", "figures").header, "duration") > 0
-    assert process.poll() is not None
-
-
 def test_a_process_that_dies_is_reported_and_replaced(slow, heard):
     slow.submit("g", "figures", LONG)
     heard.wait("g", "progress")
