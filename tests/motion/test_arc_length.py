@@ -8,7 +8,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.geometry import Path
-from armcontour.motion import Method, Rates, Span, dwell_law
+from armcontour.motion import Rates, Span, dwell_law
 from armcontour.planning import METHODS
 from armcontour.program import Contour, Dwell, Program
 
@@ -114,24 +114,6 @@ def test_the_time_at_a_place_is_when_the_motion_is_there(case):
     assert (sides[0] <= sides[1] + 1e-12).all()
 
 
-@pytest.mark.parametrize("order", [1, 2])
-def test_rates_are_differences_of_s(order):
-    for name in MAKERS:
-        trajectory = plan(name)
-        rng, widths = np.random.default_rng(1), np.diff(trajectory.breaks)
-        k = np.unique([0, len(widths) - 1, *rng.integers(0, len(widths), 100)])
-        t = trajectory.breaks[k] + rng.uniform(0.2, 0.8, len(k)) * widths[k]
-        h = np.minimum(0.05 * widths[k], 1e-4)
-        wide, narrow = (
-            np.diff(trajectory.s(np.stack([t - x, t + x]), order - 1), axis=0)[0] / (2 * x)
-            for x in (h, h / 2)
-        )
-        # Both differences are off by their widths squared; together they are not.
-        expected = (4 * narrow - wide) / 3
-        near = np.maximum(1e-6 * expected, 1e-8 + (1e-15 if order == 1 else 1e-14) / h)
-        assert (np.abs(trajectory.s(t, order) - expected) <= near).all(), name
-
-
 @pytest.mark.parametrize("kind", ["optimal", "paper"])
 def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
     for name in (kind, f"{kind}, sharp"):
@@ -154,29 +136,6 @@ def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
         assert (sign * trajectory.s(t, 2, side=side) > 0.01).all()
 
 
-def test_speeds_that_jump_have_two_sides_and_answers_the_shape_of_the_question():
-    trajectory, vertex = plan("conventional, uneven"), UNEVEN.breaks[1]
-    t = float(trajectory.time_at(vertex))
-    assert t == pytest.approx(0.04 / 0.05)
-    for side, speed in (("left", 0.05), ("right", 0.025)):
-        assert float(trajectory.speed_at(vertex, side=side)) == speed
-        assert float(trajectory.s(t, 1, side=side)) == pytest.approx(speed)
-    for name in ("optimal", "paper", "program, paper"):
-        trajectory = plan(name)
-        for shape in ((), (3,), (2, 3), (0,)):
-            share = np.full(shape, 0.3)
-            for order in (0, 1, 2):
-                assert trajectory.s(share * trajectory.duration, order).shape == shape
-            assert trajectory.time_at(share * ROUNDED.length).shape == shape
-            assert trajectory.speed_at(share * ROUNDED.length).shape == shape
-        places = np.array([0.9, 0.1, 0.5]) * ROUNDED.length
-        times = [float(trajectory.time_at(s)) for s in places]
-        assert trajectory.time_at(places).tolist() == times
-    for name, method in (("optimal", Method.OPTIMAL), ("program, paper", Method.PAPER)):
-        assert plan(name).method is method
-    assert f"{plan('paper').method}" == "paper"
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_a_program_counts_on_where_its_contours_do_and_stands_still_between_them(method):
     trajectory = plan(f"program, {method}")
@@ -196,20 +155,6 @@ def test_a_program_counts_on_where_its_contours_do_and_stands_still_between_them
         np.testing.assert_allclose(trajectory.time_at(span.s[0] + s), times, rtol=1e-12)
         speed = span.trajectory.speed_at(s)
         np.testing.assert_allclose(trajectory.speed_at(span.s[0] + s), speed, rtol=1e-9)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_program_may_stand_at_both_of_its_ends(method):
-    moves = (Dwell(duration=0.1), Contour(path=ROUNDED), Dwell(duration=0.2))
-    trajectory = ac.plan(Program(moves=moves), ARM, SLOW, METHODS[method]())
-    ends = np.array([0.0, ROUNDED.length])
-    (contour,) = trajectory.contour_spans
-    assert trajectory.time_at(ends).tolist() == pytest.approx([0.0, contour.t[1]], abs=1e-12)
-    later = trajectory.time_at(ends, side="right")
-    assert later.tolist() == pytest.approx([contour.t[0], trajectory.duration], abs=1e-12)
-    assert contour.t[0] == 0.1 and trajectory.duration == pytest.approx(contour.t[1] + 0.2)
-    assert float(trajectory.speed_at(0.0, side="left")) == 0
-    assert float(trajectory.speed_at(ROUNDED.length)) == 0
 
 
 def test_refusals(refuses):

@@ -14,7 +14,6 @@ from armcontour.motion import (
     dwell_law,
     largest_shares,
 )
-from armcontour.motion.derivative_bounds import path_rates
 
 
 def test_laps_are_parabolas_21():
@@ -102,42 +101,6 @@ def many():
         if k in (3, 7):
             laws.append(dwell_law(q, 0.25))
     return ac.Trajectory(laws=tuple(laws), method="optimal")
-
-
-def alone(many, t, order, side):
-    """The value at one time, by the law that is found by looking at all of them."""
-    inside = [
-        (law, i, t - start)
-        for law, start in zip(many.laws, many.starts[:-1], strict=True)
-        for i, (a, b) in enumerate(zip(start + law.breaks, start + law.breaks[1:], strict=False))
-        if (a <= t < b if side == "right" else a < t <= b)
-    ]
-    ((law, i, since),) = inside
-    return law.on_interval(np.array([i]), np.array([since]), order)[0]
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("order", range(4))
-def test_many_laws_are_as_each_alone(many, order, side):
-    rng = np.random.default_rng(order)
-    # In no order; at seams of laws and at breaks within them, where accelerations jump.
-    inside = rng.choice(many.breaks[1:-1], 50), rng.uniform(0, many.duration, 58)
-    t = rng.permutation(np.concatenate([many.starts[1:-1], *inside]))
-    t = t[: len(t) // 3 * 3]
-    expected = np.array([alone(many, x, order, side) for x in t])
-    scale = np.abs(expected).max()
-    np.testing.assert_allclose(many(t, order, side=side), expected, rtol=0, atol=1e-9 * scale)
-    together = many.motion(t.reshape(3, -1), side=side)
-    if order < 3:
-        np.testing.assert_array_equal(together[order].reshape(-1, 2), many(t, order, side=side))
-
-
-def test_many_times_are_evaluated_in_blocks(many, monkeypatch):
-    t = np.linspace(0, many.duration, 500)
-    np.testing.assert_array_equal(many(t, 2), [many(x, 2) for x in t])
-    whole = many.motion(t)
-    monkeypatch.setattr("armcontour.motion.trajectory.AT_ONCE", 97)
-    np.testing.assert_array_equal(many.motion(t), whole)
 
 
 def derivatives(polynomials, s, count):
@@ -237,17 +200,6 @@ def test_a_joint_path_may_not_jump_and_stops_at_its_own_breaks(refuses):
     refuses(make, ac.InvalidInput, "Joint 1 jumps by 0.1 rad", joint=0, s=1.0)
 
 
-def test_short_intervals_far_along_a_path_do_not_bend_by_rounding():
-    # Lengths are exact, but the breaks are their sums, rounded to about 1e-14 m at 50 m.
-    exact = np.concatenate([[0.0], np.cumsum(np.tile([5e-4, 2e-9, 5e-4, 3e-11], 50))])
-    s, values = 50.0 + exact, (np.sin(exact), np.cos(exact), -np.sin(exact))
-    ends = (tuple(x[rows, None] for x in values) for rows in (slice(-1), slice(1, None)))
-    path = ac.JointPath.hermite(s, *ends)
-    s_inside = (s[:-1, None] + np.diff(s)[:, None] * np.linspace(0, 1, 7)).ravel()
-    assert np.abs(path(s_inside, 2)).max() < 0.2
-    np.testing.assert_allclose(path(s_inside)[:, 0], np.sin(s_inside - 50.0), atol=1e-12)
-
-
 # The peaks of the laws below are above the largest value at dense places by less.
 NEAR = 1e-5
 
@@ -305,31 +257,6 @@ def test_what_is_taken_in_full_is_proven_up_to_what_a_dense_look_misses(case):
     assert (law.path_position(i, t, 1) / speeds[0, 0]).max() <= max(1 + NEAR, shares[4])
     none = np.inf * limits, np.full_like(speeds, np.inf)
     np.testing.assert_array_equal(largest_shares(law, *none, 1.0), 0.0)
-
-
-def test_a_peak_above_is_found_where_the_middles_of_intervals_miss_it(case):
-    law, limits, speeds = case
-    for k in range(6):
-        # All others are out of reach.
-        wide = [100 * limits, 100 * speeds]
-        (wide[0] if k < 4 else wide[1].T)[k % 4] = (limits if k < 4 else speeds.T)[k % 4]
-        full = 0.5 if k == 5 else 1.0
-        assert largest_shares(law, *wide, (1 - 1e-7) * full)[k] > (1 - 1e-7) * full, k
-        assert largest_shares(law, *wide, (1 + NEAR) * full)[k] <= (1 + NEAR) * full, k
-
-
-def test_rates_are_the_third_and_fourth_derivative_of_the_arc_length(case):
-    law = case[0]
-    i = np.arange(len(law.breaks) - 1)
-    width = np.diff(law.breaks)
-    i, width = i[width > 1e-4], width[width > 1e-4]
-    middle, step = law.breaks[i] + 0.37 * width, 0.2 * width
-    rates = path_rates(law, i, middle, step)
-    third = [law.path_position(i, middle + sign * step, 3) for sign in (-1, 0, 1)]
-    size = np.abs(third[1]).max()
-    np.testing.assert_allclose(rates[0], third[1], rtol=1e-9, atol=1e-9 * size)
-    change, rounding = third[2] - third[0], 1e-8 * size
-    assert (np.abs(change - 2 * step * rates[1]) <= 2 * step**2 * rates[2] + rounding).all()
 
 
 @pytest.mark.parametrize("jerk", [None, 10.0])

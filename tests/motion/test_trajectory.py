@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import LapLaw, Law, LawPhase, Samples, dwell_law
+from armcontour.motion import LapLaw, LawPhase, Samples, dwell_law
 from armcontour.motion.log_checks import find_misreading
 
 
@@ -57,21 +57,6 @@ def test_values_by_hand_on_both_sides_of_breaks(bent):
     assert inner(1.0, 1, side="left") == 1.0 and inner(1.0, 1) == 0.0
 
 
-def test_both_sides_of_every_break_of_a_law_that_starts_late():
-    # The sum of start and break, less the start, is the break on few of them: it is rounded up on
-    # some, and down on others.
-    random = np.random.default_rng(0)
-    breaks = np.append(0.0, np.cumsum(random.uniform(0.5e-3, 2e-3, 400)))
-    starts, numbers = 1.0 / 3.0 + 33.0, np.arange(400.0)[:, None]
-    law = LapLaw(breaks=breaks, q=np.zeros((401, 1)), dq=np.zeros((400, 1)), ddq=numbers)
-    trajectory = ac.Trajectory(laws=(lap(starts, (0,), (0,), (0,)), law), method="hand")
-    joints = trajectory.breaks[1:]
-    rounded = joints - starts
-    assert (rounded < breaks).sum() > 50 and (rounded > breaks).sum() > 50
-    np.testing.assert_array_equal(trajectory(joints[:-1], 2), numbers)
-    np.testing.assert_array_equal(trajectory(joints[1:], 2, side="left"), numbers)
-
-
 def test_sample_ends_at_the_end(bent):
     np.testing.assert_array_equal(bent.breaks, [0, 2, 3])
     np.testing.assert_array_equal(bent.switching_points, [0])
@@ -83,16 +68,6 @@ def test_sample_ends_at_the_end(bent):
     np.testing.assert_array_equal(samples.ddq, bent(samples.t, 2))
     np.testing.assert_allclose(bent.sample(1.5).t, [0, 1.5, 3.0])  # the end is not doubled
     np.testing.assert_allclose(bent.sample(10.0).t, [0, 3.0])
-
-
-def test_rest_before_and_after(bent):
-    t = np.array([-1.0, 0.0, 0.5, 2.0, 3.0, 4.0])
-    expected = [bent(np.clip(t, 0, 3), order) for order in range(3)]
-    for values in expected[1:]:
-        values[[0, -1]] = 0.0
-    for order, values in enumerate(bent.motion_with_rests(t)):
-        np.testing.assert_array_equal(values, expected[order])
-        np.testing.assert_array_equal(values, bent.with_rests(t, order))
 
 
 def test_refusals(bent, refuses):
@@ -132,18 +107,6 @@ def test_everything_that_flows_copies_and_locks_its_arrays(arm, bent):
             assert not any(np.shares_memory(array, x) for x in arguments.values())
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(value, next(iter(arrays)), None)
-
-
-def test_laws_of_users_may_give_any_arrays():
-    class Still(Law):
-        breaks = np.array([0.0, 1.0])
-
-        def on_interval(self, i, t, order):
-            return np.broadcast_to(np.float32([0.5, 0.25]), (len(t), 2))
-
-    values = ac.Trajectory(laws=(Still(),), method="hand")(np.linspace(0, 1, 5))
-    assert values.dtype == np.float64 and values.flags.writeable and values.flags.owndata
-    np.testing.assert_array_equal(values, np.tile([0.5, 0.25], (5, 1)))
 
 
 def test_tool_speed_and_saturation(arm):

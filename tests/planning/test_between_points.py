@@ -155,22 +155,6 @@ def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, constant):
     assert size.max() > 0.99
 
 
-@pytest.mark.parametrize("share", [1 + 3e-14, 1 - 1e-13, 1 + 1e-12])
-def test_vectors_whose_parts_of_the_mean_cancel_up_to_rounding_still_limit(share):
-    limits, grid = ac.Limits(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
-    for b in np.random.default_rng(4).uniform(-3, 3, (20, 3)):
-        constraint = Vectors(share, 0.0, b)
-        u, x = near_the_middle(
-            ac.plan(
-                EVEN,
-                limits=limits,
-                options=ac.Optimal(constraints=[constraint], grid=grid),
-            )
-        )
-        size = np.linalg.norm(constraint.a * u[:, None] + constraint.b * x[:, None], axis=1)
-        assert 0.99 < size.max() <= 1 + 1e-9
-
-
 def test_refusals(refuses):
     path, limits = (
         ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)]),
@@ -190,18 +174,6 @@ def test_refusals(refuses):
     more = ac.Optimal(constraints=[JointMotion((-np.ones(2), np.ones(2)))])
     words = "Nothing limits the acceleration"
     refuses(lambda: plan_optimal(path, TwoJoints(), ac.Limits.only(), more), ac.InvalidInput, words)
-
-
-def test_a_circle_of_many_chords_takes_as_long_as_a_circle(arm):
-    limits = arm.limits.replace(speed=0.15)
-    circle = ac.Path.from_segments([ac.Arc(start=(0.42, 0.2), center=(0.36, 0.2), angle=2 * np.pi)])
-    expected = ac.plan(circle, arm, limits).duration
-    for chords in (500, 5000):
-        turn = np.linspace(0, 2 * np.pi, chords + 1)
-        points = np.column_stack([0.36 + 0.06 * np.cos(turn), 0.2 + 0.06 * np.sin(turn)])
-        rounded = ac.round_corners(ac.Path.polyline(points), tolerance=1e-5)
-        assert rounded.lengths.min() > 1e-12
-        assert ac.plan(rounded, arm, limits).duration == pytest.approx(expected, rel=2e-3)
 
 
 def test_the_tool_acceleration_holds_where_the_curvature_varies_along_a_piece(arm):

@@ -132,19 +132,6 @@ def test_plans_with_limits_of_jerk_are_covered():
         assert idle(explanation) < 0.005 * planned.duration
 
 
-def test_random_splines_are_covered():
-    for seed in range(8):
-        rng = np.random.default_rng(seed)
-        dof = int(rng.integers(2, 8))
-        path = ac.JointPath.spline(rng.uniform(-2, 2, (6, dof)))
-        limits = ac.Limits.only(
-            joint_velocity=rng.uniform(0.5, 3, dof), joint_acceleration=rng.uniform(0.5, 5, dof)
-        )
-        planned, explanation = explained(path, robot(dof), limits)
-        # Time-optimal: some limit binds nearly always.
-        assert idle(explanation) < 0.02 * planned.duration, seed
-
-
 def line(length):
     return ac.Path.polyline([(0.3, 0.2), (0.3 + length, 0.2)])
 
@@ -232,17 +219,6 @@ def test_stops_that_limits_of_jerk_force_are_named(arm):
     assert ac.explain(ac.plan(arcs, arm, free), arm, free).jerk_stops == ()
 
 
-def test_margins_of_wide_intervals_do_not_hide_what_binds(arm):
-    """Along bends whose curvature varies, wide intervals leave some percent of the limit."""
-    path = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30)])
-    path = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
-    limits = ac.Limits.only(tool_acceleration=0.3)
-    planned = ac.plan(path, arm, limits, ac.Optimal(intervals=300))
-    explanation = ac.explain(planned, arm, limits)
-    assert idle(explanation) < 0.03 * planned.duration
-    assert set(names(explanation)) == {"tool acceleration"}
-
-
 def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
     direct = ac.plan(rounded, arm, limits, ac.Paper(knots=50))
     by_hand = ac.plan(traced, arm, limits, ac.Paper(knots=50))
@@ -290,44 +266,3 @@ def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
     assert not endless.limits_jerk
     durations = [ac.plan(traced, arm, x, ac.Paper(knots=50)).duration for x in (slow, endless)]
     assert durations[0] == durations[1]
-
-
-@pytest.mark.filterwarnings("ignore:Limits are above those of the arm")
-@pytest.mark.parametrize("options", [ac.Optimal(), ac.Paper(knots=50), ac.Conventional()])
-def test_an_infinite_limit_of_one_joint_is_one_that_is_never_reached(arm, rounded, limits, options):
-    slow = limits.replace(speed=0.04)
-    acceleration = float(np.max(slow.joint_acceleration))
-    for name, value in (("joint_velocity", 0.3), ("joint_acceleration", acceleration)):
-        durations = []
-        for missing in (np.inf, 1e4):
-            for values in ([value, missing], [[-value, value], [-missing, missing]]):
-                changed = slow.replace(**{name: values})
-                durations.append(ac.plan(rounded, arm, changed, options).duration)
-        assert durations == pytest.approx([durations[0]] * 4, rel=1e-9)
-
-
-@pytest.mark.filterwarnings("ignore:Limits are above those of the arm")
-def test_shapes_with_an_infinite_limit_of_one_joint(arm, objective, limits):
-    options = ac.Shaped(tolerance=5e-3)
-    for values in ([0.7, np.inf], [np.inf, 0.7]):
-        changed = limits.replace(joint_acceleration=values)
-        durations = ac.shape(objective, arm, changed, options).outcome.durations
-        # The search gains more than the rounded corners that it starts from.
-        assert durations["shaped"] < 0.97 * min(x for y, x in durations.items() if y != "shaped")
-
-
-def test_a_constraint_with_two_rows_has_one_name(arm, limits):
-    path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
-
-    def coefficients(s, side):
-        one = np.ones((len(s), 2))
-        return one * (1.0, 2.0), 0 * one, 0 * one
-
-    gentle = SecondOrder("gentle", coefficients, [-0.05, -0.09], [0.05, 0.09])
-    planned = ac.plan(path, arm, limits, ac.Optimal(constraints=[gentle]))
-    explanation = ac.explain(planned, arm, limits, constraints=[gentle])
-    assert {x.limit for x in explanation.bindings} & {"gentle"}
-    # The second row is the tighter one.
-    assert max(x.share for x in explanation.bindings if x.limit == "gentle") == pytest.approx(
-        1, abs=1e-6
-    )

@@ -84,51 +84,6 @@ def test_bounds_in_closed_form():
     assert 0.98 * 2.0 < fast <= 2.0
 
 
-@pytest.mark.parametrize("free", [False, True], ids=["held", "axis"])
-def test_long_paths_are_compared_on_parts(monkeypatch, free):
-    # A wave of 200 segments with noise, long enough for the accelerations of the joints to count.
-    x = np.linspace(0.0, 0.2, 101)
-    points = np.column_stack([0.35 + x, 0.05 * np.sin(40 * x), 0.2 + 0.0 * x])
-    points[:, 1] += np.random.default_rng(0).normal(0, 2e-5, len(x))
-    base = ac.Path.polyline(points)
-    path = base.pointing([0, 0, -1]) if free else base.oriented(DOWN)
-    path = ac.round_corners(path, tolerance=2e-4)
-    arm = ac.load_arm("ur5e")
-    limits = arm.limits.replace(speed=0.5)
-    durations = [roughly(x, arm, limits) for x in trace_all(path, arm, limits=limits)]
-    assert max(durations) > 1.01 * min(durations)
-    parts = {"LONG_PATH": 100, "PART_SEGMENTS": 20, "PART_EVERY": 25, "trace_all": None}
-    for name, value in parts.items():
-        monkeypatch.setattr(here, name, value)
-    whole = []
-
-    def trace_counted(part, *args, **kwargs):
-        whole.extend([part] if part is path else [])
-        return ac.trace(part, *args, **kwargs)
-
-    monkeypatch.setattr(here, "trace", trace_counted)
-    chosen = trace_fastest(path, arm, limits)
-    # Slow configurations, and one of two that differ by the turn of a wrist, are not traced.
-    assert 1 <= len(whole) <= len(durations) / 2
-    assert roughly(chosen, arm, limits) < 1.001 * min(durations)
-    samples = np.linspace(0, path.length, 997)
-    assert np.abs(arm.tool_position(chosen(samples)) - path(samples)).max() < 2e-10
-
-
-def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monkeypatch, traced):
-    arm, path, limits, candidates = traced
-    monkeypatch.setattr(here, "LONG_PATH", 1)
-    monkeypatch.setattr(here, "trace_all", None)
-    starts = here.find_starts(path, arm, limits)
-    assert len(starts) >= len(candidates)
-    # The turn about a free tool axis, the last joint, depends on what lies between the places.
-    others = slice(0, 5 if path.orientation.axis_only else 6)
-    for x in candidates:
-        assert min(np.abs(x(0.0) - q)[others].max() for q in starts) < 1e-2
-    for q in starts:
-        assert arm.tool_position(q) == pytest.approx(path(0.0), abs=1e-9)
-
-
 def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):
     arm, messages = ac.load_arm("ur5e"), []
     path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)

@@ -302,20 +302,6 @@ def test_refusals(rounded, traced, arm, limits, refuses):
         refuses(lambda x=points: ac.plan(traced, arm, limits, ac.Optimal(grid=x)), ac.InvalidInput)
 
 
-def test_grids_of_ones_own_coarse_and_fine(traced, arm, limits, planned, assert_within_limits):
-    fine = ac.plan(traced, arm, limits, ac.Optimal(grid=np.linspace(0, traced.length, 3001)))
-    assert np.isin(traced.breaks, fine.laws[0].s).all()
-    cases = [(fine, 1e-4, 50)]
-    for intervals, within in ((50, 2e-2), (500, 1e-3), (40_000, 1e-4)):
-        other = ac.plan(traced, arm, limits, ac.Optimal(intervals=intervals))
-        cases.append((other, within, 50 if intervals < 10_000 else 4))
-    for other, within, places in cases:
-        assert_within_limits(other, limits, arm, places=places)
-        assert other.duration == pytest.approx(planned.duration, rel=within)
-        assert other.duration > 5.3260  # docs/method.md
-    assert 1 - 1e-6 < planned.duration / other.duration < 1 + 1e-4
-
-
 def random_spline(seed):
     rng = np.random.default_rng(seed)
     dof = int(rng.integers(2, 8))
@@ -348,28 +334,6 @@ def test_the_guarantee_costs_little(traced, arm, limits, intervals, cost):
         assert ac.plan(*job, ac.Optimal(intervals=intervals)).duration < bare * (1 + cost), k
 
 
-def test_micro_segments(arm, assert_within_limits):
-    limits = arm.limits.replace(speed=0.1)
-    for step in (1e-6, 1e-5, 1e-4, 1e-2):
-        k = np.arange(11)
-        sharp = ac.Path.polyline(np.stack([0.30 + step * k, 0.2 + step / 2 * (k % 2)], axis=1))
-        paths = sharp, ac.round_corners(sharp, tolerance=step / 10)
-        plans = [
-            assert_within_limits(ac.plan(x, arm, limits), limits, arm, places=10) for x in paths
-        ]
-        assert plans[1].duration < plans[0].duration, step
-
-
-def test_any_size_of_s_will_do(assert_within_limits):
-    points = np.random.default_rng(3).uniform(-2, 2, (5, 3))
-    limits = ac.Limits.only(joint_velocity=[1.0] * 3, joint_acceleration=[2.0] * 3)
-    s, durations = np.array([0.0, 1.0, 2.5, 3.0, 4.0]), []
-    for size in (1, 1e-9, 1e-4, 1e4, 1e9):
-        planned = ac.plan(ac.JointPath.spline(points, s * size), robot(3), limits)
-        durations.append(assert_within_limits(planned, limits, places=5).duration)
-    np.testing.assert_allclose(durations, durations[0], rtol=1e-9)
-
-
 @pytest.mark.parametrize("jerk", [None, 20.0])
 def test_bounds_by_direction_change_sides_in_the_mirror(assert_within_limits, jerk):
     rng = np.random.default_rng(700036000)
@@ -389,17 +353,6 @@ def test_bounds_by_direction_change_sides_in_the_mirror(assert_within_limits, je
     smaller = np.minimum(-low, high)
     slow = ac.plan(ac.JointPath.spline(points), robot(3), limits.replace(joint_velocity=smaller))
     assert slow.duration > 1.02 * planned.duration
-
-
-def test_velocity_bounds_by_direction_on_a_long_spline_lose_no_time():
-    """The margins of the first grids need more refinements than the estimated loss."""
-    points = np.cumsum(np.random.default_rng(2).normal(size=(1000, 2)), axis=0) * 0.3
-    limits = ac.Limits(joint_velocity=[[-2.0, 0.06], [-2.0, 0.06]], joint_acceleration=50.0)
-    default, fine = (
-        ac.plan(ac.JointPath.spline(points), limits=limits, options=ac.Optimal(intervals=n))
-        for n in (None, 250_000)
-    )
-    assert default.duration == pytest.approx(fine.duration, rel=3e-4)
 
 
 def one_joint(seed):
@@ -432,16 +385,6 @@ def test_one_joint_moves_as_fast_as_it_can_along_uneven_paths(seed):
     assert best * (1 - 1e-9) <= planned.duration <= best * (1 + 1e-3)
 
 
-def test_two_thousand_stops_take_no_longer_than_each_of_them():
-    breaks, q = np.arange(2001.0), 0.01 * (np.arange(2001) % 2)
-    coefficients = np.zeros((2000, 6, 1))
-    coefficients[:, 0, 0], coefficients[:, 1, 0] = q[:-1], np.diff(q)
-    path = ac.JointPath(breaks=breaks, coefficients=coefficients, stops=breaks[1:-1])
-    limits = ac.Limits.only(joint_velocity=0.1, joint_acceleration=10.0)
-    best = 2000 * (0.01 / 0.1 + 0.1 / 10.0)
-    assert ac.plan(path, limits=limits).duration == pytest.approx(best, rel=1e-3)
-
-
 def test_a_limit_that_no_grid_resolves_is_refused_in_bounded_memory(refuses):
     places = []
 
@@ -458,17 +401,3 @@ def test_a_limit_that_no_grid_resolves_is_refused_in_bounded_memory(refuses):
     )
     # Refined without a bound, 4000 intervals grow to more than a million.
     assert 10_000 < max(places) < 700_000
-
-
-def test_the_order_of_joints_does_not_change_the_duration():
-    rng = np.random.default_rng(3)
-    q, order = rng.uniform(-1, 1, (6, 5)), rng.permutation(5)
-    velocity, acceleration = rng.uniform(0.5, 2, 5), rng.uniform(1, 20, 5)
-    durations = [
-        ac.plan(
-            ac.JointPath.spline(q[:, x]),
-            limits=ac.Limits.only(joint_velocity=velocity[x], joint_acceleration=acceleration[x]),
-        ).duration
-        for x in (np.arange(5), order)
-    ]
-    assert durations[0] == pytest.approx(durations[1], rel=1e-6)

@@ -5,7 +5,6 @@ import pytest
 from scipy.optimize import brentq
 
 import armcontour as ac
-from armcontour.planning import METHODS
 
 LINK, LIMIT = 0.25, 0.72  # m, rad/s²
 NEAR, FAR = 0.2, 0.4  # m
@@ -71,29 +70,6 @@ def test_a_trapezoid_in_closed_form(scissors, speed):
     times, near = np.diff(planned.switching_points), speed / below - 1 + 1e-3
     np.testing.assert_allclose(times, [up, middle, down], rtol=near)
     assert below <= tool_speed(planned, scissors, planned.duration / 2) <= speed * (1 + 1e-6)
-
-
-def test_scaled_limits_reversal_and_convergence(arm, rounded, traced, limits, mac):
-    k = 3.0
-    faster = arm.limits.replace(
-        joint_acceleration=arm.limits.joint_acceleration * k**2,
-        speed=limits.speed * k,
-        centripetal_acceleration=limits.centripetal_acceleration * k**2,
-    )
-    planned = ac.plan(rounded, arm, faster, ac.Paper(knots=600))
-    assert planned.duration * k == pytest.approx(mac.duration, rel=1e-9)
-    back = ac.round_corners(ac.Path.polyline(rounded.objective.vertices[::-1]), tolerance=5e-3)
-    for knots in (100, 600):
-        there, again = (
-            ac.plan(x, arm, limits, ac.Paper(knots=knots)).duration for x in (rounded, back)
-        )
-        assert again == pytest.approx(there, rel=2e-4)
-    coarse, finer, fine = (
-        ac.plan(traced, arm, limits, ac.Paper(knots=n)).duration for n in (75, 2400, 9600)
-    )
-    errors = [abs(x - fine) for x in (coarse, mac.duration, finer)]
-    assert errors[0] > 2 * errors[1] > 4 * errors[2]
-    assert errors[0] < 3e-3 and errors[2] < 2e-4
 
 
 def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(arm, rounded, limits, mac):
@@ -267,7 +243,6 @@ def test_joint_velocities_are_checked(arm, rounded, limits, mac):
 
 
 POINTS = np.array([[0.45, -0.15, 0.4], [0.5, 0.15, 0.4], [0.4, 0.2, 0.55]])
-TURNING = ac.Path.polyline(POINTS[:2]).pointing([(0, 0, -1), (0.5, 0, -1)])
 
 
 @pytest.fixture(scope="module")
@@ -291,46 +266,3 @@ def test_six_and_seven_joints(name):
     assert used.pop("velocity_step") < 10
     assert max(used.values()) < 1 + 1e-4
     assert planned.duration >= ac.plan(way, robot, limits).duration * (1 - 1e-6)
-
-
-def test_joints_that_hardly_move(robot):
-    """A line that two joints would do, seen by six."""
-    limits = robot.limits.replace(speed=0.3)
-    up = np.array([[0.4, 0.1333, 0.3], [0.4, 0.1333, 0.5]])
-    planned = ac.plan(path(up), robot, limits, ac.Paper())
-    check = ac.check(planned, robot, limits, points=5)
-    assert check["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
-
-
-@pytest.mark.parametrize("method", ["paper", "conventional"])
-def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm, rounded, limits):
-    fast, weak = robot.limits.replace(speed=0.2), [150, 28, 150, 28, 28, 28]
-    strong = fast.replace(centripetal_acceleration=0.5, joint_torque=weak)
-    data = {"joint": 1, "limit": "joint_torque", "allowed": 28.0}
-
-    def call(way, case_limits):
-        return lambda: ac.plan(way, robot, case_limits, METHODS[method]())
-
-    refuses(
-        call(ac.trace(path(), robot), strong),
-        ac.NotRealizable,
-        "N m, but its limit is 28 N m",
-        **data,
-    )
-    for name in ("angular_speed", "angular_acceleration"):
-        allowed, data = fast.replace(**{name: 1e-3}), {"joint": None, "limit": name}
-        refuses(call(TURNING, allowed), ac.NotRealizable, "of turning", **data)
-        planar = limits.replace(**{name: 1.0})
-        with pytest.raises(ac.InvalidInput, match="a point without an orientation"):
-            ac.plan(rounded, arm, planar, METHODS[method]())
-    # Where and when it is.
-    allowed = fast.replace(angular_speed=1e-3)
-    with pytest.raises(ac.NotRealizable) as caught:
-        ac.plan(TURNING, robot, allowed, METHODS[method]())
-    error = caught.value
-    assert error.s > 0 and error.t > 0 and f"at {error.s:.4g} m" in str(error)
-    planned = ac.plan(TURNING, robot, fast, METHODS[method]())
-    state = (planned([error.t], order) for order in (0, 1))
-    tool = robot.tool_twist(*state)[0]
-    assert np.linalg.norm(tool[3:]) == pytest.approx(error.needed, rel=1e-4)
-    np.testing.assert_allclose(robot.tool_position(planned(error.t)), TURNING(error.s), atol=1e-7)

@@ -1,18 +1,15 @@
 """Planned programs: continuous, at rest between moves, on their paths and within limits."""
 
 import dataclasses
-import re
 import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
 import armcontour as ac
-from armcontour.core.child_process import start
-from armcontour.core.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
+from armcontour.core.errors import InvalidInput, NotRealizable, Unreachable
 from armcontour.core.progress import Step
 from armcontour.geometry import Arc, Path
 from armcontour.planning import METHODS, trace_program
@@ -24,8 +21,6 @@ PMK3S = ac.load_arm("pmk3s")
 UR5E = ac.load_arm("ur5e")
 IN_PLANE = PMK3S.limits.replace(speed=0.1, centripetal_acceleration=0.09)
 IN_SPACE = UR5E.limits.replace(speed=0.1, centripetal_acceleration=1.0)
-# With it the first joints of contours far out are too weak.
-WEAK = IN_SPACE.replace(joint_torque=[150, 44, 150, 28, 28, 28])
 SQUARE = Path.polyline([[0.3, 0.1], [0.36, 0.1], [0.36, 0.14], [0.3, 0.14], [0.3, 0.1]])
 LINE = Path.polyline([[0.36, 0.1], [0.36, 0.16]])
 BEND = Path.polyline([[0.3, 0.2], [0.35, 0.2], [0.35, 0.25]])
@@ -317,88 +312,11 @@ def test_errors_name_the_contour_or_the_rapid(refuses):
     np.testing.assert_allclose(trajectory.s(0.0, 1), 0.02)
 
 
-def test_explains_every_contour_of_a_program_in_its_own_time_and_place():
-    program = plane()
-    trajectory = ac.plan(program, PMK3S, IN_PLANE)
-    explanation = ac.explain(trajectory, PMK3S)
-    paths = [x.path for x in program.contours]
-    configuration = PMK3S.configuration_of(trajectory(0.0))
-    alone = [
-        ac.explain(ac.plan(x, PMK3S, IN_PLANE, ac.Optimal(configuration=configuration)), PMK3S)
-        for x in paths
-    ]
-    expected = [
-        (x.name, *(np.array(x.t) + span.t[0]), *(np.array(x.s) + span.s[0]))
-        for one, span in zip(alone, trajectory.contour_spans, strict=True)
-        for x in one.bindings
-    ]
-    for binding, (name, *numbers) in zip(explanation.bindings, expected, strict=True):
-        assert binding.name == name and (*binding.t, *binding.s) == pytest.approx(numbers, abs=1e-9)
-    share = np.average([x.assigned_length for x in alone], weights=[x.length for x in paths])
-    assert explanation.assigned_length == pytest.approx(share, abs=1e-9)
-
-
-def test_what_comes_before_the_first_contour_keeps_its_order():
-    moves = Dwell(duration=0.1), Event(name="spindle"), Dwell(duration=0.5), Event(name="coolant")
-    moves += Contour(path=BEND), Event(name="spindle", value=False), Dwell(duration=0.2)
-    trajectory = ac.plan(program_of(*moves, Event(name="coolant", value=False)), PMK3S, IN_PLANE)
-    end = trajectory.duration
-    expected = [0.1, 0.6, end - 0.2, end]
-    assert [x.t for x in trajectory.events] == pytest.approx(expected, abs=1e-12)
-    assert [x.move for x in trajectory.spans] == [0, 2, 4, 6]
-    assert [x.s for x in trajectory.events] == pytest.approx([0, 0, 0.1, 0.1], abs=1e-12)
-
-
-coordinates = st.tuples(st.floats(0.25, 0.36), st.floats(0.08, 0.24))
-
-
-@st.composite
-def contours(draw):
-    """A polyline or an arc in reach of the arm, perhaps with events."""
-    if draw(st.booleans()):
-        points = draw(st.lists(coordinates, min_size=2, max_size=4, unique=True))
-        if draw(st.booleans()) and len(points) > 2:
-            points.append(points[0])
-        if np.linalg.norm(np.diff(points, axis=0), axis=1).min() < 2e-3:
-            points = [[0.3, 0.1], [0.33, 0.12]]
-        path = Path.polyline(points)
-    else:
-        x, y = draw(coordinates)
-        angle = draw(st.sampled_from([2 * np.pi, 1.0, -2.5, np.pi]))
-        radius = draw(st.floats(3e-3, 2e-2))
-        path = Path.from_segments([Arc(start=[x, y], center=[x - radius, y], angle=angle)])
-    shares = draw(st.lists(st.floats(0, 1), max_size=2))
-    events = tuple(Event(name=f"e{i}", s=x * path.length) for i, x in enumerate(shares))
-    return Contour(path=path, name=draw(st.sampled_from(["", "c"])), events=events)
-
-
 between = st.sampled_from(
     [(), (Rapid(),), (Dwell(duration=0.05),), (Event(name="m"),), (Event(name="m"), Rapid())]
 )
 shapes, sides = st.sampled_from(["line", "arc"]), st.sampled_from(["left", "right"])
 leads = st.none() | st.builds(Lead, length=st.floats(1e-3, 0.02), shape=shapes, side=sides)
-processes = st.builds(
-    Process,
-    begin=st.sampled_from(["auto", "drawn", 0.013, (0.3, 0.1)]),
-    overlap=st.sampled_from([0.0, 0.004]),
-    lead_in=leads,
-    lead_out=leads,
-    switch=st.sampled_from([None, Switch(), Switch(on_lead=0.03, off_lead=-0.02)]),
-    resume_at=st.sampled_from([0.0, 0.0, 0.031]),
-)
-
-
-@settings(max_examples=12)
-@given(st.lists(st.tuples(between, contours()), min_size=1, max_size=4), processes)
-def test_any_program_is_planned_within_limits_or_refused_with_one_sentence(drawn, process):
-    moves = [x for before, contour in drawn for x in (*before, contour)]
-    try:
-        program = plane(*moves, process=process)
-        trajectory = ac.plan(program, PMK3S, IN_PLANE)
-    except ArmContourError as error:
-        assert str(error).endswith(".") and "\n" not in str(error)
-        return
-    judged(program, PMK3S, IN_PLANE, trajectory)
 
 
 @pytest.mark.parametrize("axis_only", [False, True])
@@ -514,41 +432,3 @@ def test_a_traced_program_is_timed_again_without_tracing(monkeypatch, refuses):
         InvalidInput,
         "configuration",
     )
-
-
-def test_other_processes_give_the_same_plans(monkeypatch):
-    lines = [Path.polyline([[0.3, y], [0.31, y]]) for y in np.linspace(-0.1, 0.1, 12)]
-    program = program_of(*(in_space(x) for x in lines))
-    options = ac.Optimal(intervals=100, reserve=0.2)
-    alone = ac.plan(program, UR5E, IN_SPACE, options)
-    # From the second move on others plan.
-    monkeypatch.setattr("armcontour.core.pool.START", 1e-9)
-    monkeypatch.setattr("armcontour.core.pool.processors", lambda: 2)
-    progress_log = []
-    monkeypatch.setattr(
-        "armcontour.core.pool.start", lambda: progress_log.append("started") or start()
-    )
-    traced = trace_program(program, UR5E, IN_SPACE, progress=progress_log.append)
-    shared = ac.plan(traced, UR5E, IN_SPACE, options, progress=progress_log.append)
-    t = np.linspace(0, alone.duration, 999)
-    assert np.array_equal(alone.starts, shared.starts)
-    assert all(np.array_equal(alone(t, k), shared(t, k)) for k in range(3))
-    steps = [x.names[0] for x in progress_log if x != "started"]
-    assert "started" in progress_log and steps == ["tracing"] * 12 + ["timing"] * 12
-    assert len(traced.joint_paths) == 23
-
-
-@pytest.mark.parametrize("traced_first", [False, True])
-def test_tracing_errors_come_before_planning_errors(monkeypatch, traced_first):
-    """The first contours are too far out for a weak joint, the last one out of reach."""
-    starts = np.linspace(0.3, 0.65, 10) if traced_first else [*[0.65] * 6, 2.0]
-    lines = [Path.polyline([[x, 0.0], [x + 0.01, 0.0]]) for x in starts]
-    program, refused = program_of(*(in_space(x) for x in lines)), []
-    traced_or_not = trace_program(program, UR5E, WEAK) if traced_first else program
-    for alone in (1e9, 1e-9) if traced_first else (1e-9,):
-        monkeypatch.setattr("armcontour.core.pool.START", alone)
-        with pytest.raises(NotRealizable if traced_first else Unreachable) as caught:
-            ac.plan(traced_or_not, UR5E, WEAK, ac.Optimal(intervals=100))
-        refused.append(int(re.match(r"contour (\d+):", str(caught.value))[1]))
-    # Of several contours that cannot be planned the first one is named.
-    assert 3 < refused[0] == refused[1] < 10 if traced_first else refused == [7]

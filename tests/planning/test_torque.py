@@ -6,12 +6,6 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.planning import optimal
-from armcontour.planning.constraints import OnGrid
-from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.path_grid import Grid
-from armcontour.planning.topp.kernels import Rules
-from armcontour.planning.topp.limit_forms import BY_CONSTANT
 from armcontour.robot.chain import Payload
 from armcontour.robot.serial import SerialArm
 
@@ -76,32 +70,6 @@ def test_dry_friction_may_be_nearly_all_that_gravity_leaves():
     judged(ac.plan(path, arm, limits), arm, limits)
 
 
-# Points next to the start, where dq_ds vanishes, on a grid of 300 intervals.
-NEAR_THE_START = np.concatenate([[0.0], np.geomspace(1e-9, 1e-3, 10), np.linspace(0, 1, 301)[1:]])
-
-
-@pytest.mark.parametrize("start_speed", [0.0, 1e-3])
-@pytest.mark.parametrize("rubs", [0, 1])
-@pytest.mark.parametrize("seed", range(3))
-def test_tiny_intervals_next_to_a_rest_do_not_spoil_others(seed, rubs, start_speed):
-    arm = ur5e(viscous=rubs * VISCOUS, coulomb=rubs * COULOMB)
-    points = np.random.default_rng(seed).uniform(-1, 1, (4, 6))
-    path = ac.JointPath.spline(points, ends="clamped")
-    q = path(np.linspace(0, path.length, 1000))
-    holding = np.abs(arm.torque(q, 0 * q, 0 * q)).max(axis=0) + rubs * COULOMB
-    limits = ac.Limits(joint_torque=np.maximum(holding / 0.83, 0.2 * arm.limits.joint_torque))
-    fine = NEAR_THE_START * path.length
-    planned = ac.plan(path, arm, limits, ac.Optimal(grid=fine, start_speed=start_speed))
-    judged(planned, arm, limits)
-    assert len(planned.breaks) < 2 * len(fine)
-    even = ac.plan(path, arm, limits, ac.Optimal(grid=np.linspace(0, path.length, 301)))
-    assert planned.duration == pytest.approx(even.duration, rel=1e-3)
-    usual = ac.plan(path, arm, limits, ac.Optimal(start_speed=start_speed))
-    judged(usual, arm, limits)
-    # Friction counts against both limits where a joint turns, on a longer stretch if it is coarse.
-    assert planned.duration == pytest.approx(usual.duration, rel=5e-3 if rubs else 1e-3)
-
-
 def test_refusals(refuses):
     loaded, stiff = ur5e(payload=Payload(mass=15.0)), ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
     path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
@@ -136,29 +104,3 @@ def test_the_explanation_names_the_limiting_torque():
     length = sum(x.s[1] - x.s[0] for x in binding)
     assert length > 0.98 * (bindings[-1].s[1] - bindings[0].s[0])
     assert all(0.99 < x.share < 1 + 1e-9 for x in binding)
-
-
-def test_neighbours_bound_the_error_at_an_inflection():
-    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 1.0)], s=[0.0, 1.0])
-    on = OnGrid(Grid(path, np.linspace(0, 1, 10), np.zeros(9, dtype=int)))
-    s = on.grid.s
-    cube = (on.places[1] - 0.5)[:, None] ** 3
-    none, one = np.zeros_like(cube), np.ones(1)
-    margins = on.rows((none, none, cube), -one, one).rise[:, 0, BY_CONSTANT]
-    inside = np.linspace(0, 1, 50)[:, None]
-    value, chord = (s[:-1] + inside * on.grid.width - 0.5) ** 3, (s - 0.5) ** 3
-    deviation = np.abs(value - (chord[:-1] + inside * np.diff(chord))).max(axis=0)
-    assert (deviation <= margins).all()
-
-
-def test_no_plan_is_given_up_that_would_gain_much(monkeypatch):
-    for seed, viscous, intervals in itertools.product(range(4), (0, 1), (60, 1000)):
-        arm = ur5e(viscous=viscous * VISCOUS)
-        limits = torque_only(arm, joint_velocity=np.full(6, 2.0))
-        path = ac.JointPath.spline(np.random.default_rng(seed).uniform(-1.2, 1.2, (5, 6)))
-        grid = np.linspace(0, 1, intervals + 1) * path.length
-        usual = plan_optimal(path, arm, limits, ac.Optimal(grid=grid)).duration
-        with monkeypatch.context() as never:
-            never.setattr(optimal, "Rules", lambda *x: Rules(*x, gain=-1.0))
-            longest = plan_optimal(path, arm, limits, ac.Optimal(grid=grid)).duration
-        assert usual == pytest.approx(longest, rel=5e-6), (seed, viscous, intervals)

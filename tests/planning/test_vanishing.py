@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 import armcontour as ac
 from armcontour.planning.constraints import SecondOrder
@@ -87,100 +86,6 @@ def test_a_cubic_passes_the_place_at_which_it_does_not_move(factor, stops, worst
     np.testing.assert_allclose(begun(0.0, 1), 3 * WAY * 0.5, rtol=1e-9)
 
 
-@pytest.mark.parametrize("slope", [1e-3, 1e-6, -1e-3, -1e-6])
-@pytest.mark.parametrize("breaks", [[-1.0, 1.0], [-1.0, 1e-9, 1.0]])
-def test_a_line_is_passed_where_it_nearly_does_not_move(slope, breaks):
-    """The joints at WAY (s³ + slope s), which turn round twice if the slope is negative."""
-
-    def place(s):
-        return s**3 + slope * s
-
-    breaks, s = np.array(breaks), np.polynomial.Polynomial([0.0, 1.0])
-    coefficients = np.zeros((len(breaks) - 1, 6, 3))
-    for i, (first, last) in enumerate(zip(breaks[:-1], breaks[1:], strict=True)):
-        coefficients[i, :4] = place(first + (last - first) * s).coef[:, None] * WAY
-    path = ac.JointPath(breaks=breaks, coefficients=coefficients)
-    turns = [-np.sqrt(-slope / 3), np.sqrt(-slope / 3)] if slope < 0 else []
-    planned = ac.plan(path, limits=ac.Limits(joint_acceleration=2.0))
-    rises = np.diff(place(np.array([-1.0, *turns, 1.0])))
-    best = sum(from_rest_to_rest(x * WAY, [50.0] * 3, [2.0] * 3) for x in rises)
-    assert 1 - 1e-9 <= planned.duration / best < 1 + 1e-4
-
-
-def test_a_curve_has_the_same_optimum_in_another_parameter(worst_ratios):
-    """A parabola q = a u + b u², and the same with u = s², which stands still at its start."""
-    a, b = np.random.default_rng(3).uniform(-1, 1, (2, 4))
-    limits = ac.Limits.only(joint_acceleration=[1.0, 0.7, 2.0, 1.5], joint_velocity=0.8)
-    durations = []
-    for powers in ((1, 2), (2, 4)):
-        coefficients = np.zeros((1, 6, 4))
-        coefficients[0, powers, :] = a, b
-        path = ac.JointPath(breaks=[0.0, 1.0], coefficients=coefficients)
-        planned = ac.plan(path, limits=limits)
-        assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
-        durations.append(planned.duration)
-    assert durations[1] == pytest.approx(durations[0], rel=5e-5)
-
-
-def test_a_clamped_spline_takes_as_long_the_other_way_round():
-    """Dq_ds at its ends is rounded: neither zero nor a bound of ds."""
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        points = rng.normal(size=(3 + seed % 6, 2 + seed % 3))
-        limits = ac.Limits(joint_acceleration=rng.uniform(0.5, 2, points.shape[1]))
-        paths = (ac.JointPath.spline(x, ends="clamped") for x in (points, points[::-1]))
-        out, back = (ac.plan(x, limits=limits).duration for x in paths)
-        assert back == pytest.approx(out, rel=1e-5), seed
-
-
-def largest_use(planned, limits, worst_ratios):
-    return max(worst_ratios(planned, limits, places=10).values())
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
-    """Two of them; neither dq_ds nor d2q_ds2 is above zero at both ends."""
-    rng = np.random.default_rng(seed)
-    q, rest = rng.uniform(-2, 2, (3, 3)), np.zeros(3)
-    v, a = rng.uniform(-1, 1, (2, 3))
-    begin = q[:2], np.array([rest, v]), np.array([rest, a])
-    end = q[1:], np.array([v, rest]), np.array([a, rest])
-    path = ac.JointPath.hermite(np.array([0.0, 1.0, 2.0]), begin, end)
-    limits = ac.Limits.only(joint_acceleration=[2.0, 1.0, 3.0], joint_velocity=2.0)
-    planned = ac.plan(path, limits=limits)
-    assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9
-    np.testing.assert_allclose(planned([0, planned.duration], 1), 0, atol=1e-9)
-    fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=40_000))
-    assert 0 <= planned.duration / fine.duration - 1 < 3e-4
-    # It is the same curve: Newton's steps from the nearest sample find no distance.
-    positions = planned(np.linspace(0, planned.duration, 2001))
-    s = np.linspace(0, 1, 20_001) ** 3
-    s = np.concatenate([s, 2 - s])
-    s = s[cKDTree(path(s)).query(positions)[1]]
-    for _ in range(3):
-        away, slope = positions - path(s), path(s, 1)
-        square = np.einsum("ij,ij->i", slope, slope)
-        step = np.einsum("ij,ij->i", away, slope) / np.where(square > 0, square, 1.0)
-        s = np.clip(s + step, 0.0, 2.0)
-    assert np.linalg.norm(positions - path(s), axis=1).max() < 1e-10
-
-
-@pytest.mark.parametrize("ends", ["clamped", "natural"])
-def test_out_and_back_along_a_spline(ends, worst_ratios):
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        out = rng.uniform(-2, 2, (int(rng.integers(2, 7)), int(rng.integers(1, 7))))
-        path = ac.JointPath.spline(np.concatenate([out, out[-2::-1]]), ends=ends)
-        acceleration = rng.uniform(0.5, 5, out.shape[1])
-        limits = ac.Limits.only(joint_acceleration=acceleration, joint_velocity=3.0)
-        planned = ac.plan(path, limits=limits)
-        assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9, seed
-        fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=40_000))
-        assert 0 <= planned.duration / fine.duration - 1 < 3e-4, seed
-        # The way back takes as long as the way out; it is not stopped at the tip for long.
-        np.testing.assert_allclose(planned(planned.duration / 2), out[-1], atol=1e-3)
-
-
 def test_pieces_in_which_nothing_moves_are_left_out(refuses):
     limits = ac.Limits.only(joint_acceleration=2.0)
     still = np.zeros((3, 6, 1))
@@ -211,51 +116,6 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
         refuses(call, ac.InvalidInput, words)
 
 
-@pytest.mark.parametrize("extra", [[], [1e-9], list(np.logspace(-9, -6, 10))])
-@pytest.mark.parametrize("count", [20, 200])
-def test_a_given_grid_plans_a_cusp_that_the_default_grid_plans(count, extra):
-    q = np.array([[0, 0], [0.5, 0.3], [0.2, 0.9], [-0.4, 0.5]])
-    slopes, none = np.array([[1, 0.5], [0, 0], [-1, 0.4], [-0.8, -1.0]]), np.zeros((3, 2))
-    begin, end = (q[:-1], slopes[:-1], none), (q[1:], slopes[1:], none)
-    path = ac.JointPath.hermite(np.array([0.0, 0.5, 1.0, 1.6]), begin, end)
-    limits = ac.Limits.only(joint_acceleration=[1.0, 1.0], joint_velocity=[1.0, 1.0])
-    grid = np.sort(np.concatenate([np.linspace(0, 1.6, count), extra]))
-    expected = ac.plan(path, limits=limits).duration
-    assert ac.plan(path, limits=limits, options=ac.Optimal(grid=grid)).duration == pytest.approx(
-        expected, rel=5e-3
-    )
-    idle = SecondOrder("idle", lambda s, side: 3 * (np.zeros((len(s), 1)),), [-1.0], [1.0])
-    with pytest.raises(ac.NotRealizable) as refused:
-        ac.plan(
-            path,
-            limits=limits,
-            options=ac.Optimal(grid=grid, constraints=[idle]),
-        )
-    assert refused.value.s == 0.5
-
-
-@pytest.mark.parametrize("start_speed", [1e-6, 1e-3, 0.1])
-@pytest.mark.parametrize("count", [20, 200])
-def test_grid_points_next_to_a_rest_do_not_refine_all_of_the_grid(start_speed, count, worst_ratios):
-    path = ac.JointPath.spline(np.random.default_rng(0).uniform(-1, 1, (4, 3)), ends="clamped")
-    limits = ac.Limits(joint_acceleration=[1.0, 1.0, 1.0])
-    share = np.concatenate([np.linspace(0, 1, count), np.geomspace(1e-9, 1e-3, 10)])
-    grid = np.sort(share) * path.length
-    planned = ac.plan(
-        path,
-        limits=limits,
-        options=ac.Optimal(start_speed=start_speed, grid=grid),
-    )
-    assert len(planned.breaks) < 4 * len(grid)
-    expected = ac.plan(
-        path,
-        limits=limits,
-        options=ac.Optimal(start_speed=start_speed, intervals=40_000),
-    ).duration
-    assert planned.duration == pytest.approx(expected, rel=3e-4 if count > 100 else 3e-3)
-    assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9
-
-
 def hermite(breaks, q, dq_ds, d2q_ds2):
     values = [np.reshape(x, (len(breaks), -1)) for x in (q, dq_ds, d2q_ds2)]
     begin, end = (tuple(x[part] for x in values) for part in (slice(-1), slice(1, None)))
@@ -276,15 +136,3 @@ def test_a_path_that_turns_back_at_a_break_with_a_limit_of_jerk(recwarn):
         not recwarn.list
         and ac.explain(planned, SimpleNamespace(dof=1, limits=limits)).jerk_stops == ()
     )
-
-
-def test_very_uneven_pieces_lose_no_time():
-    breaks = [0.0, 0.0606, 15.856, 759.25]
-    q, d = [-0.26, -0.86, 0.518, -0.0493], [-11.7298, -0.8492, 0.003376, -0.00037]
-    path = hermite(breaks, q, d, [-397.28, 0.852, -4.567e-5, -1.71e-5])
-    limits = ac.Limits(joint_velocity=0.1265, joint_acceleration=0.001)
-    # The sum of the times between the turning points of the joint, in closed form.
-    assert ac.plan(path, limits=limits).duration == pytest.approx(308.226875, rel=1e-5)
-    # A motion that does not start at rest has the specified ds.
-    moving = ac.plan(path, limits=limits, options=ac.Optimal(start_speed=1e-3))
-    assert abs(moving(0.0, 1)[0]) == pytest.approx(1e-3 * 11.7298, rel=1e-9)

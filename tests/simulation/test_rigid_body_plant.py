@@ -12,7 +12,7 @@ import armcontour as ac
 from armcontour.motion import LapLaw
 from armcontour.robot.chain import Chain, Payload
 from armcontour.robot.serial import SerialArm
-from armcontour.simulation import mujoco_model, rigid_body_plant
+from armcontour.simulation import mujoco_model
 
 pytest.importorskip("mujoco")
 
@@ -144,41 +144,6 @@ def test_an_integrator_holds_the_weight_and_leaves_no_sag():
     np.testing.assert_allclose(still.torque, WEIGHT * np.cos(still.q), rtol=1e-9)
 
 
-@pytest.mark.parametrize("limit", [1e5, 1.0])
-@pytest.mark.parametrize("interpolation", ["linear", "step"])
-def test_heavy_drives_with_integrators_are_those_of_the_servo_plant(limit, interpolation):
-    """With and without saturation: bodies that are light against their drives do not couple."""
-    heavy = 1e6
-    arm = two_link(gravity=WEIGHTLESS, armature=[heavy, heavy])
-    servo = ac.ServoModel(
-        kp=12.0, kv=80.0, ki=[8.0, 0.0], dead_time=2.5e-3, interpolation=interpolation
-    )
-    bodies = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=limit * heavy), step=1e-3)
-    joints = ac.ServoPlant(arm, servo.replace(drive_cycle=1e-3, acceleration_limit=limit))
-    set_points = taught_data(np.hstack([swing(0.5), swing(-0.3)]))
-    done, ideal = (ac.simulate(set_points, x, resolution=CYCLE) for x in (bodies, joints))
-    n = min(len(done.t), len(ideal.t))
-    np.testing.assert_allclose(done.q[:n], ideal.q[:n], atol=5e-6 if limit == 1.0 else 2e-9)
-    assert ((done.saturated_time > 0.5) == (limit == 1.0)).all()
-
-
-@pytest.mark.parametrize("feed", [0.0, 0.4])
-def test_integrators_do_not_see_acceleration_feedforward(feed):
-    """The drives' cycle is left, of first order."""
-    arm = two_link(gravity=WEIGHTLESS, armature=[1e6, 1e6])
-    servo = ac.ServoModel(
-        kp=12.0, kv=80.0, ki=[8.0, 3.0], velocity_feedforward=0.6, acceleration_feedforward=feed
-    )
-    set_points, errors = taught_data(np.hstack([swing(0.5), swing(-0.3)])), []
-    ideal = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits()), resolution=CYCLE)
-    for step in (1e-3, 2.5e-4):
-        plant = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=1e12), step=step)
-        execution = ac.simulate(set_points, plant, resolution=CYCLE)
-        n = min(len(execution.t), len(ideal.t))
-        errors.append(np.abs(execution.q[:n] - ideal.q[:n]).max())
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05) and errors[1] < 2e-5
-
-
 def test_coulomb_friction_leaves_its_dead_band():
     coulomb = 4.0
     band = coulomb / (INERTIA * KV * KP)
@@ -281,37 +246,6 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
     np.testing.assert_allclose(rated.torque_limit, 4.0 * INERTIA)
 
 
-def test_nominal_inertia_is_taken_in_the_middle_of_the_ranges():
-    def inertia_at(q2):
-        rod = 0.4**2 / 3
-        near = 3 * rod + 2 * (0.4**2 + 0.4**2 / 3 + 0.4**2 * np.cos(q2)) + 0.05
-        return [near, 2 * rod + 0.02]
-
-    free = plant(two_link())
-    np.testing.assert_array_equal(free.reference, 0)
-    np.testing.assert_allclose(free.nominal_inertia, inertia_at(0.0))
-    ranges = ac.Limits.only(joint_lower=[-3.0, 0.5], joint_upper=[np.inf, 2.5])
-    bent = plant(two_link(ranges), ac.Limits.only())
-    np.testing.assert_allclose(bent.reference, [0.0, 1.5])
-    np.testing.assert_allclose(bent.nominal_inertia, inertia_at(1.5))
-    above = ac.Limits.only(joint_lower=[0.5, -1.0])
-    np.testing.assert_allclose(plant(two_link(above)).reference, [0.5, 0.0])
-
-
-def test_the_base_does_not_change_the_motion_and_gravity_does(monkeypatch):
-    turned = ac.Frame.rpy([1.0, 2.0, 3.0], [0.3, -0.4, 0.5])
-    plain, moved = run(pendulum(), swing()), run(pendulum(base=turned), swing())
-    np.testing.assert_array_equal(plain.q, moved.q)  # gravity is given in the base's frame
-    hung = run(pendulum(gravity=[0.0, 0.0, G]), swing())
-    np.testing.assert_allclose(hung.torque[0], -plain.torque[0])
-    arm = two_link(coulomb=[0.5, 0.0])
-    whole = run(arm, swing([0.5, 0.3]), noise=1e-6)
-    monkeypatch.setattr(rigid_body_plant, "MAX_CALL_STEPS", 7)
-    parts = run(arm, swing([0.5, 0.3]), noise=1e-6)
-    np.testing.assert_array_equal(whole.q, parts.q)
-    np.testing.assert_array_equal(whole.torque, parts.torque)
-
-
 def test_noise_is_seeded():
     arm, q = pendulum(), swing()
     clean = run(arm, q)
@@ -323,23 +257,6 @@ def test_noise_is_seeded():
     # White noise through the loop: kp h / 2 of its variance is left, all but for the slow part.
     assert moved == pytest.approx(2e-5 * np.sqrt(KP * 2.5e-4 / 2), rel=0.5)
     assert one.q[-1, 0] == pytest.approx(0.5, abs=2e-5)
-
-
-def test_the_resolution_changes_nothing():
-    # The same plant twice: its noise begins anew.
-    simulated = plant(two_link(coulomb=[0.5, 0.2]), noise=1e-6)
-    q = np.column_stack([swing(1.0)[:, 0], swing(-0.7)[:, 0]])
-    coarse = ac.simulate(taught_data(q), simulated, resolution=0.004)
-    fine = ac.simulate(taught_data(q), simulated, resolution=3e-4)
-    assert fine.t[1] == pytest.approx(2.5e-4) and coarse.t[1] == pytest.approx(0.004)
-    for name in ("q", "dq", "ddq", "demand", "torque", "torque_demand"):
-        np.testing.assert_array_equal(getattr(fine, name)[::16], getattr(coarse, name))
-    np.testing.assert_array_equal(fine.peak_demand, coarse.peak_demand)
-    # What is listed fits together: velocities are the integral of accelerations.
-    np.testing.assert_allclose(np.diff(fine.dq, axis=0), fine.ddq[:-1] * 2.5e-4, atol=1e-12)
-    # A step that does not fit is shortened: 14 steps an interval, every other listed.
-    execution = run(pendulum(), swing(), step=3e-4, resolution=1e-3)
-    assert 0.004 / execution.t[1] == pytest.approx(7)
 
 
 @pytest.mark.parametrize("name", ["pmk3s", "ur5e", "panda"])

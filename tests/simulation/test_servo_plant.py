@@ -125,19 +125,6 @@ def test_a_late_command_and_a_late_beginning(arm):
         assert (0.0 in other.t) == (start == -0.06)
 
 
-def test_slow_gains_and_close_set_points_lose_no_digits(arm):
-    q = np.cumsum(np.random.default_rng(1).normal(size=(12, 2)), axis=0)
-    for servo in (
-        ac.ServoModel(kp=5.0, kv=1000.0, interpolation="cubic"),
-        ac.ServoModel(kp=5.0, order="first", interpolation="cubic"),
-    ):
-        simulated = ac.ServoPlant(arm, servo, ac.Limits.only())
-        coarse, fine = (
-            ac.simulate(taught_data(q, 1e-3), simulated, resolution=x) for x in (1e-3, 1e-4)
-        )
-        np.testing.assert_allclose(fine.q[:1001:10], coarse.q[:101], atol=1e-12)
-
-
 def test_bounds_may_differ_between_directions(arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     limits = ac.Limits.only(joint_acceleration=[[-0.5, 2.0]])
@@ -149,23 +136,6 @@ def test_bounds_may_differ_between_directions(arm):
         for x in (same, ac.Limits.only(joint_acceleration=2.0))
     )
     np.testing.assert_array_equal(one.q, other.q)
-
-
-def test_a_drive_that_cannot_hold_its_arm_is_an_error(refuses):
-    heavy = ac.load_arm("ur5e")
-    limits = ac.Limits.only(joint_torque=[150.0, 20.0, 150.0, 28.0, 28.0, 28.0])
-    simulated = ac.ServoPlant(heavy, SERVO, limits, saturation="torque")
-    q = np.tile([0.0, -0.5, 0.5, 0.0, 0.0, 0.0], (3, 1))
-    weight = abs(heavy.torque(q[0], 0 * q[0], 0 * q[0])[1])
-    up = np.array([0.0, -np.pi / 2, 0.0, 0.0, 0.0, 0.0])
-    end = np.array([up, up, up + [0, 1.0, 0, 0, 0, 0]])
-    error = {"joint": 1, "allowed": 20.0}
-    for set_points, words, data in (
-        (taught_data(q), "Increase the torque limit", {"t": 0.0, "needed": weight}),
-        (taught_data(end, 0.5), "at the last set-point", {"t": 1.0}),
-    ):
-        call = partial(ac.simulate, set_points, simulated)
-        refuses(call, ac.ExecutionError, words, **error, **data)
 
 
 def pendulum(viscous, gravity=0.0):
@@ -275,35 +245,6 @@ def test_the_range_of_the_demand_has_both_directions(arm):
         np.testing.assert_array_equal(
             execution.peak_demand, np.abs(execution.demand_range).max(axis=0)
         )
-
-
-def test_no_demand_is_outside_of_its_range(arm):
-    """At the end of an interval in saturation the demand may be larger than anywhere before."""
-    q = np.cumsum(np.random.default_rng(4).normal(size=(15, 2)), axis=0) * (3e-3, 1e-2)
-    for x in ("linear", "step", "cubic"):
-        execution = ac.simulate(taught_data(q, 0.011), plant(arm, limit=0.72, interpolation=x))
-        assert (execution.saturated_time > 0.05).all(), x
-        assert (execution.demand_range[0] <= execution.demand.min(axis=0)).all(), x
-        assert (execution.demand_range[1] >= execution.demand.max(axis=0)).all(), x
-
-
-def test_rounding_does_not_saturate(arm):
-    """A cubic command of uniform acceleration asks, once the joint follows, for just that."""
-    t = np.arange(200)[:, None] * 0.004
-    set_points = taught_data(2.0 + 0.5 * np.array([0.7, 0.72]) * t**2, 0.004)
-    limits = ac.Limits.only(joint_acceleration=[0.7, 0.72])
-    simulated = ac.ServoPlant(arm, SERVO.replace(interpolation="cubic"), limits)
-    steps = (4e-3, 2e-3, 1e-3, 5e-4)
-    times = [ac.simulate(set_points, simulated, resolution=x).saturated_time for x in steps]
-    np.testing.assert_allclose(times, np.broadcast_to(times[0], (4, 2)), atol=1e-6)
-
-
-def test_gains_beyond_all_time_steps_are_errors(arm):
-    """Time steps as short as they need make no progress, or too little."""
-    for kp, kv in ((1e300, 1e300), (1e9, 1e9), (1e-3, 1e15), (1e300, None)):
-        with pytest.raises(ac.ArmContourError, match="1/s"):
-            servo = ac.ServoModel(kp=kp, kv=kv, order="second" if kv else "first")
-            ac.simulate(taught_data(RANDOM), ac.ServoPlant(arm, servo))
 
 
 def test_a_motion_that_does_not_settle_ends_with_what_is_left(arm):

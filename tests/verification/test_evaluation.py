@@ -114,23 +114,6 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     assert ac.evaluate(plain, path).model_error is None
 
 
-def test_errors_are_weighted_by_time_until_a_given_one(arm):
-    # The tool stands 1 mm off for most of the time, with few samples; and on it with many.
-    t = np.concatenate([np.linspace(0, 0.1, 101), [10.0]])
-    tool = np.tile((0.3, 0.2), (102, 1))
-    tool[-2:] += (0, 1e-3)
-    evaluation = ac.evaluate(by_hand(arm, t, tool), LINE, end_time=10.0).contour_error
-    assert evaluation.rms == pytest.approx(1e-3 * np.sqrt(9.9005 / 10), rel=1e-4)
-    with_error = ALONG + np.outer(np.minimum(T, 1.0), (0, 1e-3))
-    for end_time in (0.5, 2.0, 8.0):
-        evaluation = ac.evaluate(by_hand(arm, T, with_error), LINE, end_time=end_time)
-        error, ramp_end = evaluation.contour_error, min(end_time, 1.0)
-        assert evaluation.end_time == end_time and error.t[-1] == end_time
-        assert error.max == pytest.approx(1e-3 * ramp_end, rel=1e-6)
-        expected = 1e-3 * np.sqrt((ramp_end**3 / 3 + max(end_time - 1, 0.0)) / end_time)
-        assert error.rms == pytest.approx(expected, rel=1e-3)
-
-
 def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_then(arm):
     # It runs at 50 mm/s, creeps at 0.5 mm/s, runs again until 1.2 s, and creeps.
     speed = np.where((T < 0.4) | ((T > 0.8) & (T <= 1.2)), 0.05, 5e-4)
@@ -200,31 +183,6 @@ def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     evaluation = ac.evaluate(executed, LINE, limits=weak)
     np.testing.assert_allclose(evaluation.demand_ratio, [1.2, 0.3])
     np.testing.assert_array_equal(evaluation.demand, [0.9, 0.6])
-
-
-def test_moving_arm_and_path_together_changes_nothing(arm):
-    rng = np.random.default_rng(0)
-    path = ac.Path.polyline([(0.30, 0.2), (0.36, 0.22), (0.33, 0.3)])
-    tool = path(np.linspace(0, path.length, len(T))) + 1e-3 * rng.normal(size=(len(T), 2))
-    one = ac.evaluate(by_hand(arm, T, tool), path, objective=path)
-    # A turn about the base, which joint 1 makes; then a shift along x, which the base makes.
-    angle, shift = 0.7, np.array([0.4, 0.0])
-    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
-    def move(x):
-        return (x - (arm.base, 0)) @ rotation.T + (arm.base, 0) + shift
-
-    other = ac.PlanarTwoLink(
-        name="moved", base=arm.base + 0.4, links=(arm.link1, arm.link2), limits=arm.limits
-    )
-    moved = ac.Path.polyline(move(path.vertices))
-    two = ac.evaluate(by_hand(other, T, move(tool)), moved, objective=moved)
-    np.testing.assert_allclose(two.contour_error.values, one.contour_error.values, atol=1e-12)
-    assert two.contour_error.rms == pytest.approx(one.contour_error.rms, rel=1e-9)
-    assert two.speed == pytest.approx(one.speed, rel=1e-9)
-    assert two.settled == one.settled
-    assert two.corners[0].rounding == pytest.approx(one.corners[0].rounding, rel=1e-9)
-    assert two.corners[0].overshoot == pytest.approx(one.corners[0].overshoot, rel=1e-9)
 
 
 def test_the_objective_has_its_own_error(arm, objective, rounded):

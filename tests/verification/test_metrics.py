@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import corner_deviations, measure_speed_ratios
 from armcontour.verification.path_following import follow_path
 
@@ -83,43 +82,6 @@ def test_the_papers_job_uses_its_joints_and_keeps_its_limits(arm):
     assert errors.contour_error.rms == evaluation.contour_error.rms
 
 
-T = np.array([0.0, 1.0, 1.5, 4.0])
-VALUES = np.array([0.0, 2.0, 2.0, 1.0])
-S = np.array([0.0, 0.1, 0.2, 0.3])
-
-
-def test_by_hand_until_a_time_later_earlier_or_of_a_sample():
-    profile = ErrorProfile.over_time(T, VALUES, S, 4.0)
-    # Trapezoids of the squares 0, 4, 4, 1.
-    assert profile.rms == pytest.approx(np.sqrt((2.0 + 2.0 + 6.25) / 4))
-    assert (profile.max, profile.t_max, profile.s_max) == (2.0, 1.0, 0.1)
-    profile = ErrorProfile.over_time(T, VALUES, S, 10.0)
-    assert profile.rms == pytest.approx(np.sqrt((2.0 + 2.0 + 6.25 + 6.0) / 10))
-    np.testing.assert_array_equal(profile.t, [0, 1, 1.5, 4, 10])
-    np.testing.assert_array_equal(profile.values, [0, 2, 2, 1, 1])
-    assert profile.s[-1] == 0.3
-    profile = ErrorProfile.over_time(T, VALUES, S, 0.5)
-    np.testing.assert_array_equal(profile.t, [0, 0.5])
-    np.testing.assert_allclose(profile.values, [0, 1])
-    np.testing.assert_allclose(profile.s, [0, 0.05])
-    assert (profile.max, profile.t_max) == (1.0, 0.5)
-    assert profile.rms == pytest.approx(np.sqrt(0.5))
-    profile = ErrorProfile.over_time(T, VALUES, S, 1.5)
-    np.testing.assert_array_equal(profile.t, [0, 1, 1.5])
-
-
-def test_time_counts_not_samples_and_a_profile_may_be_one_value():
-    dense = np.unique(np.concatenate([np.linspace(0, 1, 1001), [4.0]]))
-    profile = ErrorProfile.over_time(dense, (dense > 1).astype(float) * 3.0, dense, 4.0)
-    # 1001 samples of zero weigh one second, two samples weigh three.
-    assert profile.rms == pytest.approx(np.sqrt(9 * 3 / 2 / 4), rel=1e-12)
-    profile = ErrorProfile.over_time(T + 1.0, VALUES + 3.0, S, 0.999)
-    assert (profile.rms, profile.max, profile.t_max) == (3.0, 3.0, 0.999)
-    whole = ErrorProfile.over_time(T, VALUES, S, 4.0)
-    assert ErrorProfile.join([profile, whole]).rms == whole.rms
-    assert ErrorProfile.join([profile, profile]).rms == 3.0
-
-
 RIGHT_ANGLE = ac.Path.polyline([(0, 0), (1, 0), (1, 1)])
 
 
@@ -163,21 +125,6 @@ def test_overshoot_is_measured_across_the_leaving_line():
         assert corners.overshoot == pytest.approx(0.01, rel=1e-9), turn
 
 
-def test_every_corner_of_many_has_its_own_region():
-    rng = np.random.default_rng(0)
-    points = np.column_stack([np.arange(60.0), rng.normal(size=60)])
-    path = ac.Path.polyline(points)
-    tool = path(np.linspace(0, path.length, 9001)) + 0.02 * rng.normal(size=(9001, 2))
-    s = path.project(tool).s
-    corners = corner_deviations(tool, path)
-    assert len(corners) == 58
-    for x in corners:
-        low = path.breaks[x.vertex] - path.lengths[x.vertex - 1] / 2
-        high = path.breaks[x.vertex] + path.lengths[x.vertex] / 2
-        near = tool[(s >= low) & (s <= high)] - x.point
-        assert x.rounding == np.linalg.norm(near, axis=1).min()
-
-
 FAST, SLOW, JOINT = 0.1, 0.02, 0.05
 
 
@@ -208,23 +155,6 @@ def test_the_speed_where_the_tool_passes_into_a_slow_segment_counts(delay_length
     at_joint = np.sqrt(SLOW**2 + 2 * 0.5 * delay_length)
     # Between two samples: at these alone, up to half a sample's braking would not be seen.
     assert ratios.max() == pytest.approx(at_joint / SLOW, rel=2e-3)
-
-
-def test_a_tool_that_starts_early_is_too_fast_on_the_slow_segment():
-    tool, speed = braking(2e-3)
-    back = path(SLOW, FAST)
-    tool = np.stack([0.1 - tool[::-1, 0], tool[::-1, 1]], axis=1)
-    ratios = measure_speed_ratios(back, follow_path(back, tool), speed[::-1], None)
-    assert ratios.max() == pytest.approx(np.sqrt(SLOW**2 + 2 * 0.5 * 2e-3) / SLOW, rel=2e-3)
-
-
-def test_next_to_a_joint_as_near_as_the_tool_is_to_the_path_the_larger_speed_counts():
-    tool, speed = braking(1e-3, lateral=1e-3)
-    within = measure_speed_ratios(path(), follow_path(path(), tool), speed, None)
-    assert within.max() == pytest.approx(1.0, abs=2e-3)
-    tool, speed = braking(3e-3, lateral=1e-3)
-    beyond = measure_speed_ratios(path(), follow_path(path(), tool), speed, None)
-    assert beyond.max() == pytest.approx(np.sqrt(SLOW**2 + 2 * 0.5 * 2e-3) / SLOW, rel=2e-3)
 
 
 def test_limits_of_the_path_and_peaks_between_samples():

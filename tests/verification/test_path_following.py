@@ -5,7 +5,6 @@ import pytest
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
-from armcontour.core.frames import exp
 from armcontour.verification.path_following import follow_path
 
 OFF = 0.3e-3
@@ -116,7 +115,6 @@ def test_missed_is_exact_where_one_step_passes_a_long_stretch():
         assert -1e-10 <= more <= s[1] / 2, seed
 
 
-DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 
@@ -125,46 +123,6 @@ def run(arm, path, limits, method="none", objective=None, resolution=1e-3):
     set_points = ac.compensate(planned, SERVO, METHODS[method](), cycle=4e-3)
     executed = ac.simulate(set_points, ac.ServoPlant(arm, SERVO, limits), resolution=resolution)
     return planned, executed, ac.evaluate(executed, path, objective=objective, limits=limits)
-
-
-@pytest.fixture(scope="module")
-def tilting():
-    """A line out and back, on which the tool tilts on, and its plan on a UR5e."""
-    arm = ac.load_arm("ur5e")
-    line = ac.Path.polyline([(0.40, -0.10, 0.30), (0.45, 0.00, 0.30), (0.40, -0.10, 0.30)])
-    path = line.oriented([DOWN @ exp(angle * np.array([1.0, 0, 0])) for angle in (0.0, 0.2, 0.4)])
-    limits = arm.limits.replace(speed=0.1)
-    return arm, path, limits, run(arm, path, limits, "inverse")
-
-
-def test_the_orientation_is_that_of_the_way_on_which_the_tool_is(tilting):
-    arm, path, _, (_, executed, result) = tilting
-    assert result.orientation_error.max < 1e-3
-    # Not because nothing is found: half of the tilt off, half of the tilt is reported.
-    wrong = path.oriented([DOWN @ exp(angle * np.array([1.0, 0, 0])) for angle in (0.0, 0.2, 0.2)])
-    evaluation = ac.evaluate(executed, wrong).orientation_error
-    assert evaluation.max == pytest.approx(0.2, abs=2e-3) and evaluation.s_max > 0.99 * path.length
-
-
-def test_a_turn_back_is_no_violation_of_the_orientation(tilting):
-    arm, path, limits, (planned, _, _) = tilting
-    for allowed in (1e-6, 1e-2):
-        check = ac.check(planned, arm, limits, path, orientation_deviation=allowed, points=8)
-        use = check["orientation_deviation"]
-        assert use.verdict == "kept" and use.value < 1e-7
-
-
-def test_corners_of_a_square_that_is_run_twice(arm):
-    square = [(0.30, 0.15), (0.36, 0.15), (0.36, 0.21), (0.30, 0.21)]
-    # The last side is an overlap of 20 mm over the seam.
-    objective = ac.Path.polyline([*square, *square, square[0], (0.32, 0.15)])
-    rounded = ac.round_corners(objective, tolerance=1e-3)
-    limits = arm.limits.replace(speed=0.15, joint_acceleration=3.0)
-    _, _, result = run(arm, rounded, limits, "pole_placement", objective)
-    assert len(result.corners) == 8
-    for corner in result.corners:
-        assert corner.rounding == pytest.approx(1e-3, abs=5e-5)
-        assert corner.overshoot < 5e-5
 
 
 @pytest.mark.parametrize("method", ["none", "pole_placement"])

@@ -15,7 +15,6 @@ from armcontour.control.compensation import METHODS
 
 # Errors agree with those of samples so many times as often by this share; a sampled kink is lower.
 FINER, AGREE = 50, 1e-6
-TURNING = ((0.323, 0.177), (0.367, 0.192), (0.350, 0.197), (0.332, 0.173))
 CORNERS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
 
 
@@ -110,33 +109,6 @@ def test_no_sample_between_is_higher(
     np.testing.assert_allclose(*roundings, rtol=AGREE, atol=5e-9)
 
 
-def test_the_paper_s_corners_at_1_ms_are_0_2_percent_farther_than_samples_show():
-    arm, objective, path, trajectory = plan("pmk3s", 0.15, 5e-3, False)
-    plant = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0))
-    coarse, fine = executions(trajectory, plant, 4e-3, "pole_placement", 1e-3)
-    error = ac.evaluate(coarse, path, objective=objective).objective_error
-    assert largest(coarse, objective) < error.max * (1 - 1.5e-3)
-    # Between two samples the distance changes by no more than the tool moves in half of the time.
-    between = 0.15 * (fine.t[1] - fine.t[0]) / 2
-    assert largest(fine, objective) <= error.max <= largest(fine, objective) + between
-    finer = ac.evaluate(fine, path, objective=objective).objective_error
-    assert error.max == pytest.approx(finer.max, rel=1e-6)
-    assert error.values.max() == error.max == error.values[np.searchsorted(error.t, error.t_max)]
-
-
-def test_a_peak_where_the_path_turns_is_found_though_no_sample_shows_it():
-    arm = ac.load_arm("pmk3s")
-    objective = ac.Path.polyline(TURNING)
-    path = ac.round_corners(objective, tolerance=4e-5)
-    limits = arm.limits.replace(speed=0.5, joint_acceleration=20.0)
-    trajectory = ac.plan(path, arm, limits, ac.Optimal(configuration="positive"))
-    plant = ac.ServoPlant(arm, ac.ServoModel(kp=40.0, kv=1000.0), saturation="none")
-    coarse, fine = executions(trajectory, plant, 8e-3, "inverse", 8e-3)
-    error = ac.evaluate(coarse, path, objective=objective).objective_error
-    assert largest(coarse, objective) < error.max / 2
-    assert error.max == pytest.approx(largest(fine, objective), rel=1e-2)
-
-
 def test_the_angle_of_a_tool_in_space():
     arm, objective, path, trajectory = plan("ur5e", 0.2, 2e-3, True)
     plant = ac.ServoPlant(arm, ac.ServoModel(kp=30.0, kv=200.0, dead_time=0.0031))
@@ -197,48 +169,3 @@ def test_contours_of_few_samples_are_judged_by_these():
         # Between samples the way of the tool is taken for straight where no plant tells it.
         share = with_motion.coverage_error.max / sampled.coverage_error.max
         assert 1 - 1e-6 <= share <= 1 + 1e-3, (length, resolution)
-
-
-PARTS = (
-    slice(300, None),
-    slice(1000, 3000),
-    slice(0, None, 2),
-    slice(0, None, 3),
-    slice(0, None, 20),  # fewer than set-points
-    slice(5, None, 2),  # between set-points
-    np.r_[0:100, 300:500],
-    np.r_[0, 0:3000],  # a time twice
-)
-
-
-def test_an_execution_that_was_cut_has_no_peak_that_was_not_there():
-    arm, objective, path, trajectory = plan("pmk3s", 0.15, 1e-3, False)
-    names = ("t", "q", "dq", "ddq", "demand")
-    for kv in (None, 150.0):
-        servo = ac.ServoModel(kp=25.0, kv=kv, order="first" if kv is None else "second")
-        plant = ac.ServoPlant(arm, servo, saturation="none")
-        whole = ac.simulate(ac.compensate(trajectory, servo, ac.Inverse(), cycle=4e-3), plant)
-        peak = ac.evaluate(whole, path).contour_error.max
-        for part in PARTS:
-            cut = replace(whole, **{name: getattr(whole, name)[part] for name in names})
-            assert ac.evaluate(cut, path).contour_error.max <= peak * (1 + AGREE), (kv, part)
-
-
-def test_of_another_plant_nothing_is_believed_and_peaks_do_not_count_for_the_mean():
-    arm, objective, path, trajectory = plan("pmk3s", 0.15, 5e-3, False)
-    plant = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0))
-    coarse, _ = executions(trajectory, plant, 4e-3, "none", 1e-3)
-    other = ac.ServoPlant(arm, plant.servo.replace(kp=20.0, interpolation="step"))
-    changed, plain = (
-        ac.evaluate(replace(coarse, plant=x), path, objective=objective) for x in (other, None)
-    )
-    assert changed.contour_error.max == plain.contour_error.max
-    # Of a log only the samples are known.
-    assert plain.objective_error.max == pytest.approx(largest(coarse, objective), rel=1e-12)
-    coarse, _ = executions(trajectory, plant, 4e-3, "pole_placement", 1e-3)
-    plain = replace(coarse, plant=None)
-    with_peaks, sampled = (
-        ac.evaluate(x, path, objective=objective).objective_error for x in (coarse, plain)
-    )
-    assert with_peaks.max > sampled.max and with_peaks.rms == sampled.rms
-    assert len(with_peaks.t) == len(sampled.t) + 1

@@ -1,6 +1,5 @@
 """Programs judged contour by contour, against projections by hand."""
 
-import dataclasses
 from functools import partial
 
 import numpy as np
@@ -94,31 +93,6 @@ def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
     assert evaluation.contour_error.max == max(x.max for x in evaluation.contours)
     # Not compensated, the tool cuts corners: there is something to see.
     assert evaluation.contour_error.max > 1e-5
-
-
-def test_nothing_outside_the_work_counts(program, execution):
-    before = ac.evaluate(execution, program, limits=LIMITS)
-    work = [x.work for x in execution.set_points.trajectory.spans if x.work is not None]
-    rest = ~np.any([(execution.t >= a) & (execution.t <= b) for a, b in work], axis=0)
-    # Where a sample interval straddles an end of the work it is let be.
-    rest &= ~np.roll(rest == 0, 1) & ~np.roll(rest == 0, -1)
-    assert rest.sum() > 100
-    q = execution.q.copy()
-    q[rest] += 0.3
-    spoilt = _with(execution, q)
-    after = ac.evaluate(spoilt, program, limits=LIMITS)
-    for name in ("contour_error", "tracking_error"):
-        assert getattr(after, name).rms == getattr(before, name).rms
-        assert getattr(after, name).max == getattr(before, name).max
-    assert after.speed == before.speed
-    # And what is inside counts.
-    q = execution.q.copy()
-    q[~rest] += 0.01
-    assert ac.evaluate(_with(execution, q), program, limits=LIMITS).contour_error.max > 1e-3
-
-
-def _with(execution, q):
-    return dataclasses.replace(execution, q=q)
 
 
 def test_a_program_of_one_contour_is_worth_what_its_path_is():

@@ -150,17 +150,6 @@ def test_set_points_are_the_nearest_ones(free, limited):
     np.testing.assert_array_equal(limited.q[:, 6], q[:, 6])
 
 
-@pytest.mark.parametrize("method", ["inverse", "none", "pole_placement"])
-def test_limits_that_do_not_bind_change_nothing(square, method):
-    servo = ac.ServoModel(kp=25.0, kv=150.0)
-    free = ac.compensate(square[1], servo, METHODS[method]())
-    wide = ac.Limits(joint_velocity=9.0, joint_acceleration=1e4, joint_jerk=1e7)
-    limited = ac.compensate(square[1], servo, METHODS[method](command_limits=wide))
-    np.testing.assert_array_equal(limited.q, free.q)
-    assert limited.start_time == free.start_time and limited.limit_cost is None
-    assert max(x.max() for x in limited.command_use.values()) < 1
-
-
 def test_set_points_beyond_a_range_alone_are_moved_to_its_end(square, free):
     """Other limits do not bind, so the nearest set-points are those of numpy.minimum."""
     upper = np.full(7, 3.0)
@@ -172,21 +161,6 @@ def test_set_points_beyond_a_range_alone_are_moved_to_its_end(square, free):
     assert (q > upper).any() and (limited.q <= upper).all()
     np.testing.assert_allclose(limited.q, np.minimum(q, upper), atol=1e-8)
     np.testing.assert_array_equal(limited.q[:, :5], q[:, :5])
-
-
-def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():
-    """One joint accelerates and brakes: between the same ends no jerk is possible in this time."""
-    arm = ac.PlanarTwoLink(name="rods", links=(0.3, 0.3), base=0.0, limits=ac.Limits())
-    limits = ac.Limits(joint_acceleration=10.0)
-    plan = ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.9, 0.9)]), arm, limits)
-    tight = limits.replace(joint_jerk=500.0)
-    servo = ac.ServoModel(order="delay", dead_time=3e-3)
-    for method in ("none", "inverse"):
-        set_points = ac.compensate(plan, servo, METHODS[method](command_limits=tight), cycle=2e-3)
-        assert max(largest_shares(set_points.q, 2e-3, tight)) <= 1
-        assert set_points.start_time < 0 and set_points.t[-1] > plan.duration
-        assert set_points.limit_cost.contour_rms is None
-        assert 1e-4 < set_points.limit_cost.deviation[0] < 5e-3
 
 
 @pytest.mark.parametrize(
@@ -209,11 +183,6 @@ def test_a_plan_above_the_limits_is_refused(square, limits, name, allowed):
         assert abs(planned) == pytest.approx(error.needed, rel=0.1)
 
 
-def test_only_limits_of_joints_limit_commands(square):
-    with pytest.raises(ac.InvalidInput, match="speed"):
-        ac.compensate(square[1], SERVO, ac.Inverse(command_limits=ac.Limits(speed=0.1)))
-
-
 def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
     export(limited, tmp_path / "set_points.csv", CsvFormat(derivatives=0), arm=arm)
     table = np.genfromtxt(tmp_path / "set_points.csv", delimiter=",", skip_header=1)
@@ -224,23 +193,6 @@ def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
     checked = ac.check(ac.read_trajectory(tmp_path / "default.csv", arm.joint_names), arm, allowed)
     assert checked["joint_acceleration"].ratio == pytest.approx(1, abs=1e-4)
     assert make_table(limited, name="square", derivatives=2).ddq is not None
-
-
-def test_programs_with_fewer_digits_report_the_effect_of_rounding(tmp_path):
-    """URScript has 7 decimals, at 2 ms up to 50 rad/s³ of jerk; csv has 12."""
-    arm = ac.load_arm("ur5e")
-    start, end = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0], [0.3, -1.2, 1.2, -1.4, -1.6, 0.2]
-    plan = ac.plan(ac.JointPath.spline([start, end]), arm, arm.limits.replace(joint_jerk=400.0))
-    servo = ac.ServoModel(kp=25.0, order="first")
-    limits = ac.Limits(joint_jerk=1000.0)
-    set_points = ac.compensate(plan, servo, ac.Inverse(command_limits=limits), cycle=2e-3)
-    with pytest.warns(UserWarning, match="joint_jerk"):
-        export(set_points, tmp_path / "set_points.script", arm=arm)
-    lines = (tmp_path / "set_points.script").read_text(encoding="utf-8").splitlines()
-    rows = [x.split("[")[1].split("]")[0].split(",") for x in lines if "servoj([" in x]
-    jerk = np.abs(np.diff(np.array(rows, dtype=float), 3, axis=0)).max() / 2e-3**3
-    assert 1000 < jerk < 1500
-    export(set_points, tmp_path / "set_points.csv", arm=arm)
 
 
 def test_learning_keeps_the_limits(square, arm, limited):
@@ -293,12 +245,3 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     assert runs["wide"]["limit_contour_max"] == 0
     page = render_report(study)
     assert "command limit" in page and number(strict.set_points.limit_cost.contour_max, "m") in page
-
-
-def test_other_keys_of_command_limits_are_refused(tmp_path):
-    place = tmp_path / "job.yaml"
-    place.write_text(
-        JOB.replace("{joint_acceleration: 9.999", "{speed: 1 m/s, joint_acceleration: 9")
-    )
-    with pytest.raises(ac.InvalidInput, match="speed"):
-        read_job(place)

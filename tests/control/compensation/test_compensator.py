@@ -1,7 +1,6 @@
 """Set-points in closed form, the plain and the inverse compensation, and what is refused."""
 
 from functools import partial
-from itertools import product
 
 import numpy as np
 import pytest
@@ -60,21 +59,6 @@ def test_a_parabola_in_closed_form(interpolation, gain):
     np.testing.assert_allclose(set_points.q[inside], expected, atol=1e-14)
 
 
-@pytest.mark.parametrize(("interpolation", "bound"), [("linear", 1.02), ("cubic", 1.17)])
-def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interpolation, bound):
-    a = np.array([0.7, -0.4])
-    servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
-    plant = ac.ServoPlant(arm, servo, ac.Limits.only(), saturation="none")
-    for phase in np.linspace(0, 1, 8, endpoint=False):
-        half = 0.3 + phase * 4e-3
-        plan = laps([0, half, 2 * half], [(0.0, 0.0), half * a], [a, -a])
-        set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=4e-3)
-        execution = ac.simulate(set_points, plant, resolution=4e-3 / 16)
-        assert (np.abs(execution.demand_range) < bound * np.abs(a)).all()
-        # Values of the exact command would ask for up to 1.31 and 1.44, and leave up to 8e-6 rad.
-        assert np.abs(execution.q - plan.with_rests(execution.t)).max() < 2e-6
-
-
 def test_rests_and_ends_are_the_plans():
     # At full acceleration from rest, as optimal plans begin.
     plan = laps([0.0, 0.5, 1.0], [(0.0, 0.0), (0.5, -0.5)], [(1.0, -1.0), (-1.0, 1.0)])
@@ -88,46 +72,6 @@ def test_rests_and_ends_are_the_plans():
     set_points = ac.compensate(trajectory, UNEVEN, ac.NoCompensation(), cycle=0.1)
     np.testing.assert_allclose(set_points.q, trajectory(set_points.t.clip(0, 1)), atol=1e-14)
     assert set_points.trajectory is trajectory
-
-
-@pytest.mark.filterwarnings("ignore:The cycle")
-def test_the_last_set_point_is_the_end():
-    trajectory = smooth()
-    for method, cycle in product(NAMES, (0.1, 0.3, 4e-3, 1.0)):
-        set_points = ac.compensate(trajectory, UNEVEN, METHODS[method](), cycle=cycle)
-        np.testing.assert_array_equal(
-            set_points.q[-1], trajectory(1.0), err_msg=f"{method}, {cycle}"
-        )
-        # The first set-point that may be the end is the first at or after it; of means, half an
-        # interval after it.
-        earliest_end = 1.0 - 1e-9 + (cycle / 2 if method == "inverse" else 0.0)
-        assert set_points.t[-1] >= earliest_end, (method, cycle)
-        assert method == "pole_placement" or set_points.t[-1] < earliest_end + cycle, (
-            method,
-            cycle,
-        )
-    # Durations are sums of many laps: a little more or less than 0.3 s is 0.3 s.
-    for method, more in (("none", 0), ("inverse", 2)):  # the inverse has one before and one after
-        for duration in (0.3 * (1 - 1e-11), 0.3, 0.3 * (1 + 1e-11)):
-            for cycle, count in ((0.1, 4), (0.01, 31), (0.3, 2)):
-                set_points = ac.compensate(smooth(duration), UNEVEN, METHODS[method](), cycle=cycle)
-                assert len(set_points.q) == count + more, (method, duration, cycle)
-
-
-@pytest.mark.parametrize("method", NAMES)
-def test_compensation_is_linear(method):
-    times = [0.0, 0.3, 0.5, 0.9]
-    rng = np.random.default_rng(0)
-    segments_in = rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 2))
-    a, b = 0.7, -2.5
-
-    def set_points(*k):
-        trajectory = laps(times, *(np.tensordot(k, x, 1) for x in segments_in))
-        return ac.compensate(trajectory, UNEVEN, METHODS[method](), cycle=0.01).q
-
-    np.testing.assert_allclose(
-        set_points(a, b), a * set_points(1, 0) + b * set_points(0, 1), atol=1e-11
-    )
 
 
 def test_the_inverse_undoes_the_servo(arm):

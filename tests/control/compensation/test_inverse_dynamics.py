@@ -1,7 +1,6 @@
 """The inverse of drives that move bodies, against the rigid bodies of MuJoCo."""
 
 from functools import partial
-from itertools import product
 
 import numpy as np
 import pytest
@@ -113,16 +112,6 @@ def test_the_papers_job_and_a_short_line(arm, rounded, limits, light):
     assert contour_error(light, path, plan)[0] < 0.001
 
 
-def test_the_joints_follow_the_plan_without_delay(heavy):
-    dead_times = (0.0, 8e-3, [0.0, 1e-3, 2.5e-3, 4e-3, 0.0103, 0.02])
-    for interpolation, dead in product(("linear", "step", "cubic"), dead_times):
-        servo = SERVO.replace(interpolation=interpolation, dead_time=dead)
-        # The cycle of the drives, 0.25 ms, leaves more of held set-points: they come half of it
-        # early.
-        assert largest_deviation(heavy, servo) < (3e-4 if interpolation == "step" else 1e-5), servo
-        assert dead == 0.0 or largest_deviation(heavy, servo, plant=strong(heavy)) > 1e-4, servo
-
-
 def test_means_of_the_command_are_those_of_the_exact_one(heavy):
     """Means weighted by a triangle about every set-point, from sums over dense times.
 
@@ -195,18 +184,6 @@ def test_integrators_are_compensated_as_exactly_as_drives_without(
     assert (error[execution.t >= DURATION].max(axis=0) < set_points.truncated + 2 * errors[0]).all()
 
 
-def test_every_joint_stands_still_first(heavy):
-    """Also where the dead time is a whole number of intervals: the plan starts with a jump."""
-    plan = ac.plan(ac.JointPath.spline([START, START + 0.1]), heavy)
-    for dead in (0.0, 4e-3, 6e-3, [0.0, 0.0, 0.0, 0.0, 0.0, 0.012]):
-        for method in ("inverse", "inverse_dynamics"):
-            set_points = ac.compensate(
-                plan, SERVO.replace(dead_time=dead), METHODS[method](), arm=heavy
-            )
-            np.testing.assert_array_equal(set_points.q[0], plan(0.0))
-            assert (set_points.q[1] != set_points.q[0]).any(), (dead, method)
-
-
 def test_a_load_that_the_controller_does_not_know_can_be_known_to_the_set_points(heavy):
     loaded = with_chain(heavy, payload=ac.Payload(mass=2.0, center=(0.02, 0.0, 0.1)))
     plant = strong(loaded, controller=heavy)
@@ -227,22 +204,6 @@ def test_friction_is_compensated_but_not_at_rest(heavy):
     # Joint 5 stays at rest in the plan: no term of friction pushes it.
     np.testing.assert_allclose(set_points.q[:, 4], smooth_one.q[:, 4], atol=1e-15)
     np.testing.assert_array_equal(set_points.q[[0, -1]], smooth_one.q[[0, -1]])
-
-
-def test_where_joints_turn_round_friction_changes_its_sign_without_chatter(heavy):
-    """A joint that trembles by less than CREEP is pushed in proportion only."""
-    rough = with_chain(heavy, coulomb=np.full(6, 5.0))
-
-    class Tremble(Swing):
-        def on_interval(self, i, t, order):
-            wave = 1e-9 * np.sin(900 * t + order * np.pi / 2) * 900**order
-            return super().on_interval(i, t, order) + np.outer(wave, np.eye(6)[4])
-
-    plan = ac.Trajectory(laws=(Tremble(),), method="hand")
-    change = compensate(plan, rough).q - compensate(plan, heavy).q
-    push = 5.0 / Drives(arm=rough, servo=SERVO).stiffness
-    assert np.abs(change[:, 4]).max() < 2e-3 * push[4]
-    assert np.abs(change[20:-20, 3] / push[3] - 1).max() < 1e-9
 
 
 def test_refused(light, refuses):

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy import integrate, signal
+from scipy import signal
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
@@ -111,66 +111,6 @@ def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
     assert gap["pole_placement"] < 1e-4 < 1e-2 < gap["none"]
 
 
-def demand_over_acceleration(arm, poles, accelerations, times, kv=150.0):
-    """Largest demand of an unsaturated servo, as a share of the plan's largest acceleration."""
-    servo = ac.ServoModel(kp=25.0, kv=kv)
-    a = np.asarray(accelerations, float)
-    h = np.diff(times)
-    dq = np.concatenate([[0.0], np.cumsum(a * h)[:-1]])
-    both = np.stack([dq, dq], axis=1), np.stack([a, a], axis=1)
-    motion = laps(times, *both, (0.0, 0.0))
-    set_points = place(motion, servo, cycle=2e-4, poles=poles)
-    # Up to the end of the motion only: there the velocity jumps to zero.
-    count = round(times[-1] / 2e-4) + 1
-    cut = ac.SetPoints(cycle=2e-4, q=set_points.q[:count], trajectory=motion, method="cut")
-    execution = ac.simulate(cut, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=2e-4)
-    return np.abs(execution.demand[:count]).max() / np.abs(a).max()
-
-
-def test_l1_norm_of_the_triple_pole_at_minus_50(arm):
-    # Impulse response of F G at K_v = 150: (7500 t - 125000 t²) exp(-50 t), negative from 0.06 s.
-    def response(t):
-        return (7500 * t - 125000 * t**2) * np.exp(-50 * t)
-
-    norm = sum(abs(integrate.quad(response, *ab)[0]) for ab in ((0, 0.06), (0.06, 1.0)))
-    assert norm == pytest.approx(1.498, abs=5e-4)  # docs/method.md
-    # The worst plan turns its full acceleration round just when the response changes its sign.
-    worst = demand_over_acceleration(arm, [-50] * 3, [-1.0, 1.0], [0.0, 0.6, 0.66])
-    assert worst == pytest.approx(norm, rel=2e-3)
-
-
-def test_no_headroom_is_needed_for_triple_poles_from_half_kv_to_kv(arm):
-    # The response (X t + (p³ - p X) t² / 2) exp(-p t) changes sign at t0, if at all.
-    kv = 150.0
-    for pole in (60, 65, 75, 100, 150, 250, 300):
-        x = kv**2 - 3 * kv * pole + 3 * pole**2
-        bend = (pole**3 - pole * x) / 2
-        if 75 <= pole <= 150:
-            switches = np.cumsum(np.random.default_rng(pole).uniform(0.01, 0.05, 20))
-            times = np.round(np.concatenate([[0.0], switches]) / 2e-4) * 2e-4
-            signs = np.where(np.arange(20) % 2, 1.0, -1.0)
-            assert demand_over_acceleration(arm, [-pole] * 3, signs, times) <= 1 + 1e-3, pole
-        else:
-            turn = round(-x / bend / 2e-4) * 2e-4
-            assert turn > 0
-            times = [0.0, 0.6, 0.6 + turn]
-            assert demand_over_acceleration(arm, [-pole] * 3, [-1.0, 1.0], times) > 1 + 2e-3, pole
-
-
-def test_velocity_error_vanishes_when_the_poles_sum_to_minus_kv(arm, servo):
-    ramp = laps([0.0, 1.0], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
-    for poles, vanishes in (([-50] * 3, True), ([-30, -50, -70], True), ([-75] * 3, False)):
-        set_points = place(ramp, servo, cycle=1e-3, poles=poles)
-        execution = ac.simulate(
-            set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3
-        )
-        lag = 0.99 - execution.q[990, 0]
-        m1, m2, g = poles
-        # Coefficient with which velocity enters the error, from F G at low frequency.
-        assert abs(lag - 150 * (150 + g + m1 + m2) / (g * m1 * m2)) < 1e-5
-        assert (abs(lag) < 1e-5) == vanishes, poles
-
-
 def test_poles_that_cannot_be_are_refused(refuses):
     motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
     for poles, words, joint in (
@@ -213,24 +153,6 @@ def test_lag_and_demand():
         assert (behaviour.peaking[0] > 1.0001) == (demand > 1), poles
 
 
-def test_peaking_and_demand_of_complex_poles():
-    poles = np.array([-60 + 80j, -60 - 80j, -90])
-    behaviour = pole_behaviour(ac.ServoModel(kp=25.0, kv=[150.0, 40.0]), poles)
-    m1, m2, g = poles
-    for j, kv in enumerate((150.0, 40.0)):
-        x = (kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g
-        rest = [(x * p - m1 * m2 * g) / np.prod([p - r for r in poles if r != p]) for p in poles]
-
-        def response(t, rest=rest):
-            return float(np.real(sum(a * np.exp(p * t) for a, p in zip(rest, poles, strict=True))))
-
-        norm = integrate.quad(lambda t, f=response: abs(f(t)), 0, 0.5, limit=500)[0]
-        np.testing.assert_allclose(behaviour.demand[j], norm, rtol=1e-3)
-        w = 1j * np.linspace(0, 500, 100001)
-        size = np.abs((x * w - m1 * m2 * g) / ((w - m1) * (w - m2) * (w - g)))
-        np.testing.assert_allclose(behaviour.peaking[j], size.max(), rtol=1e-4)
-
-
 def test_demands_are_those_of_the_plant(arm):
     q = np.cumsum(np.random.default_rng(3).normal(size=(40, 2)), axis=0) * 1e-3
     still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
@@ -261,18 +183,6 @@ def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
         set_points = ac.compensate(plan, servo, ac.PolePlacement(poles=placed))
         execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, arm.limits))
         assert (execution.peak_demand > 0.72).any() == saturates
-
-
-def test_the_fastest_poles_follow_better_and_stop_at_the_interval(arm, plan, rounded, limits):
-    rms = []
-    for poles in (None, fastest_poles(SERVO, plan, limits)):
-        set_points = ac.compensate(plan, SERVO, ac.PolePlacement(poles=poles))
-        execution = ac.simulate(set_points, ac.ServoPlant(arm, SERVO, arm.limits))
-        rms.append(ac.evaluate(execution, rounded, limits=limits).contour_error.rms)
-    assert rms[1] < rms[0] / 5
-    loose = ac.Limits.only(joint_acceleration=100.0)
-    poles = fastest_poles(SERVO, plan, loose, cycle=0.02)
-    np.testing.assert_allclose(poles[:, 0], -20 / 0.02)
 
 
 def test_refused(mac, arm, refuses):
@@ -333,21 +243,6 @@ def test_the_joint_follows_the_plan_without_delay(arm):
         # of held set-points, which a servo of first order passes on.
         assert errors[0] < bounds[interpolation], servo
         assert errors[0] / errors[1] > 3, servo
-
-
-def test_without_the_lead_a_joint_is_late(arm):
-    delayed = ac.ServoModel(**gains("second"), dead_time=0.05)
-    prompt = ac.ServoModel(**gains("second"))
-    speed = np.abs(SWING(np.linspace(0, DURATION, 1001), 1)).max()
-    assert largest_deviation(arm, prompt, 1e-3, plant=delayed) == pytest.approx(
-        0.05 * speed, rel=0.02
-    )
-    assert largest_deviation(arm, delayed, 1e-3) < 2e-6
-    held = ac.ServoModel(**gains("second"), interpolation="step")
-    drawn = ac.ServoModel(**gains("second"))
-    speed = np.abs(SWING(np.linspace(0, DURATION, 1001), 1)).max()
-    assert largest_deviation(arm, drawn, 4e-3, plant=held) == pytest.approx(2e-3 * speed, rel=0.03)
-    assert largest_deviation(arm, held, 4e-3) < 0.02 * 2e-3 * speed
 
 
 def test_it_holds_before_and_after_and_none_leads_nothing():

@@ -23,14 +23,6 @@ from armcontour.report.identification import render_identification
 
 ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range(60)) + "\n"
 
-ARM = """name: flat
-kind: planar_two_link
-source: test
-base: {value: 0.0, unit: m, source: test}
-links: {value: [0.3, 0.2], unit: m, source: test}
-limits:
-  joint_acceleration: {value: [1.0, 1.0], unit: rad/s^2, source: test}
-"""
 
 COMMANDS = ("u1", "u_1", "command 1", "command_1")
 MEASURED = ("q1", "q_1", "measured 1", "joint 1")
@@ -67,28 +59,6 @@ def test_units_order_comments_and_columns_that_are_not_needed(separator):
     assert log.t[0] == pytest.approx(0.012)
     np.testing.assert_allclose(log.measured[:, 0], np.pi / 4)
     np.testing.assert_allclose(np.degrees(log.measured[0, 1]), 93)
-
-
-def test_units_cells_and_columns_that_are_not_needed():
-    # As the recorder of a UR's RTDE writes its logs.
-    log = parse_log(("t,u1,q1" + ROWS).replace(",", "  "))
-    np.testing.assert_array_equal(log.command, parse_log("t,u1,q1" + ROWS).command)
-    rows = "\n".join(f"{i},{i * 0.1},{i * 0.1},ready,,nan" for i in range(60))
-    assert len(parse_log("t,u1,q1,state,load,current\n" + rows).t) == 60
-    rows = "".join(f"{i},{i},{i + 1}\n" for i in range(60))
-    columns = "u# [deg]=q#_cmd_deg,q# [deg]=q#_actual_deg"
-    log = parse_log(f"t,q1_cmd_deg,q1_actual_deg\n{rows}", columns=columns)
-    np.testing.assert_allclose(np.degrees(log.command[:, 0]), np.arange(60))
-    np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
-
-
-def test_columns_are_named_beside_the_file(refuses):
-    rows = "".join(f"{4 * i},x,{i},{i + 1}\n" for i in range(60))
-    log = parse_log(rows, columns="t [ms],-,u1 [deg],q1 [deg]")
-    np.testing.assert_allclose(log.t, np.arange(60) * 4e-3)
-    np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
-    refuses(lambda: parse_log(rows, columns="t,u1"), InvalidInput, "line 1", "has 2 names")
-    refuses(lambda: parse_log("1,2,3\n" * 60), InvalidInput, "name the columns")
 
 
 def numbers(row, count=60):
@@ -208,27 +178,6 @@ def test_the_command(log, tmp_path, capsys):
     (prediction,) = data["predictions"]
     assert prediction["log"] == "log.csv"
     assert prediction["rms"][0] < 0.1 * prediction["tracking_rms"][0]
-
-
-def test_errors_at_the_tool_of_an_arm_without_masses(log, tmp_path, capsys):
-    file, arm = tmp_path / "log.csv", tmp_path / "arm.yaml"
-    _write(file, log.t, log.command, log.measured, "t,u1,u2,q1,q2")
-    arm.write_text(ARM)
-    assert identify_files([file], IdentifyOptions(arm=str(arm), validate=[file])) == 9
-    assert "at the tool, RMS" in capsys.readouterr().out
-
-
-def test_six_joints_fit_on_a_screen(log, tmp_path, capsys):
-    file, out = tmp_path / "log.csv", tmp_path / "out"
-    some = slice(0, 800)
-    every = [np.tile(x[some, :1], 6) for x in (log.command, log.measured)]
-    every[1][:, 1] = every[0][::-1, 1]  # two joints without a model
-    every[1][:, 4] = every[0][0, 4]
-    names = ",".join(f"{x}{j}" for x in "uq" for j in range(1, 7))
-    _write(file, log.t[some], *every, f"t,{names}")
-    assert identify_files([file], IdentifyOptions(out=out)) == 1
-    lines = capsys.readouterr().out.splitlines()
-    assert len(lines) < 24 and "4 of 6 joints" in lines[0]
 
 
 def test_the_command_where_no_servo_is_known(tmp_path, capsys, refuses):

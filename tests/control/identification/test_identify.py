@@ -64,13 +64,6 @@ def test_a_loop_is_found_from_a_multisine():
     assert joint.noise == pytest.approx(NOISE, rel=0.1)
 
 
-def test_feed_forward_is_found_where_it_is(fed):
-    assert_near(fed.joints[0], FED)
-    assert fed.joints[0].share < 0.01
-    servo = fed.servo_model()
-    assert servo.order == "second" and servo.acceleration_limit.tolist() == [math.inf]
-
-
 def test_feed_forward_and_limit_are_found_together():
     t = np.arange(3000) * 2e-3
     truth = {"kp": 28.0, "kv": 160.0, "delay": 6e-3, "feed": 0.9, "limit": 12.0}
@@ -121,22 +114,6 @@ def test_a_cycle_of_the_drive_is_part_of_the_model():
     assert fit.servo_model().drive_cycle == drive_cycle
     with pytest.raises(InvalidInput, match="drive_cycle"):
         ac.ServoFit(drive_cycle=0.1)
-
-
-@pytest.mark.parametrize("interval", [1e-3, 4e-3])
-def test_the_true_cycle_of_the_drive_makes_the_fit_better(interval):
-    drive_cycle, truth = 1e-3, JointServo(23.8, 71.3, velocity_feedforward=0.822, dead_time=5.3e-3)
-    t, u = shaken(4.0, interval, 4)
-    y = follow(LoggedCommand(t, u), truth, 0.0, 0.0, drive_cycle)
-    log = Log(t=t, command=u, measured=y + np.random.default_rng(0).normal(0, 1e-6, len(t)))
-    with_cycle, without = (
-        identify(log, ac.ServoFit(drive_cycle=x)).joints[0] for x in (drive_cycle, None)
-    )
-    for name in ("kp", "kv", "velocity_feedforward", "dead_time"):
-        value = getattr(truth, name)
-        error = abs(getattr(with_cycle, name).value / value - 1)
-        assert error < min(3e-3, 0.2 * abs(getattr(without, name).value / value - 1)), name
-    assert with_cycle.unseen_rms < 1.01 * without.unseen_rms
 
 
 def test_a_drive_that_only_delays():
@@ -196,13 +173,6 @@ def test_positions_that_repeat_are_replaced(held):
     assert "repeats" in fit.remarks[0] and not ac.identify(log).repeats
     assert joint.order == true.order
     assert joint.kp.value == pytest.approx(true.kp.value, rel=0.02)
-
-
-@pytest.mark.parametrize("step", [1e-5, 1e-4, 1e-3])
-def test_a_coarse_encoder_does_not_repeat_positions(step):
-    log = log_of(3, kp=20.0, kv=150.0)
-    rounded = dataclasses.replace(log, measured=np.round(log.measured / step) * step)
-    assert not ac.identify(rounded).repeats
 
 
 def test_logs_of_other_joints_do_not_go_together(fed):
@@ -288,37 +258,6 @@ def test_a_saturating_step_shows_the_limit():
     log = log_of(1, NOISE, t=t[:1500], u=u[:1500], limit=LIMIT, **TRUTH)
     joint = identify(log, SECOND).joints[0]
     assert joint.acceleration_limit.value == pytest.approx(LIMIT, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("kv", "interval", "drive_cycle"),
-    [(100.0, 12e-3, 0.0), (150.0, 8e-3, 0.0), (150.0, 8e-3, 8e-3), (230.0, 8e-3, 8e-3)],
-)
-def test_velocity_gains_do_not_need_a_sample_in_their_time_constant(kv, interval, drive_cycle):
-    """A loop with a cycle is stable if its gains are below two over the cycle."""
-    t, u = shaken(6.0, interval, 1)
-    y = follow(LoggedCommand(t, u), JointServo(25.0, kv), 0.0, 0.0, drive_cycle)
-    joint = identify(
-        Log(t=t, command=u, measured=y), ac.ServoFit(drive_cycle=drive_cycle or None)
-    ).joints[0]
-    assert joint.order == "second" and joint.written
-    assert joint.kp.value == pytest.approx(25.0, rel=0.01)
-    assert joint.kv.value == pytest.approx(kv, rel=0.01)
-
-
-def test_a_second_order_is_found_at_jittering_times():
-    logs, truth = [], JointServo(12.9, 129.5, velocity_feedforward=0.871, dead_time=4.95e-3)
-    for seed in (1, 2):
-        random = np.random.default_rng(seed)
-        t, u = shaken(6.0, 8e-3, seed)
-        times = t + np.append(0.0, random.uniform(-1e-3, 1e-3, len(t) - 1))
-        u = np.interp(times, t, u)
-        y = follow(LoggedCommand(times, u), truth, 0.0, 0.0)
-        logs.append(Log(t=times, command=u, measured=y + random.normal(0, 1e-5, len(t))))
-    joint = identify(logs, SECOND).joints[0]
-    assert joint.written and joint.share < 0.01
-    assert joint.kv.value == pytest.approx(129.5, rel=0.02)
-    assert joint.dead_time.value == pytest.approx(4.95e-3, abs=1e-4)
 
 
 def test_a_position_gain_at_its_bound_is_no_model():

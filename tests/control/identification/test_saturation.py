@@ -8,7 +8,6 @@ from numba import njit
 
 import armcontour as ac
 from armcontour.control.identification import Log, identify
-from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
 CYCLE = 1e-3
 
@@ -128,82 +127,3 @@ def test_a_log_of_a_first_run_that_saturates_compensates_the_next_one(hal):
         with pytest.warns(UserWarning, match="one program"):
             set_points = ac.compensate(plan, fit.servo_model(), cycle=4e-3)
         assert ac.evaluate(ac.simulate(set_points, robot), path).contour_error.rms <= bound
-
-
-def test_a_joint_that_saturates_most_of_the_time_can_be_judged():
-    """Only one part of the motion has samples between those at the limit."""
-    t, u = moves(2.0, 2.5)
-    joint = identify(log_of(t, u, run_loop(u, 25.0, 150.0, 0.6, np.inf))).joints[0]
-    assert "0.6 rad/s²" in joint.saturation
-    assert joint.kp.value == pytest.approx(25.0, rel=0.01)
-
-
-@pytest.mark.parametrize("limit", [0.3, 0.6])
-def test_a_short_log_that_saturates_nearly_all_the_time_determines_no_servo(limit):
-    t, u = moves(2.0, 1.5)
-    joint = identify(log_of(t, u, run_loop(u, 25.0, 150.0, limit, np.inf))).joints[0]
-    assert not joint.written and f"{limit:g} rad/s²" in joint.note
-
-
-def shaken(seed):
-    """Times and commands of a program of 6 s."""
-    random = np.random.default_rng(seed)
-    t = np.arange(1500) * 4e-3
-    waves = (
-        0.02 / (1 + f) * np.sin(2 * np.pi * f * t + random.uniform(0, 6.3))
-        for f in random.uniform(0.3, 6.0, 12)
-    )
-    return t, sum(waves) * np.clip(np.minimum(t, t[-1] - t) / 0.5, 0.0, 1.0)
-
-
-def logs_of(servo, seed, drive_cycle=0.0, noise=1e-5, step=0.0, change=lambda t, y: y):
-    """Two logs of a simulated joint, with the resolution `step` of its encoder."""
-    logs = []
-    for k in (0, 1):
-        t, u = shaken(10 * seed + k)
-        y = change(t, follow(LoggedCommand(t, u), servo, float(u[0]), 0.0, drive_cycle))
-        y = y + noise * np.random.default_rng([seed, k]).normal(size=len(t))
-        y = np.round(y / step) * step if step else y
-        logs.append(Log(t=t, command=u, measured=y, source=f"{k}.csv"))
-    return logs
-
-
-SERVOS = (
-    JointServo(12.0, 90.0, 0.9, 0.0, 6e-3),
-    JointServo(25.0, 150.0, 0.0, 0.0, 3e-3),
-    JointServo(18.0, velocity_feedforward=0.9, dead_time=4e-3),
-)
-
-
-@pytest.mark.parametrize("step", [0.0, 2e-5])
-@pytest.mark.parametrize("servo", SERVOS)
-def test_parameters_of_a_complete_model_are_not_effective(servo, step):
-    noise = 1e-6 if step else 1e-5
-    assert not identify(logs_of(servo, 1, noise=noise, step=step)).joints[0].effective
-
-
-def behind_spring(t, y):
-    """The motion of a load on a spring of 12 Hz."""
-    from scipy.signal import lsim
-
-    w = 2 * np.pi * 12
-    return y[0] + lsim(([0.1 * w, w * w], [1, 0.1 * w, w * w]), y - y[0], t)[1]
-
-
-def test_parameters_are_effective_where_an_effect_is_missing():
-    fit = identify(logs_of(SERVOS[1], 1, change=behind_spring))
-    assert fit.joints[0].effective
-    (remark,) = fit.remarks
-    assert "joint 1" in remark
-    assert "effective" in str(fit)
-    integrated = JointServo(9.0, 90.0, 0.5, 0.0, 4e-3, ki=8.0)
-    assert identify(logs_of(integrated, 2), ac.ServoFit(model="first")).joints[0].effective
-
-
-@pytest.mark.parametrize("drive_cycle", [1e-3, 2e-3, 4e-3])
-@pytest.mark.parametrize("servo", SERVOS)
-def test_intervals_contain_the_truth_although_the_cycle_is_not_given(servo, drive_cycle):
-    joint = identify(logs_of(servo, 3, drive_cycle)).joints[0]
-    assert joint.parameters
-    for x in joint.estimates:
-        assert x.low <= getattr(servo, x.name) <= x.high, x.name

@@ -79,22 +79,6 @@ def test_the_correction_is_that_of_dense_least_squares(lifted, dense):
         np.testing.assert_allclose(response.ravel(), dense @ expected, atol=1e-7)
 
 
-def test_surprise_is_minus_two_log_of_the_density(lifted, dense):
-    """Against the covariance, as a matrix, of all but constant changes of the set-points."""
-    variance, error = 1e-8, np.random.default_rng(2).normal(size=(len(lifted.t), 2)) * 1e-4
-    steps = np.kron(np.tril(np.ones((lifted.count, lifted.count)), -1)[:, :-1], np.eye(2))
-    constant = np.tile(np.eye(2), (lifted.count, 1))
-    wide = 1e-2
-    differences = []
-    for penalty in (1e-3, 1e-1):
-        spread = variance / penalty * steps @ steps.T + wide * constant @ constant.T
-        covariance = dense @ spread @ dense.T + variance * np.diag(weights(lifted) ** -2)
-        _sign, size = np.linalg.slogdet(covariance)
-        expected = error.ravel() @ np.linalg.solve(covariance, error.ravel()) + size
-        differences.append(lifted.negative_log_likelihood(error, penalty, variance) - expected)
-    assert differences[0] == pytest.approx(differences[1], abs=1e-2 + 1e-6 * abs(differences[0]))
-
-
 def test_what_is_expected_is_what_the_plant_does(lifted):
     arm, servo = rods(), lifted.nominal.servo
     rng = np.random.default_rng(3)
@@ -120,34 +104,6 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
     inside = rows < n
     change = (moved.q[:n] - execution.q[:n])[rows[inside]]
     assert np.abs(lifted.respond(more)[inside] - change).max() < near * np.ptp(more)
-
-
-@pytest.mark.parametrize("kind", ["linear", "step", "cubic"])
-def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
-    arm = rods()
-    plan = ac.plan(
-        ac.JointPath.spline([(0.1, 0.2), (0.4, 0.1)]),
-        arm,
-        ac.Limits.only(joint_velocity=9.0, joint_acceleration=20.0),
-    )
-    more = {} if kind == "step" else {"acceleration_feedforward": 0.6}
-    servo = ac.ServoModel(
-        kp=[25.0, 20.0], kv=150.0, dead_time=3.3e-3, interpolation=kind, velocity_feedforward=0.8,
-        **more,
-    ).for_joints(2)  # fmt: skip
-    set_points = ac.compensate(plan, servo, ac.NoCompensation(), cycle=4e-3)
-    execution = ac.simulate(
-        set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3
-    )
-    lifted = Lifted(set_points, Nominal(arm=arm, servo=servo))
-    inside = (lifted.t >= execution.t[0]) & (lifted.t <= execution.t[-1])
-    expected = np.stack(
-        [np.interp(lifted.t[inside], execution.t, x) for x in execution.q.T], axis=1
-    )
-    lag = np.abs(execution.q - plan.with_rests(execution.t)).max()
-    # Steps are sampled once per millisecond.
-    near = 0.015 if kind == "step" else 3e-3
-    assert np.abs(lifted.expected(set_points.q)[inside] - expected).max() < near * lag
 
 
 def test_the_rest_after_the_last_set_point_takes_no_more_memory_per_time(lifted):

@@ -80,33 +80,3 @@ def one_moves(true, noise=1e-5):
 def test_a_joint_that_stands_still_contradicts_nothing():
     assert not one_moves(SERVO.replace(kp=20.0)).finished
     assert "joint 1" in one_moves(SERVO.replace(velocity_feedforward=[0.9, 0.0])).reason
-
-
-LOOPS = {"kp": (22.0, 24.0), "kv": (140.0, 130.0), "dead_time": 3e-3}
-
-
-@pytest.mark.parametrize(
-    "servo",
-    [
-        ac.ServoModel(order=("second", "first"), kp=(25.0, 20.0), kv=(150.0, np.inf)),
-        ac.ServoModel(order=("delay", "second"), kp=(np.inf, 25.0), kv=(np.inf, 150.0)),
-        ac.ServoModel(order=("unknown", "first"), kp=(np.inf, 25.0)),
-        ac.ServoModel(order="delay", dead_time=40e-3),
-        ac.ServoModel(order="unknown"),
-        SERVO.replace(friction=1e-4),
-        SERVO.replace(drive_cycle=4e-3),
-    ],
-    ids=lambda x: f"{x.order} {x.friction} {x.drive_cycle}",
-)
-def test_learning_starts_from_any_servo(servo):
-    """A joint without gains is corrected as if it followed its set-points, so more slowly."""
-    arm = rods()
-    limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
-    set_points = ac.compensate(gentle_plan(rounded(), arm, limits), servo, ac.Inverse())
-    robot = ac.ServoPlant(arm, ac.ServoModel(**LOOPS), saturation="none")
-    errors = []
-    for k in range(4):
-        execution = ac.simulate(set_points, robot)
-        errors.append(ac.evaluate(execution, set_points.trajectory.path).contour_error.rms)
-        set_points = ac.learn(set_points, log_of(execution, 1e-5, k), arm=arm, servo=servo)
-    assert min(errors) < 0.4 * errors[0]

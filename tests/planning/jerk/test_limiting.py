@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
 from soak.jerk import Sampled, ratios
 
 import armcontour as ac
@@ -47,15 +46,6 @@ def largest(planned, limits):
     """The largest use of any limit of a joint, by power series of the law and the path."""
     peaks = ratios(Sampled(planned.laws[0]), limits)
     return max(float(np.max(used / limit)) for used, limit in peaks.values())
-
-
-def test_breaks_close_together_change_nothing():
-    whole = ac.plan(WHOLE, limits=OF_SPLINE, options=ac.Optimal(intervals=300)).duration
-    for gap in (1e-5, 1e-9, 1e-12):
-        near = sorted([*SPLINE.x, gap, 0.3, 0.3 + gap, 0.75 - gap, 1 - gap])
-        trajectory = ac.plan(pieces(near), limits=OF_SPLINE, options=ac.Optimal(intervals=300))
-        assert trajectory.duration == pytest.approx(whole, rel=1e-5), gap
-        assert largest(trajectory, OF_SPLINE) <= 1 + 1e-9, gap
 
 
 def test_a_plan_may_be_stopped_after_any_iteration():
@@ -103,59 +93,6 @@ def test_speeds_at_the_ends(refuses):
         ac.plan(short, limits=LIMITS, options=ac.Optimal(end_speed=0.06))
     assert speed_bound * 0.99 <= caught.value.allowed <= speed_bound
     ac.plan(short, limits=LIMITS, options=ac.Optimal(end_speed=0.999 * caught.value.allowed))
-
-
-def test_even_motion_leaves_room_for_margins(ur5e):
-    points = [(0.3, -0.3, 0.2), (0.4, 0.0, 0.2), (0.42, 0.06, 0.2), (0.5, 0.3, 0.2)]
-    lines = [
-        ac.Line(start=points[k], end=points[k + 1], segment_limits=ac.SegmentLimits(speed=v))
-        for k, v in enumerate((1.0, 0.003, 1.0))
-    ]
-    path = ac.Path.from_segments(lines).pointing((0, 0, -1))
-    limits = ur5e.limits.replace(joint_torque=np.inf, joint_acceleration=8.0, joint_jerk=100.0)
-    trajectory = ac.plan(path, ur5e, limits)
-    assert ac.check(trajectory, ur5e, limits).verdict == "kept"
-    assert trajectory.speed_at(np.array([np.median(trajectory.s(trajectory.breaks))])).max() <= 1.0
-
-
-def test_torque_that_margins_bracket_leaves_room(ur5e):
-    path = ac.JointPath.spline(np.random.default_rng(0).uniform(-1, 1, (5, 6)))
-    torque = ur5e.limits.joint_torque
-    limits = ac.Limits.only(joint_velocity=2.0, joint_torque=torque, joint_jerk=500.0).for_joints(6)
-    free = ac.plan(path, ur5e, limits.replace(joint_jerk=np.inf)).duration
-    trajectory = ac.plan(path, ur5e, limits)
-    assert free < trajectory.duration < 1.05 * free
-    used = ur5e.torque(*(trajectory(trajectory.breaks, k) for k in range(3)))
-    assert np.max(np.abs(used) / torque) <= 1 + 1e-9
-
-
-def test_a_tool_that_turns_in_a_small_corner_or_along_a_tiny_segment_may_start(ur5e):
-    """The cells next to rests keep room for motion, however short the cells behind the rests.
-
-    Where margins would take all of a limit next to a rest, the motion is slower there.
-    """
-    down, tilted = np.diag([1.0, -1.0, -1.0]), Rotation.from_euler("xyz", (2.8, 0.3, 0.2))
-    tilted = tilted.as_matrix()
-    limits = ur5e.limits.replace(
-        angular_speed=0.3, joint_acceleration=10.0, joint_jerk=100.0, joint_torque=None
-    )
-    corner = [(0.45, 0.1, 0.2), (0.46, 0.1, 0.2), (0.46, 0.11, 0.21)]
-    tiny = [(0.45, 0.1, 0.2), (0.46, 0.1, 0.2), (0.46, 0.10001, 0.20001), (0.46, 0.11, 0.2)]
-    for points, turns, intervals in (
-        (corner, [down, tilted, down], 200),
-        (tiny, [down, down, tilted, tilted], 60),
-    ):
-        path = ac.round_corners(ac.Path.polyline(points).oriented(turns), tolerance=1e-5)
-        planned = ac.plan(path, ur5e, limits, ac.Optimal(intervals=intervals))
-        assert not ac.check(planned, ur5e, limits).violated
-        if points is corner:
-            # The corner takes two stops more than the same limits without jerk.
-            free = ac.plan(
-                path, ur5e, limits.replace(joint_jerk=np.inf), ac.Optimal(intervals=intervals)
-            )
-            assert free.duration < planned.duration < 3 * free.duration
-    # The tool turns by 0.48 rad on the tiny segment, and each rest takes about 0.1 s.
-    assert planned.duration < 2.5
 
 
 def test_an_hour_of_motion_has_no_jumps_that_a_check_refuses(arm, rounded):

@@ -1,7 +1,5 @@
 """The search of shaped paths: starts, curves, kinematics, rows and their program."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -134,89 +132,10 @@ def drawn(case):
     return draw(spline, arm, objective, nodes.s_objective, nodes.tolerance), spline
 
 
-def test_arcs_are_tangent_and_near_the_curve_between_samples(drawn):
-    shape_drawn, _ = drawn
-    path = ac.Path(segments=shape_drawn.segments)
-    assert path.turns.max() < 1e-9
-    curve, s = shape_drawn.curve, shape_drawn.curve.breaks
-    assert s[-1] == pytest.approx(path.length, abs=1e-12)
-    for share in np.linspace(0, 1, 97):
-        samples = s[:-1] + share * np.diff(s)
-        on = curve.on_piece(np.arange(len(samples)), samples)
-        distances = np.linalg.norm(on - path(np.minimum(samples, path.length)), axis=1)
-        assert (distances <= curve.spreads + 1e-13).all()
-    assert curve.spreads.max() < 1e-3 * TOLERANCE
-
-
-def test_the_curve_is_that_of_the_spline(case, drawn):
-    arm = case[0]
-    shaped, spline = drawn
-    knots = arm.tool_position(spline.knots)
-    np.testing.assert_allclose(ac.Path(segments=shaped.segments)(shaped.knots), knots, atol=1e-9)
-    # The middle of a span is on the curve, too.
-    a = np.diff(spline.velocities, axis=0) / spline.h[:, None]
-    h = spline.h[:, None]
-    middle = arm.tool_position(spline.knots[:-1] + spline.velocities[:-1] * h / 2 + a * h**2 / 8)
-    s = np.linspace(0, shaped.curve.breaks[-1], 200_001)
-    piece = np.clip(np.searchsorted(shaped.curve.breaks, s) - 1, 0, len(shaped.curve.breaks) - 2)
-    points = shaped.curve.on_piece(piece, s)
-    pitch = s[1]
-    for point, low, high in zip(middle, shaped.knots[:-1], shaped.knots[1:], strict=True):
-        part = points[(s >= low - pitch) & (s <= high + pitch)]
-        assert np.linalg.norm(part - point, axis=1).min() < pitch
-
-
-def test_places_lead_to_the_end_and_parts_take_the_least_speed_of_their_segments(case, drawn):
-    objective, shaped = case[1], drawn[0]
-    assert (np.diff(shaped.places, axis=0) >= 0).all()
-    end = [objective.length, shaped.segments.breaks[-1]]
-    np.testing.assert_allclose(shaped.places[[0, -1]], [[0.0, 0.0], end])
-    middle = (shaped.segments.breaks[:-1] + shaped.segments.breaks[1:]) / 2
-    speeds = objective.speeds[
-        objective.locate(np.interp(middle, shaped.places[:, 1], shaped.places[:, 0]))
-    ]
-    assigned = np.isfinite(speeds)
-    assert (shaped.segments.speeds[assigned] <= speeds[assigned]).all()
-    # Parts that lie along two segments are short.
-    other = ~np.isclose(shaped.segments.speeds, speeds, equal_nan=True)
-    assert 0 < other.sum() <= 20
-
-
-def test_nodes_are_dense_at_corners_and_fixed_where_the_arm_rests(case):
-    _, objective, tube, nodes = case
-    assert nodes.fixed[[0, -1]].all() and not nodes.fixed[1:-1].any()
-    assert nodes.rest.sum() == 2
-    gaps = np.linalg.norm(np.diff(nodes.points, axis=0), axis=1)
-    for k, corner in enumerate(objective.vertices[tube.vertex]):
-        node = int(np.argmin(np.linalg.norm(nodes.points - corner, axis=1)))
-        assert abs(nodes.s_objective[node] - objective.breaks[tube.vertex[k]]) < TOLERANCE
-        assert (nodes.vertex[node - 1 : node + 2] == k).all()
-        assert gaps[node] < 0.2 * TOLERANCE < gaps.max()
-
-
-def test_bounds_of_offsets_keep_control_points_in_the_tube(case):
-    _, _, tube, nodes = case
-    limits = nodes.bounds(tube, np.full(len(nodes), 1e-3))
-    assert not limits[nodes.fixed].any() and (limits[~nodes.fixed].max(axis=1) > 0).all()
-    windows = tube.windows(nodes.s_objective, nodes.reach)
-    near = nodes.vertex >= 0
-    corners = tube.objective.vertices[np.append(tube.vertex, 0)[nodes.vertex]]
-    for side, bound in zip(nodes.sides, limits.T, strict=True):
-        for share in (0.3, 1.0):
-            offset = nodes.frames @ side * (share * bound)[:, None]
-            points = nodes.points + offset
-            assert (tube.margin(points, windows) >= 0).all()
-            assert (np.linalg.norm(points - corners, axis=1)[near] <= TOLERANCE).all()
-    # No limit is much less than it has to be: next to the lines it is a circle's.
-    middle = limits[np.argmax(np.diff(nodes.s_objective))]
-    assert middle.min() > 0.9 * TOLERANCE
-
-
 N, STEP = 9, 1e-6
 NO_SPEEDS = np.full(N, np.inf)
 # Spans whose velocities are well above zero at both ends.
 MOVING = ~np.isin(np.arange(N), (0, 4, 5, N - 1))
-ENDS = slice(0, N), slice(1, N + 1)
 
 
 @pytest.fixture(scope="module", params=["pmk3s", "ur5e"])
@@ -229,140 +148,6 @@ def moving(request):
     rest = np.isin(np.arange(N + 1), (0, 5, N))
     q[5] = q[4]
     return arm, JointSpline(q=q, h=random.uniform(0.02, 0.05, N), rest=rest)
-
-
-def slope(arm, spline, limits, speeds=NO_SPEEDS, **change):
-    """Central difference of rows by a change of velocities before and after, and span times.
-
-    Every span becomes a spline of its own, so that its two velocities are independent.
-    """
-    values = []
-    for sign in (1, -1):
-        change_of_spans = {"before": 0.0, "after": 0.0, "time": 0.0} | {
-            k: sign * x for k, x in change.items()
-        }
-        for i in range(N):
-            e = spline.velocities
-            part = SimpleNamespace(
-                q=spline.q[i : i + 1],
-                h=spline.h[i : i + 1] + change_of_spans["time"],
-                velocities=np.stack(
-                    [e[i] + change_of_spans["before"], e[i + 1] + change_of_spans["after"]]
-                ),
-                knots=spline.knots[i : i + 2],
-            )
-            values.append(span_rows(part, arm, limits, speeds[i : i + 1]).value)
-    up, down = np.concatenate(values[:N]), np.concatenate(values[N:])
-    return ((up - down) / (2 * STEP))[MOVING]
-
-
-def check_derivatives(arm, spline, limits, columns, speeds=NO_SPEEDS):
-    """Compare derivatives by both velocities and the span time with central differences."""
-    rows = span_rows(spline, arm, limits, speeds)
-    both = {"before": rows.before, "after": rows.after}
-    scale = sum(np.abs(x[MOVING][:, columns]).max() for x in both.values())
-    near = 1e-6 * max(scale, 1.0)
-    for j, unit in enumerate(STEP * np.eye(arm.dof)):
-        for name, derivative in both.items():
-            expected = slope(arm, spline, limits, speeds, **{name: unit})[:, columns]
-            np.testing.assert_allclose(derivative[MOVING][:, columns, j], expected, atol=near)
-    time = rows.time[MOVING][:, columns]
-    expected = slope(arm, spline, limits, speeds, time=STEP)[:, columns]
-    np.testing.assert_allclose(time, expected, rtol=1e-6, atol=1e-6 * np.abs(time).max())
-
-
-def accelerations(spline):
-    return np.diff(spline.velocities, axis=0) / spline.h[:, None]
-
-
-def test_rows_of_joint_acceleration_take_each_direction_by_its_own_limit(moving):
-    arm, spline = moving
-    limits = ac.Limits.only(joint_acceleration=[[-3.0, 2.0]]).for_joints(arm.dof)
-    rows, a = span_rows(spline, arm, limits, NO_SPEEDS), accelerations(spline)
-    expected = np.concatenate([a - 2.0, -a - 3.0], axis=1) * spline.h[:, None]
-    np.testing.assert_allclose(rows.value, expected, atol=1e-12)
-    assert (rows.scale > 0).all()
-    check_derivatives(arm, spline, limits, slice(None))
-
-
-def test_rows_of_joint_velocity(moving):
-    arm, spline = moving
-    # Far below the limit a row is left out: this one is near for all.
-    velocity = float(np.abs(spline.velocities).max())
-    limits = ac.Limits.only(joint_velocity=velocity).for_joints(arm.dof)
-    rows, e = span_rows(spline, arm, limits, NO_SPEEDS), spline.velocities[1:]
-    np.testing.assert_allclose(rows.value, np.concatenate([e, -e], axis=1) - velocity)
-    near = rows.value > -0.5 * velocity
-    both = np.concatenate([np.eye(arm.dof), -np.eye(arm.dof)])
-    np.testing.assert_array_equal(rows.after[near], np.broadcast_to(both, rows.after.shape)[near])
-    assert not rows.before.any() and not rows.time.any()
-
-
-def test_rows_of_the_tool_speed_know_segments_with_speeds_of_their_own(moving):
-    arm, spline = moving
-    speeds = np.where(np.arange(N) % 2, np.inf, 0.3)
-    rows = span_rows(spline, arm, ac.Limits.only(), speeds)
-    speed = np.linalg.norm(arm.tool_velocity(spline.knots[1:], spline.velocities[1:]), axis=1)
-    assigned = np.isfinite(speeds)
-    np.testing.assert_allclose(rows.value[assigned, 0], speed[assigned] - 0.3)
-    assert (rows.value[~assigned] < -0.9 * rows.scale[~assigned]).all()
-    # Far below the speed a row is left out: these are at it.
-    check_derivatives(arm, spline, ac.Limits.only(), slice(None), speed)
-
-
-@pytest.mark.parametrize("name", ["tool_acceleration", "centripetal_acceleration"])
-def test_rows_of_the_tool_acceleration_hold_its_own_direction(moving, name):
-    arm, spline = moving
-    limits, bound = ac.Limits.only(**{name: 0.7}), 0.7
-    rows = span_rows(spline, arm, limits, NO_SPEEDS)
-    per_end, e = rows.value.shape[1] // 2, spline.velocities
-    for last, end in enumerate(ENDS):
-        velocity, acceleration = arm.tool_motion(spline.knots[end], e[end], accelerations(spline))
-        if name.startswith("c"):
-            # The part across the motion.
-            size = np.linalg.norm(velocity, axis=1, keepdims=True)
-            tangent = velocity / np.maximum(size, 1e-300)
-            acceleration = (
-                acceleration - np.sum(acceleration * tangent, axis=1, keepdims=True) * tangent
-            )
-        expected = (np.linalg.norm(acceleration, axis=1) - bound) * spline.h
-        largest = rows.value[:, last * per_end : (last + 1) * per_end].max(axis=1)
-        np.testing.assert_allclose(largest[MOVING], expected[MOVING], rtol=1e-6, atol=1e-9)
-    # Other directions turn with the first one: their derivatives are those of fixed directions.
-    check_derivatives(arm, spline, limits, [0, per_end])
-
-
-def test_rows_of_joint_torques(moving):
-    """Coriolis torques count by the speed of all joints together.
-
-    Their derivative in the direction of the motion is exact, if friction is left out.
-    """
-    arm, spline = moving
-    if not arm.has_bodies:
-        return
-    limits = ac.Limits.only(joint_torque=20.0).for_joints(arm.dof)
-    rows, e, a = span_rows(spline, arm, limits, NO_SPEEDS), spline.velocities, accelerations(spline)
-    mass = arm.dynamics.mass_matrix(spline.knots)
-    still, bias = (arm.dynamics.torque(spline.knots, x, 0 * e) for x in (0 * e, e))
-    for last, (end, way) in enumerate(zip(ENDS, (rows.before, rows.after), strict=True)):
-        torque = arm.torque(spline.knots[end], e[end], a)
-        expected = (np.concatenate([torque, -torque], axis=1) - 20.0) * spline.h[:, None]
-        first = 2 * arm.dof * last
-        torques = rows.value[:, first : first + 2 * arm.dof]
-        np.testing.assert_allclose(torques, expected, rtol=1e-9, atol=1e-9)
-        along = np.einsum("nij,nj->ni", way[:, first : first + arm.dof], e[end])
-        inertia = (1.0 if last else -1.0) * np.einsum("nij,nj->ni", mass[end], e[end])
-        expected = inertia + 2 * spline.h[:, None] * (bias - still)[end]
-        np.testing.assert_allclose(along, expected, rtol=1e-9, atol=1e-9)
-    # The velocity at the other end acts by the acceleration alone, and so does the span time.
-    start, end, near = slice(0, 2 * arm.dof), slice(2 * arm.dof, None), 1e-6
-    near *= np.abs(rows.after).max()
-    for j, unit in enumerate(STEP * np.eye(arm.dof)):
-        for name, derivative, part in (("after", rows.after, start), ("before", rows.before, end)):
-            expected = slope(arm, spline, limits, **{name: unit})[:, part]
-            np.testing.assert_allclose(derivative[MOVING][:, part, j], expected, atol=near)
-    time = slope(arm, spline, limits, time=STEP)
-    np.testing.assert_allclose(rows.time[MOVING], time, rtol=1e-5, atol=1e-5)
 
 
 def test_the_program_has_the_derivatives_by_offsets_and_span_times(moving):

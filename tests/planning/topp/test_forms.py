@@ -10,10 +10,6 @@ from armcontour.planning.constraints import Constraint, JointTorque, OnGrid, lim
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.kernels import MotionBounds, Rules, plan_on_grid, rows_with_friction
 from armcontour.planning.topp.limit_forms import (
-    BY_CONSTANT,
-    BY_SLOPE,
-    BY_U,
-    BY_X,
     HIGH,
     LOW,
     A,
@@ -43,17 +39,6 @@ def inside(path, order):
     return PATH.on_interval(piece.ravel(), s.ravel(), order).reshape(*s.shape, -1)
 
 
-def test_derivatives_are_those_of_the_joint_path_and_bounded():
-    path = on_grid()
-    ends, bounds = path.derivatives
-    for order in (1, 2):
-        derivatives = inside(path, order)
-        np.testing.assert_allclose(ends[order - 1, :, 0], derivatives[0], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(ends[order - 1, :, 1], derivatives[-1], rtol=1e-9, atol=1e-9)
-    third = np.abs(inside(path, 3)).max(axis=0)
-    assert (third <= bounds[0] * (1 + 1e-9) + 1e-12).all() and bounds[0].sum() < 3 * third.sum()
-
-
 def rise_of(value):
     """How far a function at 33 places of every interval is above its chord, and below it."""
     share = np.linspace(0, 1, 33).reshape(-1, *[1] * (value.ndim - 1))
@@ -71,19 +56,6 @@ def motions(path, count=20):
         x, u = x0 + 2 * u0 * t + k * t**2, u0 + k * t
         bounds = np.abs(u).max(axis=0), x.max(axis=0), np.abs(k), np.ones(len(path))
         yield x[..., None], u[..., None], np.stack(bounds, axis=1)
-
-
-def test_joint_motion_rises_within_the_bound_of_its_form():
-    path = on_grid(200)
-    (motion,) = optimal.constraints_of(PATH, UR5E, LIMITS)
-    rows = motion.rows(path)
-    first, second = inside(path, 1), inside(path, 2)
-    assert np.abs(rows.ends[:, 0, :, A] - first[0]).max() < 1e-9
-    assert np.abs(rows.ends[:, 1, :, B] - second[-1]).max() < 1e-9
-    assert (rows.ends[..., HIGH] == 8).all() and (rows.ends[..., LOW] == -8).all()
-    for x, u, bounds in motions(path):
-        bound = np.einsum("nrk,nk->nr", rows.rise, bounds)
-        assert (rise_of(first * u + second * x) <= bound * (1 + 1e-9) + 1e-12).all()
 
 
 def test_sampled_coefficients_and_friction_rise_within_the_bounds_of_their_forms():
@@ -194,16 +166,3 @@ def test_arrays_of_another_shape_are_refused_with_their_name(form):
                 continue  # the last array says how many rows there are
             with pytest.raises(ac.InvalidInput, match="constraint force has the shape"):
                 limits_on(path, [Own(form(**arrays))])
-
-
-def test_forms_may_be_read_only_and_are_not_changed():
-    line = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
-    ceiling = np.full((5, 2), 0.04)
-    ceiling.setflags(write=False)
-    limits = ac.Limits.only(joint_acceleration=[1.0, 1.0])
-    grid = np.linspace(0, line.length, 6)
-    planned = optimal.plan_optimal(
-        line, UR5E, limits, ac.Optimal(grid=grid, constraints=[Own(Ceiling(ceiling))])
-    )
-    assert np.max(planned.laws[0].speeds) == pytest.approx(0.2)
-    assert BY_U + BY_X + BY_SLOPE + BY_CONSTANT == 6

@@ -8,7 +8,6 @@ import pytest
 import armcontour as ac
 from armcontour.planning import METHODS
 from armcontour.planning.tracing import check_joint_range, trace_all
-from armcontour.robot import Chain, SerialArm
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 POINTS = ac.Path.polyline([(0.4, -0.2, 0.3), (0.4, 0.2, 0.3)])
@@ -50,13 +49,6 @@ def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
     assert ac.plan(LINE, tight, ur5e.limits.replace(joint_acceleration=5.0)).duration > 0
 
 
-def test_joints_to_spare_keep_the_ranges_of_limits():
-    panda = ac.load_arm("panda")
-    middle = ac.trace(LINE, panda)(S)[:, 0].mean() + 0.5
-    q = ac.trace(LINE, panda, limits=ranges(panda, 1, middle, middle + 0.6))(S)
-    assert ((q[:, 0] >= middle) & (q[:, 0] <= middle + 0.6)).all()
-
-
 def test_joint_velocities_of_the_limits_define_the_shortest_way(ur5e):
     for joint in range(6):
         velocity = np.full(6, 3.0)
@@ -85,38 +77,6 @@ def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
         FLAT, arm, limits=ac.Limits.only(joint_lower=[5.0, 0.0], joint_upper=[7.0, 3.0])
     )
     np.testing.assert_allclose(turned(0.1 * FLAT.length), free(0.1 * FLAT.length) + [2 * np.pi, 0])
-
-
-def test_without_a_fitting_turn_the_nearest_one_is_named(ur5e):
-    for low, high, name in ((0.5, 0.6, "joint_lower"), (-1.0, -0.9, "joint_upper")):
-        with pytest.raises(ac.Unreachable, match="joint 1 would be at") as caught:
-            ac.trace(LINE, ur5e, limits=ranges(ur5e, 1, low, high))
-        assert caught.value.limit == name
-        assert abs(caught.value.needed - caught.value.allowed) < np.pi
-        np.testing.assert_allclose(caught.value.point, LINE(caught.value.s), atol=1e-9)
-
-
-def test_freeing_the_tool_axis_is_no_advice_where_it_is_free_already(ur5e):
-    """For a range, the reach at the start, and the reach on the way."""
-    chain = Chain(
-        joints=("a", "b", "c"),
-        rotations=np.tile(np.eye(3), (3, 1, 1)),
-        positions=np.array([(0, 0, 0), (0, 0, 0.3), (0.3, 0, 0)]),
-        axes=np.array([(0.0, 0, 1), (0, 1, 0), (0, 1, 0)]),
-        tip=ac.Frame(position=[0.3, 0, 0]),
-    )
-    three = SerialArm(name="three", chain=chain, limits=ac.Limits())
-    narrow = ranges(ur5e, 1, 0.5, 0.6)
-    far, leaves = (ac.Path.polyline([(x, 0, 0.3), (4.0, 0, 0.3)]) for x in (3.0, 0.3))
-    for arm, limits in ((ur5e, narrow), (three, ac.Limits.only(joint_lower=2.0, joint_upper=2.1))):
-        for path, path_limits in ((POINTS, limits), (far, None), (leaves, None)):
-            with pytest.raises(ac.Unreachable) as caught:
-                ac.trace(
-                    path.pointing([0, 0, -1]) if arm is ur5e else path, arm, limits=path_limits
-                )
-            assert "tool axis" not in str(caught.value)
-    with pytest.raises(ac.Unreachable, match="or leave the rotation about the tool axis free"):
-        ac.trace(LINE, ur5e, limits=narrow)
 
 
 def bump(height):

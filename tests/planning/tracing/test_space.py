@@ -9,9 +9,6 @@ from scipy.spatial.transform import Rotation
 import armcontour as ac
 from armcontour.core.frames import Frame, exp, log
 from armcontour.planning.tracing import trace_all
-from armcontour.planning.tracing.configurations import follow_branches
-from armcontour.planning.tracing.knots import first_knots, row_of_poses
-from armcontour.planning.tracing.redundancy import smooth
 from armcontour.robot import Chain, SerialArm
 from armcontour.robot.inverse import configurations
 
@@ -74,12 +71,6 @@ def places(path, traced):
 
 def is_on_path(arm, path, traced):
     return max(off_path(arm, path, traced, places(path, traced))) < 2e-9
-
-
-def ranged(arm, **ranges):
-    """The arm without a tool, with other ranges of its joints."""
-    bare = arm.with_tool(Frame())
-    return bare.with_limits(bare.limits.replace(**ranges))
 
 
 @pytest.mark.parametrize(("name", "kind"), CASES)
@@ -151,18 +142,6 @@ def test_joints_to_spare_move_smoothly_between_stops(name):
         assert (len(path.stops) > 0) == (kind == "stopping")
 
 
-def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch):
-    for kind in ("held", "axis"):
-        coefficients = []
-        for processors in (1, 5):
-            monkeypatch.setattr("armcontour.core.pool.processors", lambda n=processors: n)
-            monkeypatch.setattr("armcontour.planning.tracing.configurations.THREADED_POSES", 0)
-            coefficients.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
-        assert len(coefficients[0]) > 1
-        for alone, shared in zip(*coefficients, strict=True):
-            np.testing.assert_array_equal(alone, shared)
-
-
 def test_a_start_selects_the_configuration_and_the_turn(ur5e):
     path = PATHS["held"]
     candidates = trace_all(path, ur5e)
@@ -176,24 +155,6 @@ def test_a_start_selects_the_configuration_and_the_turn(ur5e):
     again = ac.trace(path, ur5e, seed=start)
     np.testing.assert_allclose(again(0.0), start, atol=1e-9)
     np.testing.assert_allclose(again(path.length)[:5], candidates[0](path.length)[:5], atol=1e-9)
-
-
-def test_with_joints_to_spare_a_start_that_holds_the_tool_is_kept(panda):
-    lower, upper = panda.limits.joint_range(7)
-    for kind in ("held", "axis"):
-        path, count = PATHS[kind], 0
-        pose = np.column_stack([path.orientation(0.0), path(0.0)])
-        starts = configurations(panda, pose, 5 if kind == "axis" else 6)
-        starts = [q for q in starts if ((q > lower + 0.2) & (q < upper - 0.2)).all()][:3]
-        assert len(starts) == 3
-        for start in starts:
-            try:
-                traced = ac.trace(path, panda, seed=start)
-            except ac.Unreachable:  # it does not come to the end from everywhere
-                continue
-            np.testing.assert_allclose(traced(0.0), start, atol=1e-7)
-            count += 1
-        assert count >= 1
 
 
 def test_the_refusal_of_a_start_names_one_that_works(ur5e, refuses):
@@ -237,58 +198,6 @@ def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
     path = ac.Path.polyline([(0.5, 0, 0.3), (edge - 1e-5, 0, 0.3)]).oriented(DOWN)
     traced = ac.trace(path, ur5e)
     assert is_on_path(ur5e, path, traced) and np.abs(traced(path.length, 1)).max() > 100
-
-
-def test_far_out_of_reach_through_the_base_and_ranges_that_are_left(ur5e, panda):
-    path = ac.Path.polyline([(3.0, 0, 0.3), (4.0, 0, 0.3)]).oriented(DOWN)
-    with pytest.raises(ac.Unreachable, match=r"on the path, at \(4.0, 0.0, 0.3\) m") as caught:
-        ac.trace(path, ur5e)
-    assert 2.0 < caught.value.needed < 2.3
-    path = ac.Path.polyline([(0.3, 0, 0.5), (-0.3, 0, 0.5)]).oriented(DOWN)
-    with pytest.raises(ac.Unreachable, match="out of reach") as caught:
-        ac.trace(path, ur5e)
-    # The wrist's centre cannot come nearer to the axis than the arm is offset from it.
-    assert caught.value.s == pytest.approx(0.3 - 0.1333, abs=1e-4)
-    # A circle just outside: chords between its knots pass through the hole, the path does not.
-    arc = ac.Arc(start=(0.1334, 0, 0.5), center=(0, 0, 0.5), angle=5.5, normal=(0, 0, 1))
-    assert len(trace_all(ac.Path.from_segments([arc]).oriented(DOWN), ur5e)) == 8
-    circle = ac.Arc.circle(start=(0.4, 0, 0.5), center=(0, 0, 0.5), normal=(0, 0, 1))
-    once = ac.Path.from_segments([circle]).oriented(DOWN)
-    assert len(trace_all(once, ur5e)) == 8  # it has two turns
-    thrice = ac.Path.from_segments([circle] * 3).oriented(DOWN)
-    for arm, path in ((ur5e, thrice), (panda, once)):
-        with pytest.raises(ac.Unreachable, match="joint") as caught:
-            ac.trace(path, arm)
-        error = caught.value
-        lower, upper = arm.limits.joint_range(arm.dof)
-        assert error.limit in ("joint_lower", "joint_upper") and 0 < error.s < path.length
-        assert error.allowed in (lower[error.joint], upper[error.joint])
-        assert abs(error.needed) > abs(error.allowed)
-        np.testing.assert_allclose(path(error.s), error.point, atol=1e-9)
-
-
-def test_a_range_with_one_end_and_one_that_is_left_between_knots(ur5e):
-    path = PATHS["held"]
-    q = ac.trace(path, ur5e)(np.linspace(0, path.length, 50))
-    lower = np.full(6, -np.inf)
-    lower[0] = q[:, 0].max() + 0.5  # only a turn later
-    candidates = trace_all(path, ranged(ur5e, joint_lower=lower, joint_upper=np.inf))
-    assert len(candidates) == 8
-    assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in candidates)
-    # The largest value of a joint lies on the way; its range ends just below.
-    path = ac.Path.polyline([(0.4, -0.25, 0.3), (0.4, 0.2, 0.35)]).oriented(DOWN)
-    s = np.linspace(0, path.length, 5001)
-    free = trace_all(path, ur5e)
-    peaks = [(x(s).max(axis=0), x(x.breaks).max(axis=0)) for x in free]
-    tried = 0
-    for peak, at_knots in peaks:
-        for j in np.flatnonzero(peak > at_knots + 1e-7):
-            upper = np.full(6, np.inf)
-            upper[j] = (peak[j] + at_knots[j]) / 2
-            for x in trace_all(path, ranged(ur5e, joint_upper=upper, joint_lower=None)):
-                assert (x(s)[:, j] <= upper[j] + 1e-9).all()
-            tried += 1
-    assert tried >= 2
 
 
 def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5e):
@@ -400,51 +309,3 @@ def test_a_weld_seam_round_a_tube_needs_the_turn_about_the_tool_axis(ur5e):
         np.testing.assert_allclose(np.linalg.norm(inward, axis=1), 0.08, atol=1e-9)
         np.testing.assert_allclose(rotations[:, :, 2], inward / 0.08, atol=1e-8)
         assert (traced(s) >= lower).all() and (traced(s) <= upper).all()
-
-
-def test_a_tight_corner_of_a_tool_that_follows_does_not_swing_the_spare_joint(panda):
-    # Its joints go far on a short path, which a spline beside it must not feel.
-    points = [(0.45, -0.1, 0.3), (0.5, -0.1, 0.3), (0.5, 0, 0.3), (0.45, 0, 0.3)]
-    tool = DOWN @ exp([0, 0.35, 0])
-    sharp = ac.Path.polyline(points).following_tangent([0, 0, 1], tool=tool)
-    for tolerance in (1e-3, 1e-5):
-        path = ac.round_corners(sharp, tolerance=tolerance, angular_tolerance=0.02)
-        traced = ac.trace(path, panda)
-        assert is_on_path(panda, path, traced)
-        travel = np.abs(np.diff(traced(np.linspace(0, path.length, 4001)), axis=0)).sum(axis=0)
-        assert travel.max() < 6.0
-
-
-def test_thousands_of_segments(ur5e):
-    t = np.linspace(0, 60, 4001)
-    ways = 0.45 + 0.1 * np.cos(t), 0.1 * np.sin(1.3 * t + 0.4), 0.3 + 0.05 * np.sin(0.7 * t)
-    path = ac.round_corners(ac.Path.polyline(np.stack(ways, 1)).oriented(DOWN), tolerance=1e-5)
-    traced = ac.trace(path, ur5e)
-    assert len(path) > 7900 and len(traced.stops) == 0
-    assert max(off_path(ur5e, path, traced, traced.breaks)) < 1e-11
-
-
-def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
-    path = PATHS["axis per waypoint"]
-    knots = first_knots(path, panda.span)
-    poses, s = row_of_poses(path, knots), np.append(knots.s0, path.length)
-    starts = configurations(panda, poses[0], 5)
-    ways, reached = follow_branches(panda, poses, 5, starts)
-    first = ways[np.argmax(reached == len(poses))]
-    costs = []
-    for rounds in (0, 1, 3, 25):
-        (q,), (cost,) = smooth(panda, s, poses, 5, first[None], rounds=rounds)
-        np.testing.assert_allclose(panda.tool_position(q), poses[:, :, 3], atol=1e-9)
-        costs.append(cost)
-    assert costs == sorted(costs, reverse=True) and costs[-1] < 0.9 * costs[0]
-    (held,), _ = smooth(panda, s, poses, 5, first[None], start_stays=True)
-    np.testing.assert_allclose(held[0], first[0], atol=1e-12)
-    pace = panda.limits.joint_velocity.min() / panda.limits.joint_velocity
-    # The cost, by its definition.
-    steps = np.diff(first, axis=0) * pace
-    far = np.linalg.norm(steps, axis=1)
-    share = (np.diff(s) / (s[-1] - s[0]) + far / far.sum()) / 2
-    lower, upper = panda.limits.joint_range(7)
-    beyond = np.maximum(np.abs(2 * first - lower - upper) / (upper - lower) - 0.7, 0)
-    expected = (steps**2 / share[:, None]).sum() + 30**2 * (beyond**2).sum() / len(s)
-    assert costs[0] == pytest.approx(expected, rel=1e-12)

@@ -41,15 +41,6 @@ def test_the_tool_stays_on_the_path(arm, rounded, configuration):
     assert (BRANCHES[configuration] * traced(traced.breaks)[:, 1] > 0).all()
 
 
-def test_the_tolerance_is_kept_and_not_overdone(arm):
-    path = PATHS["close past the base"]
-    for tolerance in (1e-4, 1e-6, 1e-10):
-        traced = ac.trace(path, arm, tolerance=tolerance)
-        assert off_path(arm, path, traced) <= tolerance
-        finer = ac.trace(path, arm, tolerance=tolerance / 100)
-        assert len(finer.breaks) > len(traced.breaks)
-
-
 def test_derivatives_agree_with_exact_kinematics(arm):
     for name in ("line", "full circle", "around the base", "close past the base"):
         path, h = PATHS[name], 1e-5
@@ -131,7 +122,6 @@ def test_refused(arm, refuses):
 
 
 DOWN = np.diag([1.0, -1.0, -1.0])
-PAPER_JOB = [(0.35, 0.1), (0.41, 0.15), (0.28, 0.3), (0.35, 0.35)]
 POINTS = [(0.40, 0.0, 0.2), (0.5, 0.0, 0.2), (0.5, 0.1, 0.2), (0.4, 0.1, 0.25)]
 
 
@@ -156,23 +146,3 @@ def paths():
         "axis": path.pointing([(0, 0, -1), (0, 0.1, -1), (0.1, 0.1, -1), (0, 0.3, -1)]),
         "following": flat.following_tangent((0, 0, 1)),
     }
-
-
-def test_on_the_planar_arm():
-    path = ac.Path.polyline(PAPER_JOB)
-    arm = ac.load_arm("pmk3s")
-    smooth = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
-    assert max(jumps(ac.trace(smooth, arm))) < 1e-12
-    arcs = ac.round_corners(path, tolerance=5e-3)
-    assert jumps(ac.trace(arcs, arm))[2] > 0.1
-
-
-@pytest.mark.parametrize(
-    ("arm", "kind"),
-    [*(("ur5e", kind) for kind in paths()), ("panda", "axis"), ("panda", "following")],
-)
-def test_on_arms_in_space(arm, kind):
-    path = ac.round_corners(
-        paths()[kind], tolerance=5e-3, continuity="curvature", angular_tolerance=0.1
-    )
-    assert max(jumps(ac.trace(path, ac.load_arm(arm)))) < 1e-9

@@ -13,7 +13,6 @@ from armcontour.control.compensation import METHODS
 from armcontour.core.render import number
 from armcontour.files import certificate_json, derating_csv, parse_job
 from armcontour.jobs import CertificateGoal, Uncertainty
-from armcontour.motion.set_point_check import check_set_points
 from armcontour.report import render_report
 from armcontour.studies.certification.derating import Derating, plan_derated
 
@@ -243,37 +242,6 @@ def test_a_total_tolerance_is_split_and_given_back():
     assert certificate.duration <= 1.01 * certificate.uncertified.duration
 
 
-def test_a_command_keeps_to_joint_velocities(refuses):
-    slow = parse_job(LINE)
-    run = slow.runs[0]
-    plan = ac.plan(slow.path, slow.arm, run.limits, ac.Optimal(configuration=slow.configuration))
-    fastest = np.abs(plan(np.linspace(0, plan.duration, 2000), 1)).max(axis=0)
-    # The plan may just be run, but the command that leads it exceeds the limit.
-    limits = run.limits.replace(joint_velocity=fastest)
-    slow = replace(slow, runs=(replace(run, limits=limits),))
-    set_points = ac.compensate(plan, slow.servo, ac.Inverse())
-    refuses(lambda: check_set_points(set_points, limits), ac.CompensationError, "joint_velocity")
-    certificate = ac.certify(slow, goal=ac.CertificateGoal(servo_error=2e-6))
-    check_set_points(certificate.set_points, limits)
-    assert certificate.duration > plan.duration
-    assert certificate.evaluation.contour_error.max <= 2e-6
-
-
-def test_stops_at_sharp_corners_stay():
-    sharp = parse_job(LINE.replace("[0.40, 0.20]]", "[0.40, 0.20], [0.40, 0.25]]"))
-    certificate = ac.certify(sharp, goal=ac.CertificateGoal(servo_error=2e-6))
-    assert certificate.trajectory.speed_at([0.1]) < 1e-8
-    assert certificate.budget.rounding == 0.0
-    assert certificate.evaluation.contour_error.max <= 2e-6
-    assert certificate.evaluation.demand_ratio.max() <= 1 + 1e-6
-    slot = ac.Path.polyline([(0.30, 0.15), (0.40, 0.15), (0.40, 0.25), (0.30, 0.25)])
-    certificate = ac.certify(
-        replace(job(PAPER), path=slot), goal=ac.CertificateGoal(servo_error=1e-5)
-    )
-    assert (judged(certificate).demand_ratio <= 1 + 1e-6).all()
-    assert certificate.cost < 0.03
-
-
 def test_the_refusal_names_the_limiting_requirement(refuses):
     held, lags = job(SHORT, servo=", interpolation: step"), LINE.replace("inverse", "none")
     acceleration, error = {"limit": "joint_acceleration"}, {"limit": "contour error"}
@@ -357,14 +325,6 @@ def test_the_summary_repeats_it(certified):
     np.testing.assert_array_equal(set_points.q, certified.set_points.q)
     assert data["goal"]["servo_error"] == 2e-6 and "kp 25 1/s, kv 150 1/s" in data["model"]
     assert data["duration"] == certified.duration == again.duration
-
-
-def test_it_comes_out_the_same_again():
-    one, again = (
-        ac.certify(job(SHORT), goal=ac.CertificateGoal(servo_error=2e-6)) for _ in range(2)
-    )
-    np.testing.assert_array_equal(again.set_points.q, one.set_points.q)
-    assert again.trials < 30
 
 
 def test_goals_of_job_files(refuses):

@@ -9,11 +9,8 @@ from armcontour.core.errors import Collision, InvalidInput
 from armcontour.core.frames import Frame, exp
 from armcontour.motion import LapLaw, Trajectory
 from armcontour.robot import scene as cell
-from armcontour.robot.chain import link_poses
-from armcontour.robot.scene import ArmShapes, Box, LinkShape, Margins, Mesh, Obstacle, Scene, Sphere
+from armcontour.robot.scene import ArmShapes, LinkShape, Margins, Mesh, Obstacle, Scene, Sphere
 from armcontour.verification.clearance import check_clearance
-from armcontour.verification.clearance.distances import Distances
-from armcontour.verification.clearance.pairs import pairs_of
 
 pytestmark = needs_dynamics
 
@@ -203,34 +200,6 @@ def test_a_body_decides_where_its_hull_comes_too_near():
     assert full_clearance.pairs[0].high == pytest.approx(0.19 - 0.03, abs=1e-6)
 
 
-def test_distances_are_those_between_the_links_frames():
-    """The nearest points, which are in the work frame, are as far apart as the distances say."""
-    arm = ac.load_arm("ur5e").with_work(ac.Frame.rpy((0.1, 0.2, 0.3), (0.3, -0.2, 0.5)))
-    block = Obstacle(
-        name="block", shape=Box(size=(0.1, 0.2, 0.3)), place=ac.Frame(position=(0.6, 0.5, 0.2))
-    )
-    pairs, _ = pairs_of(arm, Scene(obstacles=(block,)))
-    distances = Distances(arm.chain, pairs)
-    rng = np.random.default_rng(6)
-    for q in rng.uniform(-2, 2, (5, 6)):
-        every = np.arange(len(pairs))
-        near = distances.measure(q[None], np.zeros(len(pairs), dtype=np.intp), every)
-        points = distances.points(np.tile(q, (len(pairs), 1)))
-        apart = near > 1e-3
-        assert apart.sum() > 12
-        np.testing.assert_allclose(
-            np.linalg.norm(points[:, 0] - points[:, 1], axis=1)[apart], near[apart], atol=1e-6
-        )
-        # Each point lies in its body: within the ball that holds it.
-        poses = link_poses(arm.chain, q[None])[0]
-        for pair, ends in zip(pairs, points, strict=True):
-            for body, point in zip((pair.first, pair.second), ends, strict=True):
-                middle, radius = body.shape.ball
-                there = body.place.position + body.place.rotation @ middle
-                centre = poses[body.link, :, :3] @ there + poses[body.link, :, 3]
-                assert np.linalg.norm(point - centre) <= radius + 1e-6
-
-
 def test_links_below_the_base_are_named_with_their_depth():
     # The ball of 30 mm at the flange; its lowest place by a dense look of our own.
     down = A + [0, 1.1, 0, 0, 0, 0]
@@ -248,17 +217,6 @@ def test_links_below_the_base_are_named_with_their_depth():
     assert "end goes" in clearance.below_base and clearance.later(2.0).below[0].t == below.t + 2.0
     above = check_clearance(sweep_of(A, A + [1.0, 0, 0, 0, 0, 0], 1.0), BALL)
     assert above.below == () and above.below_base is None
-
-
-@pytest.mark.parametrize("height", [-0.4, -0.1, 0.05])
-def test_a_floor_with_a_height_is_an_obstacle(height):
-    motion = sweep_of(A, A + [0, 1.1, 0, 0, 0, 0], 1.0)
-    lowest = tip(motion(np.linspace(0, 1, 20_001)))[:, 2].min() - 0.03
-    clearance = check_clearance(motion, BALL, Scene(floor=height))
-    (pair,) = clearance.pairs
-    assert (pair.first, pair.second, clearance.below) == ("floor", "end", ())
-    assert pair.high == pytest.approx(lowest - height, abs=1.1e-3)
-    assert clearance.satisfied == (lowest - height > pair.margin)
 
 
 def test_only_a_scene_without_a_floor_has_the_plane_of_the_base():
