@@ -190,6 +190,6 @@ def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
         if kind in ("stl", "obj"):
             return read_mesh(file).size, []
         tree = read_tree(str(file), data)
-        bodies = link_shapes(tree, Description(tree, (), (), {}, tree.root).link_frames())
+        bodies = link_shapes(tree, Description(tree, (), (), tree.root).link_frames())
     sizes = [np.abs(x.place.position).max() for x in bodies]
     return float(max(sizes, default=0.0)), [x.name for x in bodies]

@@ -39,7 +39,7 @@ _HOME = {
     "files.exports": "export",
     "files.log_file": "read_log",
     "files.robots.loading": "arm_names load_arm",
-    "files.robots.arm_options": "ArmOptions",
+    "files.robots.tree": "ArmOptions",
     "geometry": "Arc Line Path SegmentLimits",
     "jobs": "CertificateGoal Job Rounding Run run",
     "motion": "Execution JointPath Log SetPoints Trajectory dwell_law",

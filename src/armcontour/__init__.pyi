@@ -23,9 +23,9 @@ from armcontour.files.drawings.read import read_path as read_path
 from armcontour.files.drawings.read_options import ReadOptions as ReadOptions
 from armcontour.files.exports import export as export
 from armcontour.files.log_file import read_log as read_log
-from armcontour.files.robots.arm_options import ArmOptions as ArmOptions
 from armcontour.files.robots.loading import arm_names as arm_names
 from armcontour.files.robots.loading import load_arm as load_arm
+from armcontour.files.robots.tree import ArmOptions as ArmOptions
 from armcontour.geometry import Arc as Arc
 from armcontour.geometry import Line as Line
 from armcontour.geometry import Path as Path

@@ -238,7 +238,3 @@ def test_logs_that_are_refused(tmp_path):
         (("t,q1,q2", T, np.mod(20 * Q, 2 * np.pi)), "wrapped angle"),
     ]
     refusals(lambda x: read_run_log(written(tmp_path, *x), ARM), table)
-    # Whole turns are undone on demand.
-    file = written(tmp_path, "t,q1,q2", T, np.mod(20 * Q, 2 * np.pi))
-    recording = read_run_log(file, ARM, unwrap=True)
-    np.testing.assert_allclose(np.diff(recording.q, axis=0), np.diff(20 * Q, axis=0), atol=1e-8)

@@ -579,10 +579,9 @@ def check_sequence(
     raise InvalidInput(f"{name} must be a list of {noun}, not {show(values)}.")
 
 
-def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, ...]:
+def check_names(name: str, values: Any) -> tuple[str, ...]:
     """Check the names of a list, and return them as a tuple."""
-    noun = "names" if count is None else f"{count} names"
-    names = check_sequence(name, values, str, noun, count)
+    names = check_sequence(name, values, str, "names")
     return tuple(check_name(f"name in {name}", x) for x in names)
 
 

@@ -127,7 +127,7 @@ def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
     return whole, np.arange(len(whole)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def white_noise(values: FloatArray, smoothed: bool = False, order: int = 3) -> FloatArray:
+def white_noise(values: FloatArray, order: int = 3) -> FloatArray:
     """Standard deviation of the white noise in regular samples of smooth motion, (...)."""
     # The deviation is computed from differences of a high order, to which smooth motion contributes
     # little. The median ignores outliers and short disturbances, such as friction at a reversal. If
@@ -137,5 +137,4 @@ def white_noise(values: FloatArray, smoothed: bool = False, order: int = 3) -> F
     differences = np.abs(np.diff(values, order, axis=0))
     deviation = DEVIATION_PER_MEDIAN * np.median(differences, axis=0)
     deviation = np.where(deviation > 0, deviation, np.sqrt(np.mean(differences**2, axis=0)))
-    mean = [0.25, 0.5, 0.25] if smoothed else [1.0]
-    return np.asarray(deviation / np.linalg.norm(np.diff(np.pad(mean, order), order)))
+    return np.asarray(deviation / np.linalg.norm(np.diff(np.pad([1.0], order), order)))

@@ -11,8 +11,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import ENDINGS
 from armcontour.core.frames import Frame
 from armcontour.files.job_model import ArmModel, FrameModel, ToolModel
-from armcontour.files.robots.arm_options import DESCRIPTION
 from armcontour.files.robots.loading import load_arm, with_more_shapes
+from armcontour.files.robots.tree import DESCRIPTION
 from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.robot import Arm
 from armcontour.robot.scene import LinkShape

@@ -26,7 +26,7 @@ from armcontour.files.key_errors import Patch
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job, Rounding, Run
-from armcontour.jobs.experiment import default_compensation
+from armcontour.jobs.job import default_compensation
 from armcontour.motion import DEFAULT_CYCLE
 from armcontour.planning import Optimal, Paper, PlanOptions
 from armcontour.program import Event, Process, Program

@@ -24,7 +24,7 @@ from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.file_keys import Methods, SpecifiedKeys
 from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides, Place, PlantModel, Point
-from armcontour.files.robots.arm_options import ArmOptions
+from armcontour.files.robots.tree import ArmOptions
 from armcontour.files.scene_file import (
     BodyModel,
     Direction,

@@ -43,7 +43,6 @@ def read_log(
     *,
     start: float = -math.inf,
     end: float = math.inf,
-    unwrap: bool = False,
     columns: str | None = None,
 ) -> Log:
     """Read a log from a CSV file.
@@ -64,7 +63,6 @@ def read_log(
         file: The file.
         start: First time to use [s].
         end: Last time to use [s].
-        unwrap: Whether to remove jumps by whole turns.
         columns: Names of all columns of a CSV file, separated by commas, for a file without titles;
             `-` ignores a column. Or new names of some columns: `q1 [deg]=axis_1`, `q# [deg]=axis_#`
             for every number, `-=tool_*` for any text.
@@ -74,7 +72,7 @@ def read_log(
             file and line.
     """
     location = checks.read_file_path("read_log", file)
-    return _read_log(location, (), (start, end), unwrap, columns, commanded=True)[0]
+    return _read_log(location, (), (start, end), columns, commanded=True)[0]
 
 
 def log_text(log: Log) -> str:
@@ -99,7 +97,6 @@ def read_run_log(
     joint_names: Sequence[str],
     *,
     window: tuple[float, float] = (-math.inf, math.inf),
-    unwrap: bool = False,
     columns: str | None = None,
     commanded: bool = False,
 ) -> Log | Recording:
@@ -109,9 +106,7 @@ def read_run_log(
     # joints does not change.
     from armcontour.control.learning import Recording
 
-    log, has_commands = _read_log(
-        FilePath(file), joint_names, window, unwrap, columns, commanded=commanded
-    )
+    log, has_commands = _read_log(FilePath(file), joint_names, window, columns, commanded=commanded)
     log = arrange_joints(log, joint_names)
     if has_commands:
         return log
@@ -122,7 +117,6 @@ def _read_log(
     file: FilePath,
     joint_names: Sequence[str],
     window: tuple[float, float],
-    unwrap: bool,
     columns: str | None,
     *,
     commanded: bool,
@@ -148,7 +142,6 @@ def _read_log(
         joint_names=tuple(f"joint {x}" if x.isdigit() else x for x in motion.joints),
         interpolation=_find_interpolation(table.comments),
         source=motion.source,
-        unwrap=unwrap,
         notes=motion.notes,
     )
     return log, motion.command is not None

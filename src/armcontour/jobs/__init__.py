@@ -6,13 +6,11 @@ _HOME = {
     "advice": "advise",
     "analog": "analog_outputs",
     "exports": "Exports",
-    "experiment": "Experiment build_plant",
     "goal": "CertificateGoal Uncertainty",
-    "improvements": "Advice Improvement",
-    "job": "Job Rounding Run",
+    "job": "Experiment Job Rounding Run build_plant",
     "planned_run": "Planned ShapingGain",
     "run_plan": "plan_one prepare_and_round",
-    "job_result": "ExperimentResult JobResult RunResult warnings_of",
+    "job_result": "Advice ExperimentResult Improvement JobResult RunResult warnings_of",
     "study": "STEPS run",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

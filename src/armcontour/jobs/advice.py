@@ -13,10 +13,8 @@ import numpy as np
 from armcontour.core.errors import ArmContourError
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import split
-from armcontour.jobs.experiment import default_compensation
-from armcontour.jobs.improvements import Advice, Improvement
-from armcontour.jobs.job import Job, Run
-from armcontour.jobs.job_result import JobResult, RunResult
+from armcontour.jobs.job import Job, Run, default_compensation
+from armcontour.jobs.job_result import Advice, Improvement, JobResult, RunResult
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one

@@ -31,7 +31,6 @@ from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.geometry.rounded_path import CONTINUITIES, Continuity
 from armcontour.jobs.analog import check_analog
-from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.exports import Exports
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
@@ -40,9 +39,69 @@ from armcontour.planning.options import DEFAULT_ITERATIONS, FASTEST
 from armcontour.program import Process, Program
 from armcontour.program.preparation import check_process
 from armcontour.robot import Arm, Limits
+from armcontour.robot.chain import Payload
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
+from armcontour.simulation import RigidBodyPlant
+from armcontour.simulation.rigid_body_plant import DEFAULT_STEP, DriveCycle
 from armcontour.verification.clearance import Cell, cell_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Experiment(Checked):
+    """Options of a simulation of the arm as rigid bodies with `RigidBodyPlant`.
+
+    Plans, compensation and the controller of the robot use only the model of the arm: gravity
+    feed-forward does not include this payload.
+
+    Args:
+        step: Cycle time of the drives [s].
+        payload: Real payload at the tip, instead of the arm's payload; unknown to the controller.
+            By default the arm's payload.
+
+    Raises:
+        InvalidInput: A step out of range.
+    """
+
+    step: DriveCycle = DEFAULT_STEP
+    payload: Payload | None = None
+
+    @property
+    def unknown(self) -> str:
+        """Text about properties of the robot that its controller does not model; may be empty."""
+        return "" if self.payload is None else f"a payload of {self.payload.mass:g} kg"
+
+
+def default_compensation(
+    servo: ServoModel, arm: Arm, experiment: Experiment | None
+) -> CompensationOptions:
+    """Inverse of the plant that judges a run: of the arm's rigid bodies, or of the servo model."""
+    if experiment is None or not arm.has_bodies or not servo.is_plain("second"):
+        return INVERSE
+    return InverseDynamics()
+
+
+def build_plant(
+    experiment: Experiment, arm: Arm, servo: ServoModel, limits: Limits, fed: bool
+) -> RigidBodyPlant:
+    """Build the simulated robot of an experiment.
+
+    The plant has the payload of the experiment if it is given, else that of the arm. Its controller
+    uses the model `arm`: J of its loops (unless the servo gives one), gravity feed-forward if
+    `fed`, and torque limits that follow from acceleration limits.
+
+    Raises:
+        InvalidInput: The arm has no masses, or values do not fit the arm.
+    """
+    return RigidBodyPlant(
+        arm.with_dynamics(payload=experiment.payload),
+        servo,
+        limits,
+        step=experiment.step,
+        gravity_feedforward=fed,
+        controller=arm,
+    )
+
 
 # Maximum length of a title, which is a line in reports [characters].
 LONGEST_TITLE = 200

@@ -6,17 +6,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 from armcontour._version import __version__
 from armcontour.control.compensation import NoCompensation
 from armcontour.core.errors import ExecutionError
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number, units
-from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
+from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, draw, short_repr, to_html
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import run_warnings
-from armcontour.jobs.improvements import Advice
 from armcontour.jobs.job import Job
 from armcontour.jobs.plan_quantities import applied_torques
 from armcontour.jobs.planned_run import Planned
@@ -47,6 +47,67 @@ from armcontour.simulation import RigidBodyPlant
 from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Improvement:
+    """A suggested change of a job, and its effect.
+
+    Args:
+        label: The change in words.
+        edits: Keys of the job file, relative to the run, and their values in SI units.
+        saved: Reduction of the duration [s]; negative if the motion becomes longer.
+        duration: Duration of the changed motion [s].
+        off_drawing: Distance of the tool from the drawing after the change [m].
+        kept: Verdict on the changed run; None if it is not judged.
+        condition: Condition of the change, as a clause.
+    """
+
+    label: str
+    edits: tuple[tuple[str, Any], ...]
+    saved: float
+    duration: float
+    off_drawing: float
+    kept: bool | None
+    condition: str = ""
+
+    @property
+    def effect(self) -> str:
+        """Effect of the change, such as "saves 0.5 s"."""
+        time = number(abs(self.saved), "s")
+        return f"saves {time}" if self.saved >= 0 else f"keeps the accuracy, takes {time} more"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advice(Result):
+    """Suggested changes of a run, in order of decreasing effect.
+
+    Args:
+        improvements: The changes.
+        note: A sentence if there are none.
+    """
+
+    improvements: tuple[Improvement, ...]
+    note: str
+
+    def to_data(self) -> Data:
+        """Result with the table of the changes, or with the note."""
+        return Data("What to change", tables=(self.table,), notes=(self.note,) if self.note else ())
+
+    @property
+    def table(self) -> Table:
+        """Table of the changes for reports, the Studio, the terminal and files."""
+        columns = (
+            *(Row("change", None, "", "what to change"), Row("saved", None, "s", "saves")),
+            *(Row("off_drawing", None, "m", "off the drawing"), Row("kept", None, JUDGED, "then")),
+            *(Row("duration", None, "s"), Row("condition", None, "", "if"), Row("edits", None)),
+        )
+        rows = [
+            (x.label, x.saved, x.off_drawing, x.kept, x.duration, x.condition, x.edits)
+            for x in self.improvements
+        ]
+        return Table("changes", columns, rows, VERDICT if rows else FILE)
+
 
 # Prefixes of the labels of values from the execution that is not the worst of those that judge.
 OTHERS_LABELS = {SERVO: "servo model: ", BODIES: "on rigid bodies: "}

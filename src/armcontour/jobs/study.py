@@ -13,8 +13,7 @@ from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.core.errors import ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.jobs.experiment import Experiment, build_plant
-from armcontour.jobs.job import Job, Run
+from armcontour.jobs.job import Experiment, Job, Run, build_plant
 from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse

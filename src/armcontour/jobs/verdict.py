@@ -10,8 +10,7 @@ from armcontour.core.render import number
 from armcontour.core.result import JUDGED, VERDICT, Row
 
 if TYPE_CHECKING:
-    from armcontour.jobs.experiment import Experiment
-    from armcontour.jobs.job import Run
+    from armcontour.jobs.job import Experiment, Run
     from armcontour.jobs.planned_run import Planned
 
 T = TypeVar("T")

@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.render import number
-from armcontour.core.sampling import GAP, LARGEST, check_samples, describe_bursts
+from armcontour.core.sampling import GAP, check_samples, describe_bursts
 from armcontour.core.text import clock, count_noun, format_table, joint_rows, short_repr, show
 
 # Interpolation of the command between two samples of a log.
@@ -174,8 +174,7 @@ class Log(Checked):
             raise InvalidInput(
                 f"{self.source}: the {name} position of {self.joint_names[j]} jumps by "
                 f"{values[i + 1] - values[i]:.4g} rad at t = {clock(self.t[i])} s, which is a "
-                "wrapped angle. Unwrap the positions, such as with --unwrap (in Python, "
-                "unwrap=True).",
+                "wrapped angle. Unwrap the positions, such as with numpy.unwrap.",
                 index=i,
                 t=float(self.t[i]),
                 joint=j,
@@ -198,15 +197,12 @@ def cut_log(
     window: tuple[float, float],  # First and last time to use [s]
     *,
     source: str = "the log",
-    unwrap: bool = False,
     **fields: Any,
 ) -> Log:
     """Make a log from a part of arrays; the complete arrays need not be a valid log."""
-    # `unwrap`: true to remove jumps of whole turns; `fields`: other fields of `Log`.
+    # `fields`: other fields of `Log`.
     used = _time_mask(t, *window, source)
     command, measured = np.asarray(command)[used], np.asarray(measured)[used]
-    if unwrap:
-        command, measured = _unwrap(command, measured)
     return Log(t=np.asarray(t)[used], command=command, measured=measured, source=source, **fields)
 
 
@@ -229,12 +225,3 @@ def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArra
             f"{clock(np.min(t))} s to {clock(np.max(t))} s."
         )
     return np.asarray(used)
-
-
-def _unwrap(command: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Remove jumps of whole turns, so that set-points and positions start in the same turn."""
-    # Positions that no joint can have are not changed, because `Log` reports them.
-    if max(np.abs(x).max() for x in (command, measured)) > LARGEST["q"]:
-        return command, measured
-    command, measured = np.unwrap(command, axis=0), np.unwrap(measured, axis=0)
-    return command, measured + 2 * math.pi * np.round((command[0] - measured[0]) / (2 * math.pi))

@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, Pose, from_rpy
 from armcontour.core.text import plain_number, show
-from armcontour.files.robots.arm_options import (
+from armcontour.files.robots.tree import (
     DESCRIPTION,
     MAX_CHARACTERS,
     ArmOptions,

@@ -13,7 +13,6 @@ import numpy as np
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
-from armcontour.files.robots.arm_options import ArmOptions
 from armcontour.files.robots.moveit_limits import (
     KINDS,
     SOFT,
@@ -22,7 +21,14 @@ from armcontour.files.robots.moveit_limits import (
     narrow_range,
     override_limits,
 )
-from armcontour.files.robots.tree import MAX_NAMED, REVOLUTE_TYPES, Joint, Tree, read_tree
+from armcontour.files.robots.tree import (
+    MAX_NAMED,
+    REVOLUTE_TYPES,
+    ArmOptions,
+    Joint,
+    Tree,
+    read_tree,
+)
 from armcontour.robot.limits import JOINT_RANGE, Limits, or_unlimited
 from armcontour.robot.scene import ArmShapes
 from armcontour.robot.serial import SerialArm

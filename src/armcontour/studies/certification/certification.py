@@ -16,9 +16,8 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
-from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import CertificateGoal
-from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
+from armcontour.jobs.job import ARC, FREE, Job, Run, build_plant, choose_run
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies

@@ -11,7 +11,7 @@ from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
-    from armcontour.jobs.improvements import Advice
+    from armcontour.jobs.job_result import Advice
 
 
 # Maximum number of segments of a job for which the Studio computes advice. Advice requires many
