@@ -64,14 +64,14 @@ def main() -> int:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=20_000)
     options = parser.parse_args()
-    judges, author = load("test_gcode"), load("gcode_author")
+    judges = load("test_gcode")
     counts: Counter[str] = Counter()
     if options.files:
         verdicts = ((str(x), judge_file(x, judges)) for x in options.files)
         good = {"equal", "refused"}
     else:
         seeds = range(options.first_seed, options.first_seed + options.count)
-        verdicts = ((f"seed {x}", judge(author.program(x), judges)) for x in seeds)
+        verdicts = ((f"seed {x}", judge(judges.Author(x).text(), judges)) for x in seeds)
         good = {"equal"}
     wrong = 0
     for name, verdict in verdicts:

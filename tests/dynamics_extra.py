@@ -16,7 +16,7 @@ def pinocchio():
     return pytest.importorskip("pinocchio", reason=REASON)
 
 
-def pinocchio_model(chain, loaded=True):
+def pinocchio_model(chain):
     """Pinocchio's model of a chain with the frame `tool`, without friction and armature."""
     pin = pinocchio()
     model, joint = pin.Model(), 0
@@ -28,7 +28,7 @@ def pinocchio_model(chain, loaded=True):
         if chain.masses is not None:
             values = float(chain.masses[k]), np.array(chain.centers[k]), np.array(chain.inertias[k])
             model.appendBodyToJoint(joint, pin.Inertia(*values), pin.SE3.Identity())
-    if loaded and chain.payload is not None:
+    if chain.payload is not None:
         load = chain.payload
         carried = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))
         tip = pin.SE3(np.array(chain.tip.rotation), np.array(chain.tip.position))

@@ -9,8 +9,6 @@ from soak import hal_drives, paper_table
 
 import armcontour as ac
 from armcontour.control.compensation.poles import pole_behaviour
-from armcontour.files.exports import make_table
-from armcontour.verification import check_interpolation
 
 ROOT = Path(__file__).parent.parent
 CYCLE = 4e-3
@@ -147,41 +145,6 @@ def test_the_durations_of_the_guides():
     durations = {x.split("`")[1]: x.split("|")[3].strip() for x in lines}
     for name, rounded in corners.items():
         is_printed([ac.plan(rounded, ARM, SLOW).duration], [durations[name]])
-
-
-@pytest.mark.filterwarnings("ignore:Limits are above")
-def test_the_interpolation_of_ros():
-    text = page("docs/guides/controllers/ros2.md")
-    arm = ac.load_arm("ur5e")
-    corners = [(0.45, 0.08), (0.55, 0.08), (0.55, 0.18), (0.45, 0.18), (0.45, 0.08)]
-    square = ac.Path.polyline([(*x, 0.2) for x in corners]).pointing((0, 0, -1))
-    steps = re.search(
-        r"are (\d+) times the\s+limit for linear \w+ and (\d+) .* (\d+) and (\d+) times", text
-    )
-    for k, (continuity, jerk) in enumerate((("tangent", {}), ("curvature", {"joint_jerk": 400.0}))):
-        path = ac.round_corners(square, tolerance=2.5e-4, continuity=continuity)
-        limits = arm.limits.replace(speed=0.25, joint_acceleration=6.4, **jerk)
-        plan = ac.plan(path, arm, limits)
-        inverse = ac.compensate(plan, SERVO, INVERSE, cycle=CYCLE)
-        for derivatives, printed in zip((0, 2), steps.groups()[2 * k : 2 * k + 2], strict=True):
-            table = make_table(inverse, name="square", derivatives=derivatives)
-            commands = check_interpolation(table, arm, "jtc", 500.0, limits)
-            assert commands["joint_acceleration"].ratio == pytest.approx(float(printed), abs=0.51)
-        rows = [x.split("|")[1:-1] for x in text.splitlines() if x.startswith("| ") and "ms |" in x]
-        assert len(rows) == 4
-        for period, *cells in rows:
-            forms = ((0, "jtc"), (0, "jtc_spline"), (1, "jtc"), (2, "jtc"))
-            for (derivatives, law), cell in zip(forms, cells, strict=True):
-                table = make_table(
-                    plan,
-                    name="square",
-                    cycle=float(period.split()[0]) * 1e-3,
-                    derivatives=derivatives,
-                )
-                commands = check_interpolation(table, arm, law, 500.0, limits, reference=plan)
-                printed = numbers(cell)[k]
-                half = 0.51 * 10.0 ** -len(printed.partition(".")[2])
-                assert commands.deviation * 1e6 == pytest.approx(float(printed), rel=0.02, abs=half)
 
 
 def test_the_table_of_linuxcnc_is_that_of_the_law_of_its_drives():

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from tests.corner_job import CORNER_JOB
 from tests.public_names import PUBLIC
 
@@ -17,8 +16,6 @@ from armcontour.core.result import Data
 from armcontour.core.text import MAX_LINES, format_table
 from armcontour.files import parse_job
 from armcontour.files.batch import Batch, BatchRow
-from armcontour.planning.path_grid import DEFAULT_INTERVALS
-from armcontour.robot.scene import MARGINS
 from armcontour.studies.placement import Place, Placement
 
 SECTIONS = ("Args", "Attributes", "Raises")
@@ -129,49 +126,6 @@ def test_public_docstrings_have_a_summary_and_all_parameters():
 
 
 ROOT = Path(__file__).parents[1]
-SCALES = {"": 1, "ms": 1e-3, "mm": 1e-3, "um": 1e-6, "kg": 1, "m": 1, "s": 1, "rad/s": 1, "%": 1e-2}
-
-
-def default_of(call, name):
-    return inspect.signature(call).parameters[name].default
-
-
-def field(cls, name):
-    return next(x.default for x in dataclasses.fields(cls) if x.name == name)
-
-
-# A file, a pattern with the value and maybe its unit, and the value in use.
-STATED = [
-    (
-        "docs/guides/gcode.md",
-        r"tolerance \((\S+) (um) by default\)",
-        field(ac.ReadOptions, "chord_tolerance"),
-    ),
-    (
-        "docs/guides/checking.md",
-        r"`velocity_step`; its default, (\S+) (rad/s),",
-        default_of(ac.check, "velocity_step"),
-    ),
-    ("docs/guides/checking.md", r"and at (\d+)\s+random times", default_of(ac.check, "points")),
-    ("docs/concepts/clearance.md", r"`environment` \| (\S+) (mm)", MARGINS.environment),
-    ("docs/concepts/clearance.md", r"`own` \| (\S+) (mm)", MARGINS.own),
-    ("docs/concepts/clearance.md", r"`tool` \| (\S+) (mm)", MARGINS.tool),
-    ("docs/tutorials/placement_and_clearance.md", r"by default (\S+) (mm), 2", MARGINS.environment),
-    ("docs/concepts/programs.md", r"\| `(\w+)` \(default\) \| `inside", field(ac.Process, "order")),
-    ("docs/guides/optimal.md", r"The method `(\w+)` is the default", ac.Optimal.method),
-    ("src/armcontour/planning/options.py", r"by default (\d+), fewer", DEFAULT_INTERVALS),
-]
-
-
-@pytest.mark.parametrize(("file", "pattern", "used"), STATED, ids=[x[1] for x in STATED])
-def test_a_stated_default_is_the_one_in_use(file, pattern, used):
-    match = re.search(pattern, (ROOT / file).read_text(encoding="utf-8"))
-    assert match is not None
-    value, unit = (*match.groups(), "")[:2]
-    if isinstance(used, str):
-        assert value == used
-    else:
-        assert float(value) * SCALES[unit] == pytest.approx(used, rel=1e-9)
 
 
 def test_defaults_of_compensation_are_those_of_its_page():

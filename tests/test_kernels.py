@@ -5,7 +5,6 @@ import importlib
 import inspect
 import re
 import textwrap
-from contextlib import nullcontext
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -16,11 +15,8 @@ from tools.kernels import to_text
 
 import armcontour
 import armcontour as ac
-from armcontour.core import compilation
-from armcontour.core.child_process import pack, unpack
-from armcontour.core.compilation import CompilationSchedule, from_text, read_list
+from armcontour.core.compilation import from_text, read_list
 from armcontour.core.kernels import KERNELS, compiled
-from armcontour.core.pool import InProcess
 
 
 @compiled(inner=True)
@@ -134,45 +130,6 @@ def test_calls_of_the_list_fit_their_functions_and_all_that_python_calls_are_lis
             assert len(kinds) == len(signature(kernels[key].py_func).parameters), key
     called = {key for key, x in kernels.items() if not x.targetoptions["no_cpython_wrapper"]}
     assert called <= listed.keys()
-
-
-def test_usual_runs_leave_out_what_they_do_not_need():
-    usual, everything = read_list("usual"), read_list("all")
-    assert 0 < len(usual) < len(everything)
-    names = {module for module, _ in usual}
-    assert "armcontour.robot.servo.march" in names
-    assert not any(".jerk." in x for x in names)
-    assert all(".newton" not in module for module, _ in read_list("plane"))
-    assert any(".newton" in module for module, _ in read_list("space"))
-
-
-class Watched(InProcess):
-    """Notes what is compiled here in place of compiling it."""
-
-    def __init__(self):
-        self.taken = []
-
-    def submit(self, fn, /, *arguments):
-        (key, _) = unpack(arguments[-1])
-        self.taken.append(key)
-        return super().submit(pack, 1)
-
-
-def test_a_function_comes_after_those_that_it_calls(kernels, monkeypatch):
-    watched = Watched()
-    monkeypatch.setattr(compilation, "open_executor", lambda workers: nullcontext(watched))
-    listed, steps = read_list("usual"), []
-    order = CompilationSchedule(listed, steps.append)
-    order.run_all()
-    assert set(watched.taken) == set(listed) and order.is_done and order.compiled == len(listed)
-    assert steps[0].done == 0.0 and steps[-1].done == 1.0
-    place = {key: k for k, key in enumerate(watched.taken)}
-    for key in watched.taken:
-        function = kernels[key].py_func
-        for name in function.__code__.co_names:
-            callee = getattr(function.__globals__.get(name), "py_func", None)
-            called = (getattr(callee, "__module__", None), name)
-            assert place.get(called, -1) <= place[key]
 
 
 def test_a_function_whose_files_are_incomplete_is_compiled_anew():

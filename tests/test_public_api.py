@@ -13,12 +13,9 @@ import yaml
 from tests.public_names import OWNED, PUBLIC
 from tools.stubs import stubs
 
-import armcontour
 import armcontour as ac
 from armcontour import files
-from armcontour.cli.run_command import built_in_job
-from armcontour.files.exports import CsvFormat
-from armcontour.program import Lead, smooth_curvature
+from armcontour.program import Lead
 
 
 def test_every_public_name_exists():
@@ -52,14 +49,6 @@ def test_stubs_have_the_names_of_the_packages():
     for package in (ac, files):
         names = [x for homes in package._HOME.values() for x in homes.split()]
         assert len(names) == len(set(names))
-
-
-def test_every_name_is_there_and_kept():
-    for package in (armcontour, files):
-        for name in package.__all__:
-            assert getattr(package, name) is vars(package)[name]
-        with pytest.raises(AttributeError, match=f"'{package.__name__}' has no attribute 'no_na"):
-            _ = package.no_name
 
 
 def test_a_plan_without_limits_of_jerk_loads_nothing_of_them():
@@ -184,14 +173,6 @@ def test_the_first_arguments_need_no_names():
             np.testing.assert_array_equal(getattr(by_place, name), getattr(by_name, name))
 
 
-OTHERS = (None, "text", 3.5, [1, 2], {"a": 1}, np.zeros((2, 2)), object())
-# Objects among them that are right.
-TAKEN = {
-    ("export", "file"): str, ("write_report", "file"): str,
-    ("Payload", "mass"): float, ("Process", "layers"): dict, ("shape", "limits"): type(None),
-}  # fmt: skip
-
-
 @pytest.fixture(scope="module")
 def planned(objective, arm, limits):
     return ac.plan(ac.round_corners(objective, tolerance=5e-3), arm, limits)
@@ -204,57 +185,6 @@ def refused(function, *args, **options):
     except ac.ArmContourError as error:
         return str(error)
     return ""
-
-
-def test_other_objects_are_refused_in_one_sentence(
-    objective, arm, limits, servo, conventional, planned, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
-    set_points = ac.compensate(conventional, servo, ac.NoCompensation())
-    plant, job = ac.ServoPlant(arm, servo, limits), built_in_job()
-    parts = dict.fromkeys("lead_in lead_out switch tabs weave".split())
-    parts |= {"events": (), "analog": (), "off_between": (), "by_layer": {}, "layers": {}}
-    # Each argument of a call but tolerances is replaced by other objects.
-    calls = [
-        (ac.round_corners, (objective,), {"tolerance": 1e-3}),
-        (smooth_curvature, (objective,), {"tolerance": 1e-5}),
-        (ac.plan, (objective, arm), {"limits": limits}),
-        (ac.shape, (objective, arm, limits, ac.Shaped(tolerance=1e-3)), {}),
-        (ac.compensate, (conventional, servo), {"arm": arm, "limits": limits}),
-        (ac.simulate, (set_points, plant), {}),
-        (ac.evaluate, (None, objective), {"limits": limits}),
-        (ac.explain, (planned, arm), {"limits": limits}),
-        (ac.check, (planned, arm), {"limits": limits}),
-        (ac.export, (set_points, "a.csv"), {"arm": arm, "format": CsvFormat()}),
-        (ac.prepare, (objective, ac.Process()), {}),
-        *((x, (job,), {}) for x in (ac.run, ac.certify)),
-        (ac.place, (job, {"x": [0.0]}), {}),
-        (ac.read_job, ("a.yaml",), {}),
-        (ac.read_log, ("a.csv",), {}),
-        (ac.write_report, (None, "a.html"), {}),
-        (ac.check_clearance, (planned, arm), {"scene": ac.Scene()}),
-        (ac.ServoPlant, (arm, servo), {"limits": limits}),
-        (ac.RigidBodyPlant, (arm, servo), {}),
-        (ac.Contour, (), {"path": objective, "events": ()}),
-        (ac.Program, (), {"moves": (ac.Contour(path=objective),)}),
-        (ac.Process, (), parts),
-        (ac.Payload, (), {"mass": 1.0, "center": (0.0, 0.0, 0.0)}),
-    ]
-    for function, args, options in calls:
-        signature = inspect.signature(function)
-        arguments = signature.bind(*args, **options).arguments
-        for slot in sorted(arguments.keys() - {"tolerance"}):
-            default = signature.parameters[slot].default
-            taken = TAKEN.get((function.__name__, slot), ())
-            for other in (x for x in OTHERS if x is not default and not isinstance(x, taken)):
-                message = refused(function, **arguments | {slot: other})
-                assert message.endswith(".") and "\n" not in message, (
-                    function,
-                    slot,
-                    other,
-                    message,
-                )
-    assert not list(tmp_path.iterdir())
 
 
 # Values that are no numbers. Not-a-number itself goes through functions of arrays, as in numpy.
@@ -314,21 +244,3 @@ def test_orders_sides_words_and_intervals_are_refused(planned, rounded, traced, 
     assert rounded(0.0, np.int64(1)).shape == (2,)
     assert traced.motion([0], [0.0])[0].shape == (1, 2)
     assert traced.motion([], [])[0].shape == (0, 2)
-
-
-def test_parts_of_arms_are_of_their_class(arm, refuses):
-    space = ac.load_arm("ur5e")
-    makers = (
-        arm.with_limits,
-        arm.with_shapes,
-        lambda x: arm.with_dynamics(payload=x),
-        space.with_tool,
-        space.with_work,
-        lambda x: ac.SerialArm(name="a", chain=x, limits=space.limits),
-        lambda x: ac.SerialArm(name="a", chain=space.chain, limits=x),
-        lambda x: ac.PlanarTwoLink(name="a", base=0, links=(1, 1), limits=x),
-        lambda x: ac.Scene(obstacles=x),
-    )
-    for make in makers:
-        for other in (3.5, "text", [1.0]):
-            refuses(lambda make=make, other=other: make(other), ac.InvalidInput)

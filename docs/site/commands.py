@@ -10,7 +10,6 @@ from typing import Any, get_args
 
 import typer.main
 from docs.site.tables import cell, contents, table
-from tests.properties.number_cases import FORMS
 
 from armcontour.cli.commands import app
 
@@ -21,6 +20,19 @@ HEAD = """# Command line
 the SI unit of the option. If an option has no default, the value of the job applies without it.
 
 """
+# Options of text that take quantities with a unit; those that take several are marked.
+QUANTITIES = {
+    "--position": "quantities [m]",
+    "--rpy": "quantities [rad]",
+    "--noise": "quantities [rad]",
+    "--speed": "quantity [m/s]",
+    "--rate": "quantity [Hz]",
+    "--point-tolerance": "quantity [rad]",
+    **dict.fromkeys(
+        ("--tolerance", "--total-tolerance", "--resume-at", "--servo-error"), "quantity [m]"
+    ),
+    **dict.fromkeys(("--cycle", "--drive-cycle", "--from", "--to"), "quantity [s]"),
+}
 HELP = "| `-h`<br>`--help` | | | Show a help text and exit. |"
 
 
@@ -101,11 +113,7 @@ def _value(parameter: Any, kind: Any) -> str:
         return ", ".join([words, *(f"{word} {x:g}" for word, x in ends if x is not None)])
     if issubclass(kind, enum.Enum):
         return " or ".join(f"`{x.value}`" for x in kind)
-    forms = FORMS.get(parameter.opts[0], ("",))
-    if not forms[0].startswith("# "):
-        return "text"
-    unit = forms[0][2:].partition(",")[0]
-    return f"{'quantities' if any(',' in x for x in forms) else 'quantity'} [{unit}]"
+    return QUANTITIES.get(parameter.opts[0], "text")
 
 
 def _default(parameter: Any) -> str:

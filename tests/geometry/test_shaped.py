@@ -53,12 +53,6 @@ def shaped():
     )
 
 
-def test_a_biarc_between_equal_tangents_is_a_line():
-    start, along = np.zeros((1, 2)), np.array([[1.0, 0.0]])
-    for arc in make_biarcs(start, along, 2 * along, along):
-        assert arc.lengths[0] == pytest.approx(1.0) and arc.curvatures[0] == 0.0
-
-
 def test_the_curvature_is_that_of_the_curve_and_not_of_its_arcs(shaped):
     s = np.linspace(0, shaped.length, 701)
     bend = np.linalg.norm(shaped(s, 2), axis=1)

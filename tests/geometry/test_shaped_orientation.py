@@ -13,7 +13,6 @@ from armcontour.geometry.prescribed_orientation import carry_frame
 POINTS = [(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0.02), (0.2, 0.1, 0.05), (0.15, 0.02, 0)]
 AXES = [(0, 0, -1), (0, 0.5, -1), (0.5, 0, -1), (1, 0.3, -1), (0, 0, -1)]
 BASE = ac.Path.polyline(POINTS)
-POINTING = BASE.pointing(AXES)
 ORIENTED = BASE.oriented(exp(0.4 * np.array(AXES)))
 
 
@@ -45,18 +44,6 @@ def off_tangent(path, n=3001):
     """Angles between the tangent and the direction that goes with it, x of the tool."""
     s = np.linspace(0, path.length, n)
     return angle_between(path.orientation(s)[:, :, 0], path(s, 1))
-
-
-@each("objective, tolerance", [(x, y) for x in (POINTING, ORIENTED) for y in (1e-4, 1e-2, 0.1)])
-def test_a_turning_tool_is_near_its_place_and_never_stops(objective, tolerance):
-    path, places = shaped(objective)
-    oriented, error = orient_shaped(path, objective, places, tolerance)
-    assert len(oriented.stops) == 0 and len(path.breaks) > 40
-    # It uses its tolerance, as far as half of a line goes.
-    assert 0.8 * tolerance < error <= tolerance
-    assert off_place(oriented, objective, places).max() <= error * 1.03
-    ends = oriented.orientation([0, oriented.length])
-    np.testing.assert_allclose(ends, objective.orientation([0, objective.length]), atol=1e-12)
 
 
 @each("tolerance", [1e-3, 0.02])

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.geometry import Segments, Tube, kernels, round_with_parabolas
+from armcontour.geometry import Tube, round_with_parabolas
 from armcontour.geometry.arc_fit import draw_with_arcs
 from armcontour.geometry.path_parts import cut_path
-from armcontour.geometry.projection import pack_segments
 from armcontour.geometry.tangent_repair import repair_tangents
 
 CORNER = [(0, 0), (0.1, 0), (0.1, 0.1)]
@@ -65,13 +64,6 @@ def test_the_paths_own_tolerances_cap_both_sides():
     tube = Tube.around(path_of(*lines), 5e-3)
     np.testing.assert_array_equal(tube.tolerance, [5e-3, 1e-3, 4e-3])
     np.testing.assert_array_equal(tube.vertex_tolerance, [1e-3, 1e-3])
-
-
-def test_windows_hold_the_pieces_within_reach():
-    path = ac.Path.polyline([(0, 0), (1, 0), (2, 1), (3, 1)])
-    tube = Tube.around(path, 1e-3)
-    windows = tube.windows([0.5, 0.95, 1.5, path.length], [0.1, 0.1, 9.0, 0.5])
-    np.testing.assert_array_equal(windows, [(0, 0), (0, 1), (0, 2), (2, 2)])
 
 
 @each("dimension", [2, 3])
@@ -133,39 +125,6 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
         ends = max(proof.place - reach, 0), min(proof.place + reach, objective.length)
         worst_distance = cut_path(objective, *ends).project(path([proof.s])).distance[0]
         assert worst_distance - tolerance == pytest.approx(proof.sampled_excess, abs=1e-9)
-
-
-@each("dimension", [2, 3])
-def test_the_bulge_bounds_what_the_ends_do_not_show(dimension):
-    rng = np.random.default_rng(7)
-    t = np.linspace(0, 1, 101)
-    nearest = np.inf
-    for _ in range(300):
-        # Two arcs from near points in near directions, with any normals, curvatures and senses.
-        frames = [
-            np.linalg.qr(np.eye(dimension) + rng.normal(size=(dimension,) * 2) * x)[0]
-            for x in (0.3, rng.choice([0.0, 0.01, 1.0]))
-        ]
-        frames[1] = frames[0] @ frames[1] * rng.choice([-1, 1])
-        segments = Segments(
-            starts=rng.normal(size=(2, dimension)) * 0.01,
-            tangents=np.stack([x[:, 0] for x in frames]),
-            normals=np.stack([x[:, 1] for x in frames]),
-            curvatures=rng.choice([0.1, 1.0, 1.1], size=2),
-            lengths=np.full(2, 2.0),
-        )
-        u, v = rng.uniform(0, 0.5, size=2), rng.uniform(0, 0.5, size=2)
-        rows = pack_segments(segments)
-        bulge = kernels.bound_bulge(rows[0], *u, rows[1], *v)
-        p, q = (
-            segments.evaluate(np.full(101, k), x[0] + (x[1] - x[0]) * t)
-            for k, x in ((0, u), (1, v))
-        )
-        line = (p - q)[:1] + t[:, None] * ((p - q)[-1:] - (p - q)[:1])
-        distance = np.linalg.norm(p - q - line, axis=1).max()
-        assert distance <= bulge * (1 + 1e-9) + 1e-15
-        nearest = min(nearest, bulge - distance)
-    assert nearest < 1e-6
 
 
 def test_the_vertices_are_those_of_a_dense_sample():

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from tests.geometry.tables import each, line, path_of, refused
 
-from armcontour.geometry import Arc, Path, SegmentLimits, round_corners
+from armcontour.geometry import Arc, Path, SegmentLimits
 from armcontour.geometry.weave import Weave, weave_seam
 
 WIDTH, PITCH = 4e-3, 5e-3
@@ -77,24 +77,6 @@ def test_corners_of_the_seam_stay_and_short_parts_are_not_woven():
     around = weave_path(closed, width=WIDTH, pitch=PITCH)
     np.testing.assert_allclose(around(0.0), around(around.length), atol=1e-12)
     np.testing.assert_allclose(around(0.0, 1), around(around.length, 1, side="left"), atol=1e-9)
-
-
-@each("angle", [0.0, 0.7])
-def test_a_weave_in_space_is_square_to_the_tool_axis_and_keeps_the_orientation(angle):
-    turn = Rotation.from_euler("xyz", [angle, 0.3, -0.5]).as_matrix()
-    lifted = np.column_stack([LINE.vertices, np.zeros(2)]) @ turn.T
-    flat = weave_path(LINE, width=WIDTH, pitch=PITCH)
-    # The tool axis, z of the tool, points to the work.
-    hold = turn @ np.diag([1.0, -1.0, -1.0])
-    seam = Path.polyline(lifted).oriented(hold, axis_only=True)
-    woven = weave_path(seam, width=WIDTH, pitch=PITCH)
-    s = np.linspace(0, 1, 500)
-    there = np.column_stack([flat(s * flat.length), np.zeros(500)]) @ turn.T
-    np.testing.assert_allclose(woven(s * woven.length), there, atol=2e-8)
-    assert woven.orientation is not None and woven.orientation.axis_only
-    np.testing.assert_allclose(woven.orientation(woven.length / 3), hold, atol=1e-12)
-    zigzag = weave_path(seam, width=WIDTH, pitch=PITCH, shape="zigzag")
-    assert len(round_corners(zigzag, tolerance=1e-4, acceleration=1.0).stops) == 0
 
 
 def test_the_tool_turns_with_the_seam():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import LapLaw, LawPhase, Samples, dwell_law
+from armcontour.motion import LapLaw, LawPhase
 from armcontour.motion.log_checks import find_misreading
 
 
@@ -84,49 +84,6 @@ def test_refusals(bent, refuses):
         *(lambda change=change: ac.SetPoints(**good | change) for change in changes),
     ):
         refuses(call, ac.InvalidInput)
-
-
-def test_everything_that_flows_copies_and_locks_its_arrays(arm, bent):
-    shapes = dict.fromkeys(("q", "dq", "ddq", "demand"), (3, 2))
-    shapes |= {"t": 3, "demand_range": (2, 2), "saturated_time": 2}
-    arguments = {name: np.ones(shape) for name, shape in shapes.items()} | {"t": np.zeros(3)}
-    set_points = ac.SetPoints(cycle=0.1, q=arguments["q"], trajectory=bent, method="none")
-    for value, count in (
-        (Samples(**{k: arguments[k] for k in ("t", "q", "dq", "ddq")}), 4),
-        (set_points, 1),
-        (ac.Execution(arm=arm, set_points=set_points, **arguments), 7),
-        (stretch(), 1),
-        (bent, 2),
-        (bent.laws[0], 4),
-    ):
-        fields = {x.name: getattr(value, x.name) for x in dataclasses.fields(value)}
-        arrays = {name: x for name, x in fields.items() if isinstance(x, np.ndarray)}
-        assert len(arrays) == count, type(value)
-        for name, array in arrays.items():
-            assert not array.flags.writeable, (type(value), name)
-            assert not any(np.shares_memory(array, x) for x in arguments.values())
-        with pytest.raises(dataclasses.FrozenInstanceError):
-            setattr(value, next(iter(arrays)), None)
-
-
-def test_tool_speed_and_saturation(arm):
-    trajectory = ac.Trajectory(laws=(dwell_law(np.zeros(2), 1.0),), method="hand")
-    executed = ac.Execution(
-        arm=arm,
-        set_points=ac.SetPoints(
-            cycle=1.0, q=np.zeros((2, 2)), trajectory=trajectory, method="none"
-        ),
-        t=np.array([0.0, 1.0]),
-        q=np.array([[0.0, 0.0], [0.0, np.pi / 2]]),
-        dq=np.array([[1.0, 0.0], [0.0, 1.0]]),
-        ddq=np.array([[0.72, -0.5], [-0.72, 0.0]]),
-        demand=np.array([[3.0, -0.5], [-0.73, 0.0]]),
-        demand_range=np.ones((2, 2)),
-        saturated_time=np.zeros(2),
-    )
-    np.testing.assert_allclose(executed.tool, [(0.135, 0.465), (0.35, 0.25)], atol=1e-15)
-    assert executed.tool_speed == pytest.approx([0.465, 0.215])
-    assert executed.saturated.tolist() == [[True, False], [True, False]]
 
 
 def test_motion_between_results_is_known_at_steps_of_the_command_interval_only(conventional, arm):

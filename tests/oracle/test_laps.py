@@ -61,19 +61,6 @@ def test_laps_18_to_20(arm, seed):
     np.testing.assert_allclose(moved, np.diff(q, axis=0)[:laps_done], atol=1e-9)
 
 
-def test_the_corpus_holds_laps_that_cannot_be_kept(arm):
-    """A joint that cannot stop within its lap: the largest of the smallest is infeasible."""
-    q = np.array([[0.0, 0.0], [0.01, 0.2]])
-    dq_ds = np.array([[1.0, 1.0], [1.0, 1.0]])
-    limit = np.array([0.5, 0.5])
-    *_, laps_done, joint, needed = run_laps(q, dq_ds, 0.4, limit)
-    times, _, _, expected = slow_laps(q.tolist(), dq_ds.tolist(), 0.4, limit.tolist())
-    assert laps_done == expected == 0 and times == []
-    h = (math.sqrt(0.4**2 + 2 * 0.5 * 0.2) - 0.4) / 0.5
-    assert joint == 0
-    assert needed == pytest.approx(abs(2 * (0.01 - 0.4 * h) / h**2))
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_lap_in_which_a_joint_turns_round(sign):
     # Joint 1 moves away from its next knot at first: the root takes the sign of its step.

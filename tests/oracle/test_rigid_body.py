@@ -88,11 +88,3 @@ def test_bodies_move_as_in_pinocchio():
     # What is left is the integrator's, of fourth order: at the standard step, 1e-14 rad.
     assert errors[2] < 1e-10
     np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 16, rtol=0.1)
-
-
-def test_nominal_inertia_is_the_bare_arms():
-    arm = skew_arm()
-    model = pinocchio_model(arm.chain, loaded=False)
-    mass = pin.crba(model, model.createData(), np.zeros(3))
-    plant = ac.RigidBodyPlant(arm, ac.ServoModel(kp=KP, kv=KV))
-    np.testing.assert_allclose(plant.nominal_inertia, np.diag(mass) + arm.chain.armature)

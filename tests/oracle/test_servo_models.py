@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import signal
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
@@ -15,6 +16,8 @@ CYCLE = 0.02
 DEAD_TIMES = (0.0, 0.06, 0.0137, 0.0281, [0.011, 0.047])
 # Overdamped, critical, underdamped.
 GAINS = ((25.0, 150.0), (25.0, 100.0), (60.0, 40.0))
+# Also nearly critical, hardly damped and stiff.
+LINEAR_GAINS = (*GAINS, (25.0, 100.0000001), (500.0, 5.0), (5.0, 2000.0))
 
 
 def taught_data(q, cycle=CYCLE):
@@ -86,6 +89,24 @@ def test_unsaturated_against_an_integrator(arm, order, interpolation):
             np.testing.assert_allclose(execution.q[: n + 1, j], expected[:, 0], atol=1e-9)
             if order == "second":
                 np.testing.assert_allclose(execution.dq[: n + 1, j], expected[:, 1], atol=1e-7)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "step"])
+@pytest.mark.parametrize("cycle", [4e-3, 0.05])
+def test_unsaturated_against_lsim(arm, interpolation, cycle):
+    for kp, kv in LINEAR_GAINS:
+        q = np.random.default_rng(2).normal(size=(40, 2))
+        servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
+        plant = ac.ServoPlant(arm, servo, ac.Limits.only())
+        execution = ac.simulate(taught_data(q, cycle), plant, resolution=cycle)
+        matrices = [[0, 1], [-kp * kv, -kv]], [[0], [kp * kv]], [[1, 0], [0, 1]], [[0], [0]]
+        system, t = signal.StateSpace(*matrices), np.arange(40) * cycle
+        for j in range(2):
+            # Between set-points as the plant is: exact, not a discretisation.
+            moved = q[:, j] - q[0, j]
+            _, expected, _ = signal.lsim(system, moved, t, interp=interpolation == "linear")
+            np.testing.assert_allclose(execution.q[:40, j] - q[0, j], expected[:, 0], atol=1e-9)
+            np.testing.assert_allclose(execution.dq[:40, j], expected[:, 1], atol=1e-9 * kv)
 
 
 @pytest.mark.parametrize("gains", GAINS)

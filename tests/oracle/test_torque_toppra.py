@@ -1,4 +1,4 @@
-"""Torque-limited plans of a UR5e: against toppra, judged by MuJoCo; and against true friction.
+"""Torque-limited plans of a UR5e: against toppra, judged by MuJoCo with friction.
 
 References are kept in `toppra_durations.json`; two are computed again here.
 """
@@ -25,8 +25,8 @@ from toppra.constraint import JointTorqueConstraint, JointVelocityConstraint  # 
 setup_logging("CRITICAL")
 
 TEN_TIMES_FINER, FINE = 40_000, 10_000  # toppra's intervals; ours are 4000
-REFERENCES = [("torque", FINE, seed) for seed in range(12)]
-REFERENCES += [("torque", TEN_TIMES_FINER, seed) for seed in (58, 81)]
+REFERENCES = [(FINE, seed) for seed in range(12)]
+REFERENCES += [(TEN_TIMES_FINER, seed) for seed in (58, 81)]
 ALLOWED = 1e-3
 # toppra's interpolation plans inside the limits, and so comes down on the optimum from above.
 OWN_ERROR = 1e-4
@@ -160,12 +160,12 @@ def compare(seed, reference, places=10):
 # One without dry friction and one with it.
 @pytest.mark.parametrize("seed", [4, 5])
 def test_references_are_what_toppra_finds(seed):
-    assert by_toppra(seed, FINE) == pytest.approx(recorded_duration("torque", FINE, seed), rel=SAME)
+    assert by_toppra(seed, FINE) == pytest.approx(recorded_duration(FINE, seed), rel=SAME)
 
 
-@pytest.mark.parametrize(("_", "intervals", "seed"), REFERENCES[:8] + REFERENCES[-2:])
-def test_as_fast_as_a_fine_reference_and_within_torque(_, intervals, seed):
-    ratio, ratios = compare(seed, recorded_duration("torque", intervals, seed))
+@pytest.mark.parametrize(("intervals", "seed"), REFERENCES[:8] + REFERENCES[-2:])
+def test_as_fast_as_a_fine_reference_and_within_torque(intervals, seed):
+    ratio, ratios = compare(seed, recorded_duration(intervals, seed))
     assert 1 - OWN_ERROR < ratio < 1 + ALLOWED
     assert 0.999 < max(ratios.values()) <= 1 + 1e-9
 
@@ -175,48 +175,6 @@ def with_friction(seed):
     chain = case.arm.chain.replace(viscous=VISCOUS)
     arm = SerialArm(name="dragged", chain=chain, limits=case.limits)
     return Problem(arm, case.points, case.limits)
-
-
-def with_true_friction(case, n):
-    """Duration of the fastest plan by the friction itself, not by lines: x by x, stage by stage.
-
-    For each x every torque is linear in u, friction included; so the allowed u are an interval,
-    and the largest x that leads on is found by trying many and halving. Limits hold at the starts
-    of n equal stages only.
-    """
-    path = ac.JointPath.spline(case.points)
-    s = np.linspace(0, path.length, n + 1)
-    q, d, dd = path(s), path(s, 1), path(s, 2)
-    solve, none = inverse_dynamics(case.arm.chain), np.zeros(6)
-    c = np.array([solve(x, none, none) for x in q])
-    a = np.array([solve(x, none, v) for x, v in zip(q, d, strict=True)]) - c
-    b = np.array([solve(x, v, w) for x, v, w in zip(q, d, dd, strict=True)]) - c
-    chain, limits, width = case.arm.chain, case.limits, path.length / n
-    dry = chain.coulomb * np.sign(d)
-    ceiling = ((limits.joint_velocity / np.maximum(np.abs(d), 1e-12)) ** 2).min(axis=1)
-
-    def range_of_u(i, x):
-        rest = b[i] * x[:, None] + c[i] + dry[i] + chain.viscous * d[i] * np.sqrt(x)[:, None]
-        one, two = (-limits.joint_torque - rest) / a[i], (limits.joint_torque - rest) / a[i]
-        return np.minimum(one, two).max(axis=1), np.maximum(one, two).min(axis=1)
-
-    def leads_on(i, x, upper):
-        low, high = range_of_u(i, x)
-        return (low <= high) & (x + 2 * width * low <= upper) & (x + 2 * width * high >= 0)
-
-    upper = np.zeros(n + 1)
-    for i in range(n - 1, -1, -1):
-        low, high = 0.0, ceiling[i]
-        for _ in range(4):
-            x = np.linspace(low, high, 60)
-            last = int(np.flatnonzero(leads_on(i, x, upper[i + 1]))[-1])
-            low, high = x[last], x[min(last + 1, 59)]
-        upper[i] = low
-    x = np.zeros(n + 1)
-    for i in range(n):
-        x[i + 1] = min(x[i] + 2 * width * range_of_u(i, x[i : i + 1])[1][0], upper[i + 1])
-    speed = np.sqrt(x)
-    return float(np.sum(2 * width / (speed[1:] + speed[:-1])))
 
 
 def test_viscous_friction_is_kept_and_costs_what_it_must():
@@ -230,7 +188,5 @@ def test_viscous_friction_is_kept_and_costs_what_it_must():
     # The lines that stand for friction cost nothing to speak of.
     finer = ac.plan(path, case.arm, case.limits, ac.Optimal(intervals=40_000))
     assert planned.duration == pytest.approx(finer.duration, rel=2e-4)
-    # The reference is of first order in its stages.
-    assert finer.duration == pytest.approx(with_true_friction(case, 6000), rel=1e-3)
     free = ac.plan(path, problem(seed).arm, case.limits)
     assert planned.duration > free.duration

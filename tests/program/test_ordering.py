@@ -1,6 +1,5 @@
 """The order of contours, and a little of the soaks of programs."""
 
-import functools
 import itertools
 
 import numpy as np
@@ -94,36 +93,6 @@ def test_inner_contours_are_cut_first_in_any_order(order, seed):
 
 
 # ------------------------------------------------------------------------------------- shortest
-
-
-def test_the_shortest_order_of_few_contours_is_near_the_best_of_all_orders():
-    ratios = [ratio_to_the_best(seed) for seed in range(20)]
-    assert min(ratios) >= 1 - 1e-12 and np.mean(ratios) < 1.05
-
-
-def ratio_to_the_best(seed):
-    """Length of the links of six lines, divided by the least of all orders."""
-    ends = np.random.default_rng(seed).uniform(0, 0.3, (6, 2, 2))
-    drawn = (line(a, b, str(i)) for i, (a, b) in enumerate(ends))
-    arranged = ordered(drawn, order="shortest")
-    assert sorted(names(arranged)) == [str(i) for i in range(6)]
-    options = [[x] for x in ends]
-
-    @functools.cache
-    def shortest_way(i, k, remaining):
-        """The shortest way from option k of contour i over all remaining contours."""
-        ways = (
-            float(np.linalg.norm(options[j][m][0] - options[i][k][1]))
-            + shortest_way(j, m, remaining - {j})
-            for j in remaining
-            for m in range(len(options[j]))
-        )
-        return min(ways, default=0.0)
-
-    every = frozenset(range(6))
-    return gaps(arranged) / min(
-        shortest_way(i, k, every - {i}) for i in every for k in range(len(options[i]))
-    )
 
 
 def test_closed_contours_begin_where_the_way_is_short():

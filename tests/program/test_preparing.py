@@ -57,10 +57,6 @@ def in_space(path, z=0.0):
     return Path.polyline(np.pad(path.vertices, ((0, 0), (0, 1)), constant_values=z))
 
 
-def straight(*points):
-    return Path.polyline([[x, 0.1] for x in points])
-
-
 # ---------------------------------------------------------------------------------------- leads
 
 
@@ -73,23 +69,6 @@ def test_leads_along_a_line_go_on_along_the_tangents():
         prepared_contour.path.tags[0] == "lead-in" and prepared_contour.path.tags[-1] == "lead-out"
     )
     np.testing.assert_allclose(prepared_contour.path.turns, [0, np.pi / 2, 0], atol=1e-9)
-
-
-@each("side, sign", [("left", 1.0), ("right", -1.0)])
-def test_leads_in_an_arc_are_quarters_of_circles_that_touch_the_contour(side, sign):
-    length = 0.02
-    radius = length / (np.pi / 2)
-    lead = Lead(length=length, shape="arc", side=side)
-    path = only(BEND, Process(lead_in=lead, lead_out=lead)).path
-    # Into [0.3, 0.2] along +x from a centre beside it; out of [0.35, 0.25] along +y likewise.
-    points = [[0.3 - radius, 0.2 + sign * radius], [0.35 - sign * radius, 0.25 + radius]]
-    np.testing.assert_allclose(ends_of(path), points, atol=1e-15)
-    tangents = [[0, -sign], [-sign, 0]]
-    np.testing.assert_allclose(path([0, path.length], 1, side="left"), tangents, atol=1e-12)
-    centre = np.array([0.3, 0.2 + sign * radius])
-    radii = np.linalg.norm(path(np.linspace(0, length, 9)) - centre, axis=1)
-    np.testing.assert_allclose(radii, radius, atol=1e-15)
-    np.testing.assert_allclose(path.turns[[0, -1]], 0, atol=1e-9)
 
 
 @given(
@@ -414,28 +393,6 @@ def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends()
     expected = [start + [0, 0, 0.1], start], [a, up, over, b], [end, end + [0, 0, 0.1]]
     for rapid_path, points in zip(rapids(prepared_program), expected, strict=True):
         np.testing.assert_allclose(rapid_path.vertices, points, atol=1e-15)
-
-
-def test_rapids_of_the_program_keep_their_shape_where_leads_move_their_ends():
-    rapid = Rapid(path=Path.polyline([[0.2, 0.2], [0.3, 0.1]]))
-    prepared_program = prepare(program(BEND, rapid, SQUARE), Process(lead_out=Lead(length=0.01)))
-    np.testing.assert_allclose(
-        rapids(prepared_program)[0].vertices, [[0.2, 0.2], [0.3, 0.1]], atol=1e-15
-    )
-    lead = Lead(length=0.01)
-    for x, leads in ((0.37, {"lead_in": lead, "lead_out": lead}), (0.36, {"lead_out": lead})):
-        rapid = Rapid(path=straight(0.35, x))
-        prepared_program = prepare(
-            program(straight(0.3, 0.35), rapid, straight(x, 0.4)), Process(**leads)
-        )
-        assert not rapids(prepared_program) and kinds(prepared_program) == "Contour Rapid Contour"
-        np.testing.assert_allclose(prepared_program.contours[1].path(0.0), [0.36, 0.1], atol=1e-15)
-    over, lead = path_of(arc((0.35, 0.1), (0.4, 0.1), -np.pi)), Lead(length=0.01)
-    moves = straight(0.3, 0.35), Rapid(path=over), straight(0.45, 0.5)
-    (rapid,) = rapids(prepare(program(*moves), Process(lead_in=lead, lead_out=lead)))
-    np.testing.assert_allclose(ends_of(rapid), [[0.36, 0.1], [0.44, 0.1]], atol=1e-15)
-    assert rapid.length == pytest.approx(over.length + 0.02)
-    np.testing.assert_allclose(rapid(rapid.length / 2), [0.4, 0.15], atol=1e-15)
 
 
 def test_goes_down_and_up_where_no_rapid_of_the_program_links():

@@ -1,19 +1,16 @@
-"""Every number of job files and of the command line, and what is put there that breaks programs.
+"""Every number of job files, and what is put there that breaks programs.
 
-Fields are found in the published schema of job files, and options in the command line itself: one
-that is added later is covered without a change here, or a test says that it needs a base.
+Fields are found in the published schema of job files: one that is added later is covered without a
+change here, or a test says that it needs a base.
 """
 
 from __future__ import annotations
 
 import copy
-import inspect
 import math
 from collections.abc import Iterator
-from pathlib import Path as FilePath
-from typing import Any, get_args
+from typing import Any
 
-from armcontour.cli.commands import app
 from armcontour.files import json_schema
 
 Place = tuple[str | int, ...]
@@ -133,7 +130,6 @@ def _oriented(orientation: Any) -> dict[str, Any]:
 
 _CLOSED = {"points": [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23], [0.30, 0.20]]}
 _LINE: dict[str, Any] = {"to": [0.34, 0.20], "speed": 0.05, "tolerance": 1e-3}
-_SPACE_LINE = [0.50, 0.0, 0.2]
 _DRAWN: dict[str, Any] = {
     "file": "part.svg",
     "units": "mm",
@@ -204,7 +200,6 @@ _FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}
 _UR5E = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 _BY_NAME = dict(zip((f"{x}_joint" for x in _UR5E), SPACE["seed"], strict=True))
 _TURNED = {"rpy": None, "quaternion": [0.0, 0.0, 0.0, 1.0]}
-_FLAT = {"points": [[0.40, 0.20, 0.0], [0.42, 0.20, 0.0], [0.42, 0.22, 0.0]]}
 _ABOUT = {
     "start": [0.45, 0.0, 0.2],
     "segments": [{"center": [0.45, 0.03, 0.2], "angle": 0.5, "normal": [0.0, 0.0, 1.0]}],
@@ -435,75 +430,3 @@ def _value_at(base: Any, place: Place) -> Any:
     for key in place:
         base = base[_key(base, key)]
     return base
-
-
-# How options that take quantities are written: # is the number. Other text is no number.
-FORMS: dict[str, tuple[str, ...]] = {
-    "--position": ("# m, 0, 0", "# mm, 0 mm, 0 mm"),
-    "--rpy": ("# rad, 0, 0", "0 deg, 0 deg, # deg"),
-    "--speed": ("# m/s", "# mm/s"),
-    "--tolerance": ("# m", "# mm"),
-    "--total-tolerance": ("# m", "# mm"),
-    "--resume-at": ("# m", "# mm"),
-    "--cycle": ("# s", "# ms"),
-    "--point-tolerance": ("# rad", "# mrad"),
-    "--rate": ("# Hz",),
-    "--servo-error": ("# m", "# um"),
-    "--set": ("limits.speed=#", "limits.speed=# mm/s", "corners.tolerance=#"),
-    "--over": ("limits.speed=[#]", "limits.speed=[# mm/s]"),
-    **dict.fromkeys(("--x", "--y", "--z"), ("# m .. 0 m, 2", "0 mm .. 1 mm, #")),
-    "--yaw": ("0 deg .. # deg, 2",),
-    "--drive-cycle": ("# s", "# ms"),
-    "--from": ("# s", "# ms"),
-    "--to": ("# s", "# ms"),
-    "--noise": ("# rad", "0.1 mrad, # mrad/s"),
-}
-TEXTS = {
-    # Options of play and of --on are tested in tests/controllers.
-    "--address", "--band", "--on", "--reserve", "--speed-factor",
-    "--arm", "--cell", "--columns",
-    "--contour", "--controller", "--corner-shape", "--export", "--format",
-    "--interpolation", "--layer", "--limits", "--log",
-    "--model", "--move", "--out", "--path",
-    "--validate", "--run", "--scene", "--set-points",
-    "--units",
-    "--waypoint-columns",
-}  # fmt: skip
-
-
-def numeric_options() -> Iterator[tuple[str, str, str]]:
-    """Every option of the command line that takes a number: command, option, and how to write it.
-
-    Raises:
-        LookupError: An option of text that is neither in FORMS nor in TEXTS.
-    """
-    for command, option, kind in _options():
-        if kind in (bool, FilePath) or option in TEXTS:
-            continue
-        if kind in (int, float):
-            yield command, option, "#"
-        elif option in FORMS:
-            for form in FORMS[option]:
-                yield command, option, form
-        else:
-            raise LookupError(
-                f"{command} {option}: say in tests/properties/number_cases.py what it takes"
-            )
-
-
-def _options() -> Iterator[tuple[str, str, type]]:
-    """Command, name and type of every option, from the signatures of the commands."""
-    for command in app.registered_commands:
-        assert command.callback is not None
-        for x in inspect.signature(command.callback, eval_str=True).parameters.values():
-            kind, *extra = get_args(x.annotation)
-            # With Annotated, typer takes an option's name where the default was.
-            declared = [y for z in extra for y in (getattr(z, "default", None), *_declared(z))]
-            names = [y for y in declared if isinstance(y, str) and y.startswith("--")]
-            if names:
-                kinds = [y for y in get_args(kind) or (kind,) if y is not type(None)]
-                yield command.callback.__name__, names[0].split("/")[0], kinds[0]
-
-
-def _declared(option: Any) -> tuple[str, ...]:
-    return tuple(getattr(option, "param_decls", None) or ())

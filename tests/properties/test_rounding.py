@@ -42,48 +42,6 @@ def distances(points, starts, tangents, lengths):
     return np.sqrt((((to - along[..., None] * tangents) ** 2).sum(axis=2)).min(axis=1))
 
 
-def check_polylines(seed, count):
-    """Round random polylines and judge tolerance, tangents, ends and overlap."""
-    rng = np.random.default_rng(seed)
-    rounded_ones = stopped_ones = shrunk_ones = merged_ones = 0
-    for _ in range(count):
-        points, tolerance = random_points(rng)
-        path = ac.Path.polyline(points)
-        rounded = ac.round_corners(path, tolerance=tolerance)
-        corners = rounded.corners
-        # Deviation: samples of every arc, and every corner to the middle of its arc.
-        arcs = np.flatnonzero(rounded.curvatures)
-        u = rounded.lengths[arcs, None] * np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-        on_arcs = rounded.on_segment(np.repeat(arcs, 5), u.ravel())
-        if len(arcs):
-            errors = distances(on_arcs, path.starts, path.tangents, path.lengths)
-            assert errors.max() <= tolerance + 1e-12
-            gap = np.linalg.norm(on_arcs[2::5] - corners.point[~corners.stopped], axis=1)
-            assert gap.max() <= tolerance + 1e-12
-        # Tangents: continuous but for the full stops that are recorded.
-        np.testing.assert_array_less(-1e-12, rounded.lengths)
-        jumps = rounded.breaks[1:-1][rounded.turns > 1e-9]
-        np.testing.assert_allclose(jumps, corners.start[corners.stopped], atol=1e-12)
-        # Ends, length, order, and no overlap on any line.
-        np.testing.assert_allclose(rounded.vertices[[0, -1]], path.vertices[[0, -1]], atol=1e-12)
-        assert rounded.length <= path.length * (1 + 1e-12)
-        assert (corners.start[1:] >= corners.end[:-1] - 1e-12).all()
-        corner_s = path.breaks[[0, *corners.vertex, -1]]
-        cut = np.array([0.0, *corners.tangent, 0.0])
-        assert (cut[:-1] + cut[1:] <= np.diff(corner_s) + 1e-12).all()
-        rounded_ones += len(arcs)
-        stopped_ones += int(corners.stopped.sum())
-        shrunk_ones += int(corners.shrunk.sum())
-        merged_ones += len(path.merged)
-    # The corpus does hold what it is meant to hold.
-    assert rounded_ones > 3 * count and shrunk_ones > count
-    assert stopped_ones > count / 5 and merged_ones > count / 5
-
-
-def test_random_polylines():
-    check_polylines(1000, BATCH)
-
-
 coordinates = st.floats(-1, 1, width=32)
 polylines = (
     st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8, unique=True)
@@ -96,27 +54,6 @@ tolerances = st.floats(1e-5, 1.0)
 def gentle(path):
     """No turn so near to straight back or straight on that rounding decides what it is."""
     return len(path.turns) > 0 and ((path.turns > 1e-4) & (path.turns < np.pi - 1e-4)).all()
-
-
-SHIFTS = st.tuples(coordinates, coordinates)
-
-
-@given(polylines, tolerances, st.floats(0, 6.28), st.floats(1e-3, 1e3), SHIFTS)
-def test_rounding_commutes_with_moving_turning_and_scaling(points, tolerance, angle, scale, shift):
-    path = ac.Path.polyline(points)
-    if not gentle(path):
-        return
-    rotation = Rotation.from_euler("z", angle).as_matrix()[:2, :2]
-
-    def move(x):
-        return scale * (x @ rotation.T + np.array(shift))
-
-    first = ac.round_corners(path, tolerance=tolerance)
-    moved = ac.round_corners(ac.Path.polyline(move(points)), tolerance=scale * tolerance)
-    np.testing.assert_allclose(moved.corners.radius, scale * first.corners.radius, rtol=1e-7)
-    s = np.linspace(0, first.length, 57)
-    moved_points = moved((scale * s).clip(0, moved.length))
-    np.testing.assert_allclose(moved_points, move(first(s)), atol=1e-8 * scale)
 
 
 @given(polylines, tolerances)
@@ -197,35 +134,6 @@ def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only
     # It begins and ends as it was.
     ends = orientation(np.array([0.0, made.length]))
     assert angles(ends, path.orientation(np.array([0.0, path.length]))).max() <= 1e-9
-
-
-@given(seed=SEEDS)
-def test_the_rotation_on_a_corner_is_as_near_as_its_blend_allows(seed):
-    # Compared at equal shares of the arc and of the two lines that the arc replaces. In the
-    # middle the bound is (t/2 - l/8) |b - a|, which the angular tolerance keeps. Elsewhere a
-    # second part is added, because the arc is shorter than the two lines: the tool turns by other
-    # shares than on them. On sharp turns between nearly equal rates this part is the larger one.
-    rng = np.random.default_rng(seed)
-    path, rotations, scale = random_path(rng)
-    path = path.oriented(rotations)
-    angular = 10.0 ** rng.uniform(-4, -0.5)
-    made = rounded(path, 0.1 * scale, angular)
-    corners = made.corners
-    p = np.linspace(0, 1, 41)
-    for k, vertex in enumerate(corners.vertex):
-        length, t = corners.end[k] - corners.start[k], corners.tangent[k]
-        a, b = path.orientation.first[vertex - 1 : vertex + 1]
-        # Cubics from (-t, 1) to (0, 0) and from (0, 0) to (t, 1): value and slope at the ends.
-        f = -t * (1 + 2 * p) * (1 - p) ** 2 + length * p * (1 - p) ** 2
-        g = t * p**2 * (3 - 2 * p) + length * p**2 * (p - 1)
-        s_from_corner = (2 * p - 1) * t
-        before, after = np.minimum(s_from_corner, 0), np.maximum(s_from_corner, 0)
-        # Rotations are nowhere farther apart than their rotation vectors.
-        bound = np.linalg.norm(np.outer(f - before, a) + np.outer(g - after, b), axis=1)
-        was = path.orientation(path.breaks[vertex] + s_from_corner)
-        angles_from_corner = angles(made.orientation(corners.start[k] + p * length), was)
-        assert (angles_from_corner <= bound + 1e-9).all()
-        assert angles_from_corner[20] <= angular + 1e-9
 
 
 @given(seed=SEEDS)

@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from tests.dynamics_extra import pinocchio
+from tests.dynamics_extra import pinocchio, pinocchio_model
 from tests.geometry.tables import each, refused
 
 import armcontour as ac
@@ -43,48 +43,6 @@ def test_drives_pay_for_friction(states):
     drive_torque = arm.torque(q, dq, ddq) - arm.dynamics.torque(q, dq, ddq)
     np.testing.assert_allclose(drive_torque, expected, atol=1e-12)
     assert (drive_torque[0] == 0).all()
-
-
-def test_energy_comes_from_the_drives_alone(states):
-    q, dq, ddq = states
-    still = Dynamics(chain(gravity=[0, 0, 0]))
-    h = 1e-5
-
-    def energy(sign):
-        position, rate = q + sign * h * dq + h**2 / 2 * ddq, dq + sign * h * ddq
-        return np.einsum("ni,nij,nj->n", rate, still.mass_matrix(position), rate) / 2
-
-    power = np.sum(still.torque(q, dq, ddq) * dq, axis=1)
-    np.testing.assert_allclose((energy(1) - energy(-1)) / (2 * h), power, rtol=1e-5, atol=1e-5)
-    assert (still.path_terms(q, dq, ddq)[2] == 0).all()
-
-
-def test_gravity_turns_with_the_base_and_a_payload_is_a_part_of_the_last_link(states):
-    def weight(**changes):
-        q = states[0]
-        on_axis = [[0, 0, 0], [0.1, 0.4, 0], [0.3, 0, 0.1]]
-        return Dynamics(chain(positions=on_axis, **changes)).torque(q, 0 * q, 0 * q)
-
-    # About the vertical nothing changes; on a wall it does.
-    first, *others = chain().rotations
-    turned = weight(rotations=[exp([0.0, 0.0, 0.7]) @ first, *others])
-    np.testing.assert_allclose(turned, weight(), atol=1e-12)
-    assert np.abs(weight(gravity=[-9.81, 0, 0]) - weight()).max() > 1
-    load = Payload(mass=1.5, center=[0.1, 0.2, -0.1], inertia=np.diag([0.02, 0.03, 0.04]))
-    base, tip = chain(), chain().tip
-    load_center = tip.position + tip.rotation @ load.center
-    mass = base.masses[2] + load.mass
-    center = (base.masses[2] * base.centers[2] + load.mass * load_center) / mass
-    inertia = base.inertias[2] + tip.rotation @ load.inertia @ tip.rotation.T
-    for weight, where in ((base.masses[2], base.centers[2]), (load.mass, load_center)):
-        away = where - center
-        inertia = inertia + weight * (away @ away * np.eye(3) - np.outer(away, away))
-    centers = [*base.centers[:2], center]
-    inertias = [*base.inertias[:2], (inertia + inertia.T) / 2]
-    heavier = base.replace(masses=[4.0, 3.0, mass], centers=centers, inertias=inertias)
-    expected = Dynamics(heavier).torque(*states)
-    torque = Dynamics(base.replace(payload=load)).torque(*states)
-    np.testing.assert_allclose(torque, expected, atol=1e-11)
 
 
 def test_two_links_in_the_plane_by_the_textbook():
@@ -151,20 +109,9 @@ def random_chain(seed, dof):
 
 def by_pinocchio(bodies):
     """Torques with and without gravity, and mass matrices, of single states, without armature."""
-    pin = pinocchio()
-    model, joint = pin.Model(), 0
-    for k, name in enumerate(bodies.joints):
-        place = pin.SE3(np.array(bodies.rotations[k]), np.array(bodies.positions[k]))
-        turning = pin.JointModelRevoluteUnaligned(np.array(bodies.axes[k]))
-        joint = model.addJoint(joint, turning, place, name)
-        body = bodies.masses[k], np.array(bodies.centers[k]), np.array(bodies.inertias[k])
-        model.appendBodyToJoint(joint, pin.Inertia(*body), pin.SE3.Identity())
-    if (load := bodies.payload) is not None:
-        body = load.mass, np.array(load.center), np.array(load.inertia)
-        tip = pin.SE3(np.array(bodies.tip.rotation), np.array(bodies.tip.position))
-        model.appendBodyToJoint(joint, pin.Inertia(*body), tip)
+    pin, model = pinocchio(), pinocchio_model(bodies)
     still = model.copy()
-    still.gravity.linear, model.gravity.linear = np.zeros(3), np.array(bodies.gravity)
+    still.gravity.linear = np.zeros(3)
     data = model.createData()
     upper = np.triu_indices(len(bodies))
 

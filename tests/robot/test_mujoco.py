@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import each
 
 import armcontour as ac
-from armcontour.core.frames import Frame
-from armcontour.robot import Dynamics, Payload
+from armcontour.robot import Dynamics
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -41,24 +40,7 @@ def test_places_torques_and_jacobians(name):
         np.testing.assert_allclose(arm.tool_jacobian(q), jacobian[:, :2], atol=1e-9)
 
 
-def test_a_payload_is_a_body_on_the_tip():
-    load = Payload(
-        mass=2.0,
-        center=[0.1, -0.05, 0.2],
-        inertia=[[0.02, 0.001, 0], [0.001, 0.03, 0], [0, 0, 0.04]],
-    )
-    arm = ac.load_arm("panda", payload=load, tool=Frame.rpy([0.0, 0.1, 0.3], [0.3, 0.2, 0.1]))
-    body = (
-        f'<body pos="0 0 0.107"><inertial mass="2" pos="0.1 -0.05 0.2" '
-        f'fullinertia="{words(six(load.inertia))}"/></body>'
-    )
-    q, dq, ddq = states(arm, n=200)
-    torque = seen_by_mujoco(model_of("panda", np.zeros(7), body), q, dq, ddq)[0]
-    largest = np.abs(torque).max(axis=1, keepdims=True)
-    assert (np.abs(arm.dynamics.torque(q, dq, ddq) - torque) <= 1e-8 * largest).all()
-
-
-def model_of(name, armature, payload=""):
+def model_of(name, armature):
     """A model of a built-in arm, with the site "tool" at its tip."""
     file = resources.files("armcontour.files.robots") / "library" / f"{name}.yaml"
     data = yaml.safe_load(file.read_text("utf-8"))
@@ -76,7 +58,7 @@ def model_of(name, armature, payload=""):
         )
     return mujoco.MjModel.from_xml_string(
         f'<mujoco><compiler angle="radian"/><option gravity="{gravity}"/><worldbody>{text}'
-        f'<site name="tool" pos="{tip}"/>{payload}{"</body>" * len(bodies["mass"])}'
+        f'<site name="tool" pos="{tip}"/>{"</body>" * len(bodies["mass"])}'
         "</worldbody></mujoco>"
     )
 

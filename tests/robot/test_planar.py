@@ -6,8 +6,6 @@ from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from tests.geometry.tables import each, refused
 
 import armcontour as ac
@@ -45,23 +43,6 @@ def test_forward_as_printed_1_and_2(arm):
     np.testing.assert_allclose(arm.tool_position([np.pi / 2, 0]), (L0 + L1 + L2, 0), atol=1e-15)
 
 
-def test_inverse_as_printed_3_and_4_where_these_hold(arm):
-    # (3) loses the quadrant for y <= 0, and (4) is the elbow with theta2 >= 0.
-    points = random_points()
-    points = points[points[:, 1] > 1e-3]
-    assert len(points) > 100
-    c, y = points[:, 0] - L0, points[:, 1]
-    d2 = c**2 + y**2
-    t1 = np.arctan(c / y) - np.arccos((L1**2 - L2**2 + d2) / (2 * L1 * np.sqrt(d2)))
-    t2 = np.pi - np.arccos((L1**2 + L2**2 - d2) / (2 * L1 * L2))
-    np.testing.assert_allclose(arm.joint_position(points), np.stack([t1, t2], axis=1), atol=1e-9)
-    # The default branch is the paper's.
-    np.testing.assert_array_equal(
-        arm.joint_position(points), arm.joint_position(points, "positive")
-    )
-    assert arm.branches == tuple(BRANCHES)
-
-
 @each("configuration", BRANCHES)
 def test_round_trips_from_the_tool_and_from_the_joints(arm, configuration):
     points, sign = random_points(), BRANCHES[configuration]
@@ -79,21 +60,6 @@ def test_round_trips_from_the_tool_and_from_the_joints(arm, configuration):
     turns = (arm.joint_position(arm.tool_position(q), configuration) - q) / (2 * np.pi)
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-13)
     np.testing.assert_array_equal(np.round(turns[:, 1]), 0)
-
-
-LINK, ANGLE = st.floats(0.05, 2.0), st.floats(-np.pi, np.pi)
-
-
-@given(LINK, LINK, st.floats(0.001, 0.999), ANGLE, st.sampled_from([*BRANCHES]))
-def test_any_arm_reaches_where_it_should(link1, link2, share, angle, configuration):
-    arm = ac.PlanarTwoLink(name="any", base=-0.3, links=(link1, link2), limits=ac.Limits())
-    near, far = arm.reach
-    assert (near, far) == (abs(link1 - link2), link1 + link2)
-    distance = near + share * (far - near)
-    point = np.array([-0.3 + distance * np.cos(angle), distance * np.sin(angle)])
-    np.testing.assert_allclose(
-        arm.tool_position(arm.joint_position(point, configuration)), point, atol=1e-13
-    )
 
 
 def test_the_jacobian_its_rate_and_tool_motion_agree_with_differences(arm):

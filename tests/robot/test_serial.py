@@ -5,7 +5,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from tests.dynamics_extra import pinocchio
 from tests.geometry.tables import refused
 
 import armcontour as ac
@@ -107,30 +106,6 @@ def test_the_tools_jerk_has_all_digits(arm3):
     generic = ac.Arm.tool_jerk(arm3, *states)
     size = np.abs(states[1]).sum() ** 3
     np.testing.assert_allclose(generic, exact, atol=1e-12 * size)
-
-
-def test_pinocchio_sees_the_same_arm():
-    pin = pinocchio()
-    arm = crooked()
-    chain, model, joint = arm.chain, pin.Model(), 0
-    for k, name in enumerate(chain.joints):
-        turning = pin.JointModelRevoluteUnaligned(np.array(chain.axes[k]))
-        place = pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k]))
-        joint = model.addJoint(joint, turning, place, name)
-    end = chain.tip @ chain.tool
-    place = pin.SE3(end.rotation, end.position)
-    frame = model.addFrame(pin.Frame("tool", joint, 0, place, pin.FrameType.OP_FRAME))
-    data, base = model.createData(), chain.base
-    turn = np.kron(np.eye(2), base.rotation)
-    for q in np.random.default_rng(2).normal(size=(50, arm.dof)):
-        jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
-        pin.framesForwardKinematics(model, data, q)
-        place = data.oMf[frame]
-        point, rotation = arm.pose(q)
-        expected = base.position + base.rotation @ place.translation
-        np.testing.assert_allclose(point, expected, atol=1e-12)
-        np.testing.assert_allclose(rotation, base.rotation @ place.rotation, atol=1e-12)
-        np.testing.assert_allclose(arm.jacobian(q), turn @ jacobian, atol=1e-12)
 
 
 def test_work_frame_and_tool_only_define_the_two_ends_of_the_pose(arm3, states):

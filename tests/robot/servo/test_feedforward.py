@@ -144,16 +144,6 @@ def test_compensated_joints_follow_the_plan_as_well_as_without_feedforward(kind,
     assert method != "inverse" or errors[1] < 0.2 * alone[1] < 0.2 * 0.35 * alone[0]
 
 
-def test_held_set_points_cancel_feedforward_exactly(arm, plan):
-    servos = servo_of("step", velocity_feedforward=0.0), servo_of("step")
-    (_, one), (set_points, other) = (follow(plan, arm, x, None, "inverse") for x in servos)
-    n = min(len(one.t), len(other.t))
-    difference = np.abs(one.q[:n] - other.q[:n])
-    # After the motion, the transient of feed-forward is cut off.
-    assert difference[one.t[:n] < plan.duration - CYCLE].max() < 1e-9
-    assert (difference.max(axis=0) < set_points.truncated + 1e-9).all()
-
-
 OMEGA = np.array([0.0, 1.0, 30.0, 500.0])
 
 
@@ -170,19 +160,6 @@ def test_the_response_is_5_and_the_slowest_rate_that_of_its_slowest_pole():
         slowest = -np.roots([1.0, kv, kp * kv]).real.max()
         np.testing.assert_allclose(ac.ServoModel(kp=kp, kv=kv).slowest, slowest, rtol=1e-6)
     assert ac.ServoModel(kp=[5.0, 7.0], order="first").slowest == 5.0
-
-
-def test_what_is_not_given_and_one_gain_for_all_joints():
-    servo = ac.ServoModel(kp=25.0, kv=150.0)
-    assert servo.order == "second" and servo.interpolation == "linear" and servo.dead_time == 0
-    first = ac.ServoModel(kp=25.0, order="first", dead_time=[0.01, 0.02]).for_joints(2)
-    assert first.kv is None and first.order == "first"
-    np.testing.assert_array_equal(first.dead_time, [0.01, 0.02])
-    gains = np.array([25.0, 20.0])
-    servo = ac.ServoModel(kp=25.0, kv=gains, interpolation="step").for_joints(2)
-    gains[0] = 1.0
-    np.testing.assert_array_equal([servo.kp, servo.kv], [(25.0, 25.0), (25.0, 20.0)])
-    assert servo.interpolation == "step" and not servo.kv.flags.writeable
 
 
 def test_refusals(refuses):

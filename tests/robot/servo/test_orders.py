@@ -67,36 +67,6 @@ def test_joints_without_a_model_follow_their_command(execute):
     np.testing.assert_allclose(execution.q[: len(Q), 1], Q[:, 1], atol=1e-12)
 
 
-@pytest.mark.parametrize("drive_cycle", [1e-3, 8e-3])
-def test_drives_hold_their_acceleration_for_a_cycle(drive_cycle, execute):
-    dead_time, limit = 2.3e-3, 2.0
-    servo = ac.ServoModel(
-        kp=20.0,
-        kv=90.0,
-        dead_time=dead_time,
-        velocity_feedforward=0.5,
-        drive_cycle=drive_cycle,
-        acceleration_limit=(np.inf, limit),
-    )
-    execution = execute(servo)
-    for j, bound in enumerate((np.inf, limit)):
-        q, w, positions = Q[0, j], 0.0, []
-        for m in range(int(T[-1] / drive_cycle)):
-            u, before = (
-                np.interp(m * drive_cycle - dead_time - x, T, Q[:, j]) for x in (0.0, drive_cycle)
-            )
-            ask = 90.0 * (20.0 * (u - q) + 0.5 * (u - before) / drive_cycle - w)
-            a = min(max(ask, -bound), bound)
-            for t in (
-                T[(T >= m * drive_cycle - 1e-9) & (T < (m + 1) * drive_cycle - 1e-9)]
-                - m * drive_cycle
-            ):
-                positions.append(q + t * w + t * t * a / 2)
-            q, w = q + drive_cycle * w + drive_cycle**2 * a / 2, w + drive_cycle * a
-        np.testing.assert_allclose(execution.q[: len(positions), j], positions, atol=1e-12)
-        assert (execution.saturated_time[j] > 0) == np.isfinite(bound)
-
-
 def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
     servo = ac.ServoModel(kp=20.0, kv=90.0, dead_time=5.3e-3, velocity_feedforward=0.9)
     execution = execute(servo)
@@ -108,29 +78,6 @@ def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
         command = LoggedCommand(more, np.interp(more, T, Q[:, j]))
         response = follow(command, every, Q[0, j], 0.0)[0]
         np.testing.assert_allclose(response[np.isin(more, T)], execution.q[: len(T), j], atol=1e-12)
-
-
-@pytest.mark.parametrize("feed", [0.0, 0.9])
-@pytest.mark.parametrize("kind", [{"kv": 150.0}, {"order": "first"}])
-def test_set_points_compensate_the_cycle_of_drives(kind, feed):
-    path = ac.round_corners(ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)]), tolerance=2e-3)
-    limits = ac.Limits(joint_acceleration=[5.0, 5.0], joint_jerk=[50.0, 50.0], speed=0.1)
-    plan = ac.plan(path, ARM, limits, ac.Optimal(intervals=200))
-    for cycle in (CYCLE, 2e-4):
-        errors = []
-        for drive_cycle in (0.0, 2e-3):
-            servo = ac.ServoModel(
-                kp=20.0, velocity_feedforward=feed, drive_cycle=drive_cycle, **kind
-            )
-            set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=cycle)
-            # What the joints do between cycles is not compensated.
-            execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=cycle)
-            inside = (execution.t > 0) & (execution.t < plan.duration)
-            inside &= np.abs(execution.t / 2e-3 - np.round(execution.t / 2e-3)) < 1e-6
-            errors.append(
-                np.abs(execution.q - plan(np.clip(execution.t, 0, plan.duration)))[inside].max()
-            )
-        assert errors[1] < errors[0] + 3e-5
 
 
 @pytest.mark.parametrize("feed", [0.0, 0.9])
