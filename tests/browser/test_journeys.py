@@ -145,14 +145,14 @@ def press(studio, within, name):
 
 def test_j27_drawing_arm_slider_and_charts_show_one_time(studio):
     press(studio, "#viewbar", "Both")
-    studio.wait("#view3d", exact="true", time="0")
+    studio.wait("#view3d", time="0")
     dot = studio.find("circle.cursor:not(.tool)")
     studio.page.mouse.move(*studio.middle(studio.handle("middle", 2)))
     studio.wait_for("#playback:not([data-time='0'])")
 
     def agreed():
         time = studio.told("#playback", "time")
-        studio.wait("#view3d", exact="true", time=time)
+        studio.wait("#view3d", time=time)
         studio.wait("[data-chart=acceleration]", cursor=time)
         assert float(studio.find("#playback .scrub").input_value()) == pytest.approx(float(time))
         # The arm's tool is where the dot on the path is: within two pixels.

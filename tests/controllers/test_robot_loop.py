@@ -11,8 +11,8 @@ from tests.controllers.simulated import Simulated
 import armcontour as ac
 from armcontour.control.learning import LearningResult
 from armcontour.controllers import identify_on, learn_on, play
-from armcontour.controllers.excitation import SHARE, excite
 from armcontour.controllers.player import limits_of, plan_played
+from armcontour.controllers.robot_identification import SHARE, excite
 from armcontour.core.errors import ControllerRefused
 from armcontour.files import parse_job
 from armcontour.jobs.run_learning import learn_logs

@@ -268,7 +268,7 @@ def test_s9_too_much_of_everything(studio, monkeypatch):
     monkeypatch.setattr(access_control, "BURST", 20.0)
     monkeypatch.setattr(access_control, "RATE", 0.0)
     with studio.page() as page:
-        messages = ['{"op": "pose", "t": 0, "of": "planned"}'] * 21
+        messages = ['{"op": "start"}'] * 21
         assert "too many" in closed(page.socket, *messages).reason
 
 

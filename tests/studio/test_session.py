@@ -63,7 +63,6 @@ NONSENSE = (
     *({"op": "add_run", "name": "../x"}, {"op": "add_run", "name": "fast"}),
     {"op": "add_run", "name": "new", "like": ["fast"]},
     {"op": "remove_run", "name": "none"},
-    *({"op": "pose", "t": "1", "of": "planned"}, {"op": "pose", "t": 1, "of": "nothing"}),
     *({"op": "task", "id": "a", "task": "system"}, {"op": "task", "id": 1, "task": "report"}),
     {"op": "task", "id": "#1", "task": "report"},
     {"op": "task", "id": "a", "task": "report", "options": [1]},

@@ -242,7 +242,7 @@ def place(
 
     Exit codes: 0 done, 1 done but no place is feasible; others as for errors.
     """
-    from armcontour.cli.place_command import place_file
+    from armcontour.cli.study_commands import place_file
 
     raise typer.Exit(place_file(job, out, job_options, options))
 
@@ -264,7 +264,7 @@ def batch(
 
     Exit codes: 0 every job is done or refused; 1 some jobs failed; 2 no job is valid.
     """
-    from armcontour.cli.batch_command import batch_file
+    from armcontour.cli.study_commands import batch_file
 
     raise typer.Exit(batch_file(job, out, job_options, options))
 

@@ -5,24 +5,48 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
-from armcontour.controllers.commands import UNKNOWN_LAG
-from armcontour.controllers.controller import Controller, PlayedMotion
-from armcontour.controllers.excitation import excite
+from armcontour.controllers.commands import UNKNOWN_LAG, uncompensated_motion
+from armcontour.controllers.controller import Controller, Motion, PlayedMotion
 from armcontour.controllers.player import Played, Player, limits_of, plan_played
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ControllerRefused
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Reserve
 from armcontour.core.render import Result
 from armcontour.core.result import VERDICT, Data, Row
+from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, choose_run
-from armcontour.motion import Log
+from armcontour.motion import JointPath, Log, PathLaw, Trajectory
+from armcontour.robot import Limits
+from armcontour.robot.limit_use import States
 
 # Default reserve of the run, so that commanded accelerations do not saturate.
 GENTLE = 0.2
 # Names of the motions and of their logs.
 RUN, EXCITATION = "run", "excitation"
+
+# Duration of the motion, and of the fade-in at its start and the fade-out at its end [s].
+DURATION, FADING = 12.0, 2.0
+# Frequencies of the first joint [Hz]. Those of joint j are higher by the share j * DETUNED, so that
+# motions of joints are not correlated.
+FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.17
+# Maximum amplitude [rad], and share of the limits that the motion uses.
+AMPLITUDE, SHARE = 0.1, 0.6
+# Interval between the states whose limits are checked [s].
+STEP = 2e-3
+# Maximum number of amplitudes that are tried near an obstacle or limit, each half of the previous
+# one.
+HALVINGS = 4
+# Joint limits: first those whose use is proportional to the amplitude, then the others.
+OF_JOINTS = (
+    *("joint_velocity", "joint_acceleration", "joint_jerk"),
+    *("joint_lower", "joint_upper", "joint_torque"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,3 +156,91 @@ def identify_on(
 def _is_complete(record: PlayedMotion) -> bool:
     """True if a motion need not be repeated; late set-points do not matter, as they are logged."""
     return record.stopped is None or record.deviated
+
+
+def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
+    """Motion about the start of a trajectory, within limits and without contact.
+
+    Args:
+        job: The job.
+        limits: Limits of arm and tool.
+        base: A plan of the arm with these limits.
+        cycle: Cycle of the controller [s].
+
+    Raises:
+        ControllerRefused: The begin is too near to a limit or to an obstacle.
+    """
+    start, size = base(0.0), 1.0
+    low, high = limits.joint_lower, limits.joint_upper
+    room = np.full(len(start), AMPLITUDE)
+    for bound, sign in ((low, -1), (high, 1)):
+        if bound is not None:
+            room = np.minimum(room, SHARE * sign * (bound - start))
+    t = np.arange(0.0, DURATION + STEP / 2, STEP)
+    columns = _sines(len(start), t)
+    columns = [x * (np.maximum(room, 0.0) / np.abs(columns[0]).max(axis=0)) for x in columns]
+    if (np.ptp(columns[0], axis=0) == 0).any():
+        j = int(np.ptp(columns[0], axis=0).argmin())
+        raise ControllerRefused(f"Joint {j + 1} starts at the end of its range.", joint=j)
+    # Scale each joint by its own limits first, then all joints by the limits of the tool.
+    tool = limits.replace(**dict.fromkeys(OF_JOINTS))
+    for some in (*(Limits.only(**{x: getattr(limits, x)}) for x in OF_JOINTS[:3]), tool):
+        states = States(job.arm, [columns[0] + start, *columns[1:]])
+        for use in states.uses(some):
+            ratio = use.ratio.max(axis=0)
+            columns = [x * np.minimum(SHARE / np.maximum(ratio, 1e-9), 1.0) for x in columns]
+    for _ in range(HALVINGS):
+        scaled = [size * x for x in columns]
+        trajectory = _trajectory(base, t, scaled, start)
+        states = States(job.arm, [scaled[0] + start, *scaled[1:]])
+        clearance = clearance_of(job, trajectory)
+        within = all((x.ratio <= 1).all() for x in states.uses(limits))
+        if within and (clearance is None or clearance.satisfied):
+            return uncompensated_motion(trajectory, job.arm, cycle)
+        size /= 2
+    reason = clearance.sentence if within and clearance is not None else "a limit is active."
+    raise ControllerRefused(f"The joints cannot be excited about the begin of the run: {reason}")
+
+
+def _sines(dof: int, t: FloatArray) -> list[FloatArray]:
+    """Positions for an amplitude of 1 and three derivatives, from rest to rest, (n, dof) each."""
+    x = np.clip(np.minimum(t, t[-1] - t) / FADING, 0.0, 1.0)
+    sign = np.where(t < t[-1] / 2, 1.0, -1.0)
+    inside = ((x > 0) & (x < 1)) / FADING
+    fade = (
+        x**4 * (35 - x * (84 - x * (70 - 20 * x))),
+        140 * x**3 * (1 - x) ** 3 * inside * sign,
+        420 * x**2 * (1 - x) ** 2 * (1 - 2 * x) * inside / FADING,
+        840 * x * (1 - x) * (1 - 5 * x + 5 * x**2) * inside / FADING**2 * sign,
+    )
+    columns = [np.zeros((len(t), dof)) for _ in range(4)]
+    for j in range(dof):
+        for k, frequency in enumerate(FREQUENCIES):
+            w = 2 * np.pi * frequency * (1 + DETUNED * j)
+            # Amplitudes decrease with the power 1.5 of the frequency, so velocities decrease and
+            # accelerations increase with its square root.
+            a, phase = 1 / w**1.5, w * t + 2.0 * j + 1.3 * k
+            sine = [a * w**n * np.sin(phase + n * np.pi / 2) for n in range(4)]
+            columns[0][:, j] += fade[0] * sine[0]
+            columns[1][:, j] += fade[1] * sine[0] + fade[0] * sine[1]
+            columns[2][:, j] += fade[2] * sine[0] + 2 * fade[1] * sine[1] + fade[0] * sine[2]
+            columns[3][:, j] += (
+                fade[3] * sine[0]
+                + 3 * fade[2] * sine[1]
+                + 3 * fade[1] * sine[2]
+                + fade[0] * sine[3]
+            )
+    return columns
+
+
+def _trajectory(
+    base: Trajectory, t: FloatArray, columns: list[FloatArray], start: FloatArray
+) -> Trajectory:
+    """Trajectory through samples of a motion, with the limits of a plan."""
+    states = (columns[0] + start, columns[1], columns[2])
+    begin = (states[0][:-1], states[1][:-1], states[2][:-1])
+    end = (states[0][1:], states[1][1:], states[2][1:])
+    path = JointPath.hermite(t, begin, end)
+    return replace(
+        base, laws=(PathLaw.over_time(path),), path=None, stretches=(), spans=(), events=()
+    )

@@ -133,7 +133,6 @@ class Commands:
             "select": self._select,
             "add_run": self._add_run,
             "remove_run": self._remove_run,
-            "pose": self._pose,
             "detail": self._detail,
             "task": self._task,
             "cancel": self._cancel,
@@ -253,14 +252,7 @@ class Commands:
         name = _required_text(message, "name")
         self._change(remove_run(self._editor.state.data, name), f"remove the run {name}")
 
-    # Commands for poses, details and tasks
-
-    def _pose(self, page: Page, message: PageMessage) -> None:
-        t, motion = message.get("t"), str(message.get("of"))
-        if isinstance(t, bool) or not isinstance(t, int | float):
-            raise InvalidInput("The message pose requires `t`, a time in seconds.")
-        q = self._display.scheduler.pose(float(t), motion)
-        self._display.send(PageFrame("pose", {"q": q, "t": t, "of": motion}), to=page)
+    # Commands for details and tasks
 
     def _detail(self, page: Page, message: PageMessage) -> None:
         """Draw the visible part of the picture with the resolution of the screen."""

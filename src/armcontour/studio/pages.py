@@ -26,8 +26,8 @@ PageMessage: TypeAlias = Mapping[str, Any]
 # Maximum number and total size [bytes] of stored files for download; the newest file always stays.
 MAX_FILES, MAX_BYTES = 20, 200_000_000
 # Kinds of frames of which a page needs only the newest one.
-NEWEST_ONLY = {"arm", "changes", "detail", "document", "executed", "figures"} | {
-    *("picture", "pose", "refusal")
+NEWEST_ONLY = {
+    *("arm", "changes", "detail", "document", "executed", "figures", "picture", "refusal")
 }
 
 

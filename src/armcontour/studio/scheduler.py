@@ -225,16 +225,6 @@ class Scheduler:
             frame = detail_frame(made, executed, view, detail)
             deliver(frame.stamped(number=number, tier=tier))
 
-    def pose(self, t: float, motion: str) -> FloatArray:
-        """Joint positions at a time [s] of the motion "planned" or "executed"."""
-        planned, executed = self._results.planned, self._results.executed
-        if motion == "executed" and executed is not None:
-            execution = executed.execution
-            return np.array([np.interp(t, execution.t, q) for q in execution.q.T])
-        if motion != "planned" or planned is None:
-            raise InvalidInput(f"The motion {motion!r} is not available (yet).")
-        return planned.trajectory(float(np.clip(t, 0.0, planned.trajectory.duration)))
-
     def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
         """Start a task in the task process; `id` identifies the task for `cancel`."""
         with self._lock:

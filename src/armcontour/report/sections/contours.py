@@ -15,7 +15,7 @@ from armcontour.jobs.run_data import pierce_length, work_length
 from armcontour.motion import Span
 from armcontour.program import Contour
 from armcontour.report.section import Section, TextTable, text_table
-from armcontour.report.sections.corner_figures import alike
+from armcontour.report.sections.path_section import alike
 from armcontour.report.style import few
 from armcontour.verification import ErrorProfile
 

@@ -13,8 +13,6 @@ import { passed, trailOf } from "./trail.js";
 /** @typedef {import("./cell.js").Cell} Cell */
 /** @typedef {import("./motion.js").Motion} Motion */
 
-/** Times closer than this are the same [s]. */
-const SAME_TIME = 1e-9;
 /** Starts that differ by more are in different configurations [rad]. */
 const SAME_POSTURE = 0.01;
 /** So long after the last change the view rests [ms]. */
@@ -29,7 +27,6 @@ export function init(store) {
   const view = new ArmView(find("#view3d"), store);
   for (const event of ["picture", "executed", "theme", "arm"]) store.on(event, () => view.outdate(event));
   for (const event of ["time", "view", "layout", "refusal", "figures"]) store.on(event, view.draw);
-  store.on("pose", (/** @type {Frame} */ frame) => view.takePose(frame));
 }
 
 /** The 3D view. Nothing is drawn while it is hidden, or while nothing changes. */
@@ -57,8 +54,6 @@ class ArmView {
     this.motion = null;
     /** Which motion was requested. */
     this.asked = store.options.time;
-    /** @type {Frame | null} the newest answer to a question for a posture */
-    this.exact = null;
     this.frames = 0;
     this.draw = oncePerFrame(() => this.drawNow());
     this.canvas = make("canvas", {
@@ -103,16 +98,6 @@ class ArmView {
    */
   outdate(what) {
     this.stale.add(what);
-    if (what === "picture" || what === "executed") this.exact = null;
-    this.draw();
-  }
-
-  /**
-   * The server's joint positions for a time; they are of the motion that is shown until that changes.
-   * @param {Frame} frame
-   */
-  takePose(frame) {
-    this.exact = frame;
     this.draw();
   }
 
@@ -183,8 +168,7 @@ class ArmView {
     const { cell, motion, scene, trail, store, region } = this;
     if (!cell) return;
     const t = Math.min(store.time, motion?.duration ?? 0);
-    const exact = this.exactPose(t);
-    const q = exact ?? (motion ? along(motion.t, motion.q, t, motion.dof) : cell.chain.joints.map(() => 0));
+    const q = motion ? along(motion.t, motion.q, t, motion.dof) : cell.chain.joints.map(() => 0);
     const links = cell.chain.links(q);
     const at = cell.chain.toolOf(links);
     scene?.pose(links, at, trail ? passed(trail, t) : 0);
@@ -194,24 +178,12 @@ class ArmView {
     this.fitOnce(cell, links);
     region.dataset.time = String(t);
     region.dataset.of = motion?.of ?? "none";
-    region.dataset.exact = String(exact !== null);
     region.dataset.joints = q.join(",");
     region.dataset.elevation = String(this.camera.elevation);
     region.dataset.tool = [at[3], at[7], at[11]].join(",");
     region.dataset.refused = refused ? refused.join(",") : "";
     region.dataset.pieces = String(trail?.times.length ?? 0);
     say(this.note, this.noteText(motion));
-  }
-
-  /**
-   * The server's joint positions, if they are those of the shown time.
-   * @param {number} t [s]
-   * @returns {number[] | null}
-   */
-  exactPose(t) {
-    const { exact, motion } = this;
-    if (!exact || exact.head.of !== motion?.of || Math.abs(exact.head.t - t) > SAME_TIME) return null;
-    return [...(exact.arrays.q ?? exact.head.q)];
   }
 
   /**

@@ -6,9 +6,6 @@ import { find, make } from "./dom.js";
 /** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
 
-/** Keys that concern the job: with Ctrl, and those that show another run. */
-const COMMAND = /^(ctrl\+.*|\[|\])$/;
-const TABS = ["charts", "runs", "waypoints", "tasks", "text", "notes"];
 /** Content of the help. @type {[string, [string, string][]][]} */
 const HELP = [
   ["Drawing", [
@@ -23,18 +20,15 @@ const HELP = [
     ["F", "show all"],
     ["M", "move and turn the part as a whole"],
     ["E", "show the executed tool"],
-    ["1, 2, 3", "colour by limit, speed, error"],
     ["V", "2D, both, 3D"],
   ]],
   ["Job", [
     ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
     ["Ctrl+S", "save"],
     ["Ctrl+O", "open a file; or drop it on the page"],
-    ["[ and ]", "the run before, the next run"],
     ["Ctrl+Enter", "apply the text of the job file"],
   ]],
   ["Page", [
-    ["Alt+1 … Alt+6", "tabs below the drawing"],
     ["D", "show or hide the tabs"],
     ["Space", "play, pause"],
     ["?", "this help"],
@@ -52,25 +46,19 @@ function isField(target) {
 }
 
 /** @param {KeyboardEvent} event @returns {string} such as "ctrl+shift+z" */
-function nameOf({ key, code, ctrlKey, metaKey, altKey, shiftKey }) {
+function nameOf({ key, ctrlKey, metaKey, altKey, shiftKey }) {
   const ctrl = ctrlKey || metaKey;
-  // With Alt, keyboards of some systems type other signs; Shift alone is a part of the sign.
-  const sign = altKey && code.startsWith("Digit") ? code.slice(5) : key.toLowerCase();
+  // Shift alone is a part of the sign.
   const shift = shiftKey && (ctrl || key.length > 1);
-  return [ctrl && "ctrl", altKey && "alt", shift && "shift", sign].filter(Boolean).join("+");
+  return [ctrl && "ctrl", altKey && "alt", shift && "shift", key.toLowerCase()].filter(Boolean).join("+");
 }
 
-/** @param {Store} store @param {Link} link @param {View2d} view @returns {Record<string, () => void>} */
-function actions(store, link, view) {
+/** @param {Store} store @param {View2d} view @returns {Record<string, () => void>} */
+function actions(store, view) {
   const click = (/** @type {string} */ id) => () => find(`#${id}`).click();
   const pan = (/** @type {number} */ x, /** @type {number} */ y) => () => {
     view.view.pan(x, y);
     view.moved();
-  };
-  const run = (/** @type {number} */ step) => () => {
-    const { runs, run: shown } = store.document;
-    const next = runs[runs.findIndex((/** @type {any} */ r) => r.name === shown) + step];
-    if (next) link.send({ op: "select", run: next.name });
   };
   const stages = /** @type {const} */ (["2d", "both", "3d"]);
   return {
@@ -89,40 +77,26 @@ function actions(store, link, view) {
     "shift+arrowdown": pan(0, -60),
     m: () => store.setView({ place: !store.options.place }),
     e: () => store.setView({ executed: !store.options.executed }),
-    1: () => store.setView({ colour: "limit" }),
-    2: () => store.setView({ colour: "speed" }),
-    3: () => store.setView({ colour: "error" }),
     v: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
     d: () => store.setView({ dock: !store.options.dock }),
-    "[": run(-1),
-    "]": run(1),
     "?": click("help-open"),
-    ...Object.fromEntries(
-      TABS.map((tab, k) => [
-        `alt+${k + 1}`,
-        () => {
-          store.setView({ tab, dock: true });
-          find(`#tab-button-${tab}`).focus();
-        },
-      ]),
-    ),
   };
 }
 
 /** @param {Store} store @param {Link} link @param {View2d} view */
 export function init(store, link, view) {
-  const act = actions(store, link, view);
+  const act = actions(store, view);
   buildHelp();
   window.addEventListener("keydown", (event) => {
     if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
     const name = nameOf(event);
-    const everywhere = name === "ctrl+s" || name === "ctrl+o" || name.startsWith("alt+");
+    const everywhere = name === "ctrl+s" || name === "ctrl+o";
     if (!act[name] || (isField(event.target) && !everywhere)) return;
     // Letters and signs of sliders and buttons are free, their arrows are not.
     if (event.target instanceof HTMLInputElement && event.key.startsWith("Arrow")) return;
     event.preventDefault();
     if (!store.document && name !== "?") return;
-    if (!COMMAND.test(name)) return act[name]();
+    if (!name.startsWith("ctrl+")) return act[name]();
     // It concerns the job with the keys before it.
     link.whenKnown(() => {
       store.tell("command");

@@ -1,4 +1,4 @@
-// Playback: moves the shown time at a chosen rate, and requests the exact posture at rest.
+// Playback: moves the shown time at a chosen rate.
 
 import { find } from "./dom.js";
 import { seconds } from "./format.js";
@@ -7,28 +7,23 @@ import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./motion.js").Which} Which */
 
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
 /** How far the arrow keys move [share of the duration]; with Shift ten times as far. */
 const STEP = 0.005;
-/** The exact posture is requested when nothing has changed for so long [ms]. */
-const REST = 120;
 /** While it plays, numbers change so often at most [ms]. */
 const PLAYING = 60;
 
 /**
  * Fill the bar of the playback.
  * @param {Store} store
- * @param {Link} link
  */
-export function init(store, link) {
-  const playback = new Playback(find("#playback"), store, link);
+export function init(store) {
+  const playback = new Playback(find("#playback"), store);
   const renew = nowAndThen(READING, () => playback.renew());
   for (const event of ["picture", "executed"]) store.on(event, renew);
   store.on("time", () => playback.follow());
-  store.on("pose", () => playback.answered());
   store.on("view", () => playback.renew());
 }
 
@@ -36,20 +31,16 @@ class Playback {
   /**
    * @param {HTMLElement} region
    * @param {Store} store
-   * @param {Link} link
    */
-  constructor(region, store, link) {
+  constructor(region, store) {
     this.region = region;
     this.store = store;
-    this.link = link;
     /** Time to which it has played [s]. */
     this.played = 0;
     this.rate = 1;
     this.playing = false;
     this.last = 0;
     this.told = 0;
-    /** True if an answer is awaited, and whether it is out of date. */
-    this.asked = { waits: false, again: false };
     region.addEventListener("keydown", (event) => this.press(event));
     document.addEventListener("visibilitychange", () => document.hidden && this.pause());
     this.renew();
@@ -67,16 +58,12 @@ class Playback {
     if (!motion) this.pause();
     if (motion && this.store.time > motion.duration) this.store.setTime(motion.duration);
     this.tell();
-    clearTimeout(this.resting);
-    this.resting = setTimeout(() => !this.playing && this.ask(), REST);
   }
 
   /** Another time is shown; if it is not the next one, the user has chosen it. */
   follow() {
     if (this.store.time !== this.played) this.pause();
-    if (this.playing) return;
-    this.tell();
-    this.ask();
+    if (!this.playing) this.tell();
   }
 
   toggle() {
@@ -98,7 +85,6 @@ class Playback {
     if (!this.playing) return;
     this.playing = false;
     this.tell();
-    this.ask();
   }
 
   /**
@@ -139,27 +125,6 @@ class Playback {
     else if (onSlider && (event.key === "ArrowLeft" || event.key === "ArrowDown")) this.scrub(this.store.time - far);
     else return;
     event.preventDefault();
-  }
-
-  /** Ask for the exact posture of the arm that is shown; only one question at a time, and the last one is always answered. */
-  ask() {
-    if (this.asked.waits) {
-      this.asked.again = true;
-      return;
-    }
-    const motion = this.motion;
-    if (!motion || this.store.options.stage === "2d") return;
-    const seq = this.link.send({ op: "pose", t: Math.min(this.store.time, motion.duration), of: motion.of });
-    this.asked = { waits: seq >= 0, again: false };
-    if (seq >= 0) this.timer = setTimeout(() => this.answered(), 1000);
-  }
-
-  /** An answer came, or did not come in time. */
-  answered() {
-    clearTimeout(this.timer);
-    const again = this.asked.again;
-    this.asked = { waits: false, again: false };
-    if (again && !this.playing) this.ask();
   }
 
   /** Show the state. */

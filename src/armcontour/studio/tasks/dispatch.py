@@ -16,8 +16,7 @@ from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress, Step
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.figures import changes, figures
-from armcontour.studio.tasks.files import certify, export, report
-from armcontour.studio.tasks.logs import identify, learn
+from armcontour.studio.tasks.files import certify, export, identify, learn, report
 from armcontour.studio.tasks.request import Request
 
 Listener: TypeAlias = Callable[[bytes], None]
