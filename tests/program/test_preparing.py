@@ -515,7 +515,6 @@ def test_refuses_values_that_make_no_process():
         (lambda: Switch(on_lead=nan), "on_lead"),
         (lambda: Switch(value=False), "tool", "off"),
         (lambda: Weave(width=0.0, pitch=1.0), "width"),
-        (lambda: Weave(width=1.0, pitch=1.0, shape="moon"), "shape"),
     )
 
 

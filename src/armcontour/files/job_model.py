@@ -245,8 +245,6 @@ class PathModel(ReadOptions):
     ] = None
 
 
-# `corners` of a job has the key `continuity`, so that `path` does not need it.
-KEY_OVERRIDES[PathModel] = KeyOverrides(omit=frozenset({"continuity"}))
 # The search ends by itself, so that only Python limits its iterations.
 KEY_OVERRIDES[SegmentModel] = KeyOverrides(omit=frozenset({"tag"}))
 KEY_OVERRIDES[Rounding] = KeyOverrides(omit=frozenset({"iterations"}))

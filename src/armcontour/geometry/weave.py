@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +13,6 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.frames import log
 from armcontour.core.quantities import (
-    Choice,
     Duration,
     Frequency,
     Size,
@@ -26,7 +24,6 @@ from armcontour.geometry.path import Path
 from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
-SHAPES = ("sine", "zigzag")
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 # Initial number of points of a sine per pitch, largest number of doublings, and largest number of
 # points.
@@ -63,7 +60,6 @@ class Weave(Checked):
         dwell: Time at each edge, during which the tool moves along the seam at its assigned
             velocity [s].
         speed: Assigned velocity along the seam [m/s]; by default that of the contour.
-        shape: "sine", or "zigzag": lines from crest to crest with rounded corners.
         tolerance: Largest distance of the arcs from the sine [m].
     """
 
@@ -72,7 +68,6 @@ class Weave(Checked):
     frequency: Frequency | None = None
     dwell: Duration = 0.0
     speed: Speed | None = None
-    shape: Annotated[str, Choice(SHAPES)] = "sine"
     tolerance: Tolerance = 1e-5
 
     def _check_together(self) -> None:
@@ -133,7 +128,7 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
         else:
             _check_radius(seam, weave.width)
             crests.append(done + wave.full_crests())
-            parts.append(_weave_part(wave, weave.shape, weave.tolerance))
+            parts.append(_weave_part(wave, weave.tolerance))
         done += seam.length
     if left_out >= 0.999 * path.length:
         raise InvalidInput(
@@ -284,24 +279,16 @@ class _Wave:
         return self.offset_points(s, offset)
 
 
-def _weave_part(wave: _Wave, shape: str, tolerance: float) -> Path:
+def _weave_part(wave: _Wave, tolerance: float) -> Path:
     """The woven path of a part, with its speeds, tolerances, tags and orientation."""
     from armcontour.geometry.prescribed_orientation import carry_frame
 
     part, seam = wave.part, wave.seam
     turning = wave.turning_points()
-    if shape == "zigzag":
-        s = turning[:, :1].ravel() if not wave.edge else turning.ravel()
-        side = np.where(np.arange(len(turning)) % 2, -1.0, 1.0) * wave.width / 2
-        crests = wave.offset_points(s, side if not wave.edge else np.repeat(side, 2))
-        segments = Segments.lines(np.concatenate([seam([0.0]), crests, seam([seam.length])]))
-        seam_s = np.concatenate([[0.0], s, [seam.length]])
-        ratio = segments.lengths / np.diff(seam_s)
-    else:
-        pieces = np.unique([0.0, *turning.ravel(), seam.length])
-        segments, vertices = _fit_sine(wave, pieces, tolerance)
-        ratio = np.repeat(np.diff(segments.breaks[vertices]) / np.diff(pieces), np.diff(vertices))
-        seam_s = np.interp(segments.breaks, segments.breaks[vertices], pieces)
+    pieces = np.unique([0.0, *turning.ravel(), seam.length])
+    segments, vertices = _fit_sine(wave, pieces, tolerance)
+    ratio = np.repeat(np.diff(segments.breaks[vertices]) / np.diff(pieces), np.diff(vertices))
+    seam_s = np.interp(segments.breaks, segments.breaks[vertices], pieces)
     rows = part.locate(wave.on_part((seam_s[:-1] + seam_s[1:]) / 2))
     columns = {name: getattr(part.segments, name)[rows] for name in ("tolerances", "tags")}
     segments = segments.replace(speeds=part.speeds[rows] * ratio, **columns)

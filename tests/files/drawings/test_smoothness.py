@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-import svgpathtools
 
 import armcontour as ac
 
@@ -179,16 +178,3 @@ def jumps(path):
     ends = path.on_segment(n, path.lengths, 2)
     starts = path.on_segment(n, np.zeros(len(path)), 2)
     return np.linalg.norm(ends[:-1] - starts[1:], axis=1).max() / np.abs(starts).max()
-
-
-def test_a_curve_of_svg_has_continuous_curvature_within_the_chord_tolerance(read):
-    curve = "M 10 50 C 20 10, 60 10, 80 50 S 90 90, 50 80"
-    page = 'xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100"'
-    text = f'<svg {page}><path d="{curve}"/></svg>'
-    z = [x.point(t) for x in svgpathtools.parse_path(curve) for t in np.linspace(0, 1, 2001)]
-    points = np.column_stack([np.real(z), 100 - np.imag(z)]) * 1e-3
-    for tolerance in (1e-6, 1e-4):
-        path = read(text, ".svg", chord_tolerance=tolerance, continuity="curvature").path
-        assert jumps(path) < 1e-9
-        assert path.project(points).distance.max() <= tolerance + 1.1e-9
-        assert jumps(read(text, ".svg", chord_tolerance=tolerance).path) > 1e-3

@@ -27,7 +27,7 @@ from armcontour.files.drawings.dxf_entities import (
     read_clip,
 )
 from armcontour.files.drawings.outlines import Outline
-from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, hex_of
+from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, hex_of, valid_name
 from armcontour.files.drawings.walk import (
     TRAVERSAL_SHARE,
     EntityOutlines,
@@ -210,7 +210,7 @@ class DxfWalk(Walk):
                     yield from self._insert(entity, block, name, layer)
                 elif not self.wants_layer(layer):
                     # Entities on other layers are ignored, even if they are damaged.
-                    self.on_other_layers[self.labels(layer)] += kind in SHAPES
+                    self.on_other_layers[valid_name(layer)] += kind in SHAPES
                 else:
                     yield from self._read_entity(entity, kind, name, layer, block)
             except Unreadable as error:
@@ -254,8 +254,8 @@ class DxfWalk(Walk):
         yield EntityOutlines(
             outlines=outlines,
             where=f"{kind} {name} on layer {layer!r}",
-            name=self.labels(name),
-            layer=self.labels(layer),
+            name=valid_name(name),
+            layer=valid_name(layer),
             clips=block.clips,
         )
 

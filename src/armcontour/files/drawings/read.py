@@ -19,7 +19,7 @@ from armcontour.core.progress import Progress
 from armcontour.files.drawings.endings import READERS, find_reader
 from armcontour.files.drawings.read_options import MAX_COORDINATE, MAX_FILE_SIZE, ReadOptions
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.program import Program, smooth_curvature
+from armcontour.program import Program
 
 # Modules whose readers report the progress.
 WITH_PROGRESS = ("gcode", "dxf", "svg")
@@ -96,9 +96,6 @@ def read_path(
         program = replace(program, notes=(*program.notes, note))
     if options.ignore_z:
         program = program.without_z()
-    if options.continuity == "curvature":
-        tolerance = options.chord_tolerance - options.fit_tolerance
-        program = smooth_curvature(program, tolerance=tolerance)
     if frame is None and factor == 1.0:
         return program
     program = program.placed(Frame() if frame is None else frame, scale=factor)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 from armcontour.core import checks
@@ -23,18 +22,15 @@ from armcontour.core.quantities import (
     Factor,
     Tolerance,
 )
-from armcontour.core.text import digits, make_printable, show
+from armcontour.core.text import digits, make_printable, shorten
 from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
-from armcontour.geometry.rounded_path import Continuity
 from armcontour.geometry.tangent_repair import RepairedPath, repair_tangents
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
 # Maximum size of a file [bytes]. The data structures need many times the size of the file.
 MAX_FILE_SIZE = SMALL
-# Length to which a too long name is cut [characters]. A number is appended to equal cut names.
-CUT_LENGTH = LONGEST_NAME - 12
 # Advice in messages to set `unknown` to "skip".
 SKIP_ADVICE = "skip it (unknown: skip, or --skip-unknown)"
 # CSS colour names that drawings for lasers and plotters use; other names are used as written.
@@ -81,44 +77,9 @@ def fraction_reporter(progress: Progress | None, source: str) -> Tell:
     return tell
 
 
-@dataclass(slots=True)
-class Labels:
-    """Converts names of entities and layers in a drawing to valid names of contours and layers."""
-
-    # A name that is too long is cut, and characters that are not printable become escapes, because
-    # some CAD programs write such names. Different names stay different.
-
-    _changed: dict[str, str] = field(default_factory=dict)  # New names by original name
-    _alike: Counter[str] = field(default_factory=Counter)  # Counts of equal new names
-
-    def __call__(self, name: str) -> str:
-        """The valid name for a name in the drawing; the same name if it is valid."""
-        if len(name) <= LONGEST_NAME and name.isprintable():
-            return name
-        if name not in self._changed:
-            self._changed[name] = self._fitted(name)
-        return self._changed[name]
-
-    def _fitted(self, name: str) -> str:
-        """A printable, unique name of at most `LONGEST_NAME` characters."""
-        plain = make_printable(name[: LONGEST_NAME + 1])
-        short = len(name) <= LONGEST_NAME and len(plain) <= LONGEST_NAME
-        first = plain if short else f"{plain[:CUT_LENGTH]}..."
-        self._alike[first] += 1
-        count = self._alike[first]
-        return first if count == 1 else f"{plain[:CUT_LENGTH]}... ({count})"
-
-    @property
-    def notes(self) -> list[str]:
-        """A sentence on the changed names, as a list; empty if no name was changed."""
-        if not self._changed:
-            return []
-        name, label = next(iter(self._changed.items()))
-        return [
-            f"Names with more than {LONGEST_NAME} characters or with characters that are not "
-            f"printable were changed ({len(self._changed)}), for example {show(name)} to "
-            f"'{label}'."
-        ]
+def valid_name(name: str) -> str:
+    """Make a name in a drawing printable, and shorten it to the length of a valid name."""
+    return shorten(make_printable(name), LONGEST_NAME)
 
 
 def color_of(text: str) -> str:
@@ -141,8 +102,6 @@ def hex_of(red: int, green: int, blue: int) -> str:
 # two points; a drawing with such coordinates has a wrong unit.
 MAX_COORDINATE = 1e6
 UNKNOWN = ("refuse", "skip")
-# Share of the chord tolerance for fitted arcs; curvature transitions have the rest.
-FIT_SHARE = 0.5
 
 
 @checks.explain_calls
@@ -177,10 +136,6 @@ class ReadOptions(Checked):
             the first line of the file or a missing heading; "-" skips a column.
         unknown: Whether to "refuse" unknown elements of drawings and unknown columns of tables, or
             "skip" them with a note.
-        continuity: "tangent" does not change lines and arcs. "curvature" inserts transitions where
-            the curvature jumps without a corner, for motions with a jerk limit
-            (`smooth_curvature`). Fitted arcs then use half of the chord tolerance, and transitions
-            deviate from lines and arcs by at most the other half.
 
     Raises:
         InvalidInput: A unit, word or choice is unknown, or a number is out of range.
@@ -201,7 +156,6 @@ class ReadOptions(Checked):
         Choice(UNKNOWN),
         About("--skip-unknown", help="Skip unknown elements.", read="to_skip"),
     ] = "refuse"
-    continuity: Continuity = "tangent"
 
     def _check_together(self) -> None:
         # The properties raise errors for invalid options before a file is read.
@@ -218,15 +172,6 @@ class ReadOptions(Checked):
                     f"units must be a unit of length such as mm, but is {self.units!r}."
                 ) from None
         return None if self.units is None else checks.positive("units", self.units, "m")
-
-    @property
-    def fit_tolerance(self) -> float:
-        """Maximum distance between a curve and its fitted arcs [m].
-
-        Curvature transitions have the rest of the chord tolerance.
-        """
-        fraction = 1.0 if self.continuity == "tangent" else FIT_SHARE
-        return fraction * self.chord_tolerance
 
     @property
     def skips(self) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
 from armcontour.files.drawings.outlines import Outline
-from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, color_of
+from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, color_of, valid_name
 from armcontour.files.drawings.svg_elements import (
     DEFAULT_FONT_SIZE,
     IDENTITY,
@@ -110,7 +110,7 @@ def read_svg(
     1/90 inch in files of Inkscape before 0.92, else 1/96 inch as in CSS.
 
     Lines stay lines, and arcs that are circular after all transforms stay arcs. Other curves become
-    tangent arcs within `options.fit_tolerance`.
+    tangent arcs within `options.chord_tolerance`.
     """
     root = parse_tree(data, source)
     page, view, notes = _page(root, options, data)
@@ -275,8 +275,8 @@ class SvgWalk(Walk):
         return EntityOutlines(
             outlines=outlines,
             where=element.name,
-            name=self.labels(name),
-            layer=self.labels(inherited.layer),
+            name=valid_name(name),
+            layer=valid_name(inherited.layer),
             clips=inherited.clips,
         )
 

@@ -19,10 +19,10 @@ from armcontour.files.drawings.outlines import Outline, paths_of
 from armcontour.files.drawings.read_options import (
     MAX_COORDINATE,
     SKIP_ADVICE,
-    Labels,
     ReadOptions,
     fraction_reporter,
     repair_vertices,
+    valid_name,
 )
 from armcontour.geometry import Path
 from armcontour.geometry.projection import find_nearest
@@ -119,7 +119,6 @@ class Walk:
         self.source, self.options, self.skip = source, options, options.skips
         self.requested_layers, self.colors = options.layer_set, options.color_set
         self.tell = fraction_reporter(progress, source)
-        self.labels = Labels()
         # Names of omitted entities by the reason, with their counts.
         self.omitted: dict[str, Counter[str]] = {}
         # Numbers of entities that are not selected, by layer and by colour.
@@ -132,7 +131,7 @@ class Walk:
 
     def wants_layer(self, layer: str) -> bool:
         """True if the options select a layer."""
-        return self.requested_layers is None or self.labels(layer) in self.requested_layers
+        return self.requested_layers is None or valid_name(layer) in self.requested_layers
 
     def wants_color(self, names: frozenset[str]) -> bool:
         """True if the options select a colour; otherwise the entity is counted as omitted."""
@@ -143,9 +142,8 @@ class Walk:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on omitted entities and changed names."""
-        sentences = [f"{why}: {list_counted(x)}." for why, x in self.omitted.items()]
-        return sentences + self.labels.notes
+        """Sentences on omitted entities."""
+        return [f"{why}: {list_counted(x)}." for why, x in self.omitted.items()]
 
     def explain_empty(self) -> str:
         """Text for the error that there is no contour; "" selects the general text."""
@@ -179,7 +177,7 @@ class Walk:
             with np.errstate(over="ignore", invalid="ignore"):
                 paths = paths_of(
                     [y for x in entities for y in x.outlines] + [x.outline for x in clips],
-                    options.fit_tolerance,
+                    options.chord_tolerance,
                     options.join_tolerance,
                     lambda share: self.tell(TRAVERSAL_SHARE + (1 - TRAVERSAL_SHARE) * share),
                 )

@@ -65,7 +65,7 @@ class Machine:
     def __init__(self, options: ReadOptions, *, changes_tools: bool) -> None:
         self.draft, self.notes = ProgramDraft(), Notes()
         self.outputs = Outputs(self.draft, t_changes_tool=not changes_tools)
-        self.chord_tolerance = options.fit_tolerance
+        self.chord_tolerance = options.chord_tolerance
         self.unit = options.unit or MILLIMETRE  # Length of the program's unit [m]
         self.unit_specified = options.unit is not None
         self.plane = codes.XY
