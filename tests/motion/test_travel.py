@@ -6,7 +6,7 @@ import pytest
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.motion import Law
-from armcontour.motion.travel import bound_joint_velocities, joint_travel
+from armcontour.motion.derivative_bounds import bound_joint_velocities, joint_travel
 
 ARM = ac.load_arm("pmk3s")
 LIMITS = ARM.limits.replace(speed=0.1)

@@ -17,7 +17,7 @@ from armcontour.control.identification.joint_fit import (
     predict_from_start,
     split_logs,
 )
-from armcontour.control.identification.residuals import fastest_motion
+from armcontour.control.identification.least_squares import fastest_motion
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput

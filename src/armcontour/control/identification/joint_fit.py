@@ -11,8 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour.control.identification.estimates import LOGARITHMIC, Estimate
-from armcontour.control.identification.least_squares import Precision, invert, normalize, solve
-from armcontour.control.identification.residuals import correlation_length
+from armcontour.control.identification.least_squares import (
+    Precision,
+    correlation_length,
+    invert,
+    normalize,
+    solve,
+)
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import white_noise
 from armcontour.motion.log import FEWEST, Log

@@ -3,12 +3,80 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.sampling import white_noise
+from armcontour.motion.log import Log
+
+# Spacing of the samples from which velocities and accelerations are computed [s].
+SAMPLE_SPACING = 8e-3
+# The correlation length is the sum of the autocorrelations before the first one below this value.
+LEAST_CORRELATION = 0.05
+# Whiteness test: significance level, and smallest number of spectral lines of its low band.
+SIGNIFICANCE, FEWEST_LINES = 0.01, 8
+# POSITION_ROUNDING: differences of positions up to this share of their range are rounding errors.
+# STEP_ROUNDING: largest relative deviation of a difference from a multiple of the encoder's
+# resolution. VARIANCE_SLACK: relative excess over the variance of quantization that is still
+# accepted.
+POSITION_ROUNDING, STEP_ROUNDING, VARIANCE_SLACK = 1e-9, 0.01, 0.2
+
+
+def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
+    """Largest velocities [rad/s] and accelerations [rad/s²] of commands, (dof,) each."""
+    sizes = []
+    for log in logs:
+        some = slice(None, None, max(round(SAMPLE_SPACING / log.interval), 1))
+        rates = np.gradient(log.command[some], log.t[some], axis=0)
+        accelerations = np.gradient(rates, log.t[some], axis=0)
+        sizes.append([np.abs(x).max(axis=0) for x in (rates, accelerations)])
+    largest = np.max(sizes, axis=0)
+    return largest[0], largest[1]
+
+
+def is_white(residuals: FloatArray, step: float) -> bool:
+    """True if residuals [rad], (n,), are white except for quantization by the resolution `step`."""
+    # F-tests compare the mean power of the lowest 8, 16, ... spectral lines with that of the rest.
+    from scipy.stats import f
+
+    # True if quantization explains the variance in excess of the white noise.
+    if np.var(residuals) - white_noise(residuals) ** 2 <= (1 + VARIANCE_SLACK) * step**2 / 12:
+        return True
+    power = np.abs(np.fft.rfft(residuals - np.mean(residuals))[1:]) ** 2
+    n = len(power)
+    chances: list[float] = []
+    while (m := FEWEST_LINES << len(chances)) <= n / 2:
+        ratio = np.mean(power[:m]) / max(float(np.mean(power[m:])), 1e-300)
+        chances.append(float(f.sf(ratio, 2 * m, 2 * (n - m))))
+    return not chances or min(chances) * len(chances) > SIGNIFICANCE
+
+
+def encoder_resolution(y: FloatArray) -> float:
+    """Resolution of an encoder [rad]: common divisor of all position differences, 0 if none."""
+    steps = np.diff(np.unique(y))
+    steps = steps[steps > POSITION_ROUNDING * max(float(np.ptp(y)), 1e-12)]
+    if len(steps) < 2:
+        return 0.0
+    step = float(np.min(steps))
+    differences = np.abs(steps / step - np.rint(steps / step))
+    return step if np.all(differences < STEP_ROUNDING * np.maximum(steps / step, 1.0)) else 0.0
+
+
+def correlation_length(residuals: FloatArray) -> float:
+    """Correlation length of residuals [samples], at least 1 (white noise)."""
+    n = len(residuals)
+    power = np.abs(np.fft.rfft(residuals, 2 * n)) ** 2
+    correlations = np.fft.irfft(power)[: max(n // 5, 1)]
+    if correlations[0] <= 0:
+        return 1.0
+    correlations = correlations / correlations[0]
+    below = np.flatnonzero(correlations < LEAST_CORRELATION)
+    end = int(below[0]) if len(below) else len(correlations)
+    return float(max(1.0, 1 + 2 * np.sum(correlations[1:end])))
+
 
 # Largest standard deviation of a determined parameter, relative to its value.
 RELATIVE_SD = 0.10

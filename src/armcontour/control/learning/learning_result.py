@@ -20,7 +20,7 @@ from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.sampling import GAP, describe_bursts
 from armcontour.core.text import clock, count_noun, format_table, joint_rows, short_repr
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.repeated_positions import renew_positions
+from armcontour.motion.log_checks import renew_positions
 from armcontour.robot.servo import ServoModel
 
 # Largest difference of an execution's set-points from the set-points of the run [rad].

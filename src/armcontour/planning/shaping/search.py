@@ -18,8 +18,7 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, SHAPED
 from armcontour.planning.options import Shaped
 from armcontour.planning.shaping.curves import DrawnPath, draw
-from armcontour.planning.shaping.kinematics import NearPath
-from armcontour.planning.shaping.nodes import INSIDE, Nodes, place_nodes
+from armcontour.planning.shaping.nodes import INSIDE, NearPath, Nodes, place_nodes
 from armcontour.planning.shaping.quadratic_program import solve_program
 from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove

@@ -18,7 +18,7 @@ from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 from armcontour.core.sampling import interpolate
 from armcontour.core.text import clock, list_some, short_repr
 from armcontour.motion import Execution, JointPath, Trajectory
-from armcontour.motion.travel import joint_travel, largest_accelerations
+from armcontour.motion.derivative_bounds import joint_travel, largest_accelerations
 from armcontour.robot import Arm
 from armcontour.robot.scene import LeftOut, Scene
 from armcontour.verification.clearance.distances import UNCERTAINTY, Distances
