@@ -31,7 +31,7 @@ REPORTS = {
         "tutorial_binds": ("bracket/report.html", f"#time {PLOT}"),
     },
     "tutorials/dxf_to_ur5e": {"tutorial_program": ("first/report.html", ".front")},
-    "tutorials/own_arm": {"tutorial_seam": ("seam/report.html", f"#paths {PLOT} >> nth=1")},
+    "tutorials/own_arm": {"tutorial_seam": ("seam/report.html", f"#paths {PLOT}")},
     "tutorials/true_on_a_robot": {
         "tutorial_identified": ("identified/report.html", ".front"),
         "tutorial_learned": ("third/report.html", PLOT),

@@ -66,21 +66,6 @@ def test_runs_g_code_in_a_cell_with_exports(folder, call):
     assert not list(folder.rglob(".armcontour-*"))
 
 
-def test_resumes_and_replaces_only_with_force(folder, call, refused):
-    begin = "run plain.csv --cell pmk3s --no-simulation --out out"
-    call(begin)
-    whole = table(folder / "out" / "compensated" / "planned.csv")
-    rows = [("--resume-at 60mm", ["--force"])]
-    assert refused(folder, rows, codes=(2,), begin=begin.split()) == []
-    call(begin, "--resume-at", "60 mm", "--force")
-    rest = table(folder / "out" / "compensated" / "planned.csv")
-    # The rest ends where the whole ends, and begins at the corner.
-    np.testing.assert_allclose(rest[-1, 1:3], whole[-1, 1:3], atol=1e-9)
-    corner = np.abs(whole[:, 1:3] - rest[0, 1:3]).max(axis=1)
-    assert corner.min() < 0.01 and 0 < corner.argmin() < len(whole) - 1
-    assert rest[-1, 0] < whole[-1, 0]
-
-
 REFUSED = [
     ("plain.csv", ["--cell", "fr3, panda, pmk3s, ur10e, ur5e"]),
     ("deep.ngc --cell pmk3s", ["deep.ngc has z", "--ignore-z"]),

@@ -10,9 +10,7 @@ from tests.cli.helpers import summary
 import armcontour
 from armcontour.cli.options import StudioOptions
 from armcontour.cli.studio_command import open_studio
-from armcontour.core import compilation
 from armcontour.core.errors import InvalidInput
-from armcontour.core.progress import Step
 
 ROOT = FilePath(__file__).parents[2]
 # Extras for those who develop armcontour.
@@ -102,32 +100,6 @@ def test_the_demo_needs_no_extra(done, command, tmp_path, monkeypatch):
 
 
 KEPT = FilePath(armcontour.__file__).parent / "__pycache__"
-
-
-@pytest.fixture
-def compile_requests(monkeypatch):
-    """What the command asks for, where nothing is compiled."""
-    requests: list[str] = []
-
-    def compile_kernels(which, progress):
-        requests.append(which)
-        progress(Step(("compiling, once", "5 functions in 2 processes"), 0.0))
-        return compilation.CompiledKernels(5, 2, KEPT)
-
-    monkeypatch.setattr(compilation, "compile_kernels", compile_kernels)
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    return requests
-
-
-def test_warm_reports_the_compiled_functions_and_their_folder(
-    command, compile_requests, tmp_path, monkeypatch
-):
-    ended = command("compile")
-    assert ended.code == 0 and compile_requests == ["all"]
-    assert f"5 functions are compiled, 2 of them now. They are stored in {KEPT}." in ended.out
-    assert ended.errors == "compiling, once: 5 functions in 2 processes\n"
-    assert command("compile", "plane").code == 0 and compile_requests == ["all", "plane"]
-    assert command("compile", "moon").code == 2
 
 
 def test_the_address_is_printed_and_opened(tmp_path, monkeypatch, capsys):

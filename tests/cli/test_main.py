@@ -229,19 +229,6 @@ def test_a_written_cell_runs_a_drawing(cell, tmp_path, monkeypatch):
     assert 0 < run["duration"] < 10
 
 
-def test_a_cell_is_written_where_it_is_wanted_and_over_nothing(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert call("init", "-o", "shop.yaml")[0] == 0
-    written = (tmp_path / "shop.yaml").read_text()
-    assert "arm: ur5e\n" in written
-    code, message = call("init", "panda", "-o", "shop.yaml")
-    assert code != 0 and "shop.yaml already exists" in message and "--force" in message
-    assert (tmp_path / "shop.yaml").read_text() == written
-    assert call("init", "panda", "-o", "shop.yaml", "--force")[0] == 0
-    assert "arm: panda\n" in (tmp_path / "shop.yaml").read_text()
-    assert [x.name for x in tmp_path.iterdir()] == ["shop.yaml"]
-
-
 GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
 
 
@@ -251,16 +238,3 @@ def show(*arguments):
         raise outcome.exception
     assert outcome.exit_code == 0, outcome.output
     return outcome.output
-
-
-def test_prints_or_chooses_layers_and_size():
-    printed = show(GASKET)
-    assert "140.00 x 122.50 mm" in printed
-    words = {x.strip() for line in printed.splitlines() for x in line.split("│")}
-    assert {"MARK", "CUT", "895.06"} <= words
-    data = json.loads(show(GASKET, "--layer", "CUT", "--scale", 2, "--json"))
-    assert list(data["layers"]) == ["CUT"]
-    assert data["layers"]["CUT"]["contours"] == data["layers"]["CUT"]["closed"] == 8
-    assert data["layers"]["CUT"]["length"] == pytest.approx(2 * 0.89506, abs=1e-4)
-    size = [b - a for a, b in zip(*data["extent"], strict=True)]
-    assert size == pytest.approx([0.28, 0.245], abs=1e-12)

@@ -127,14 +127,6 @@ def test_a_lost_end_takes_the_next_stop(bench, how):
         bench.feeder.out.close()
 
 
-def test_a_motion_is_stopped_once(bench):
-    bench.send(*MOTION, "T 6", *rows(60, 61, 62), "E", "G", "S")
-    bench.loop(4)
-    bench.send("T 8", *rows(80), "E", "S")
-    bench.loop(4)
-    assert bench.commands == [0, 1, 2, 3, 4, 5, 60, 61, 62] and bench.events == ["X 6", "D"]
-
-
 def test_rows_after_the_last_stop_in_hand_are_not_sent(bench):
     bench.send(*MOTION, "T 4", *rows(40), "E", "T 6", *rows(60, 61, 62), "E", "G")
     bench.loop(5)

@@ -15,7 +15,6 @@ from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import play
 from armcontour.core.errors import ControllerRefused
 from armcontour.files import parse_job
-from armcontour.files.log_file import log_text
 
 JOB = """
 name: line
@@ -168,23 +167,6 @@ def test_compensated_set_points_above_the_limits_need_an_identified_servo(job, p
     assert played.kept and max(played.to_data()["command_use"].value) > 10
     simple = play(plain, Machine(late=False), speed_factor=1.0).to_data()["command_use"].value
     assert 0.9 < max(simple) <= 1.0
-
-
-class Late(Simulated):
-    """Every motion has a late set-point."""
-
-    def stream(self, motion, stop_requested=lambda: False):
-        record = super().stream(motion, stop_requested)
-        return replace(record, faithful=False, notes=("1 set-point came late.",))
-
-
-def test_a_late_set_point_is_marked_in_the_log(job, tmp_path):
-    played = run_at(job, Late(late=False))
-    assert played.kept
-    file = tmp_path / "log.csv"
-    file.write_text(log_text(played.log), encoding="utf-8")
-    assert "1 set-point came late." in file.read_text().split("t [s]")[0]
-    np.testing.assert_array_equal(ac.read_log(file).command, played.record.command)
 
 
 @pytest.mark.parametrize(

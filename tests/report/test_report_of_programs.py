@@ -6,7 +6,6 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from tests.dynamics_extra import mark_all_but, needs_dynamics
 
@@ -15,11 +14,9 @@ from armcontour.core.palette import LIMITS
 from armcontour.core.render import number
 from armcontour.files.cell import read_cell
 from armcontour.jobs import run
-from armcontour.planning.explanation import Binding
-from armcontour.program import Lead, Pierce, Process, Switch
-from armcontour.report import render_report, sections
-from armcontour.report.plan_drawing import draw_plan, view_of
-from armcontour.report.sections.motion import MAX_BARS, list_bars
+from armcontour.program import Lead, Process
+from armcontour.report import render_report
+from armcontour.report.plan_drawing import draw_plan
 
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"
 GCODE = """G21 G90 G64 P0.5
@@ -169,20 +166,6 @@ def test_the_drawing_shows_kerf_leads_and_the_drawn_contours():
     assert np.median(away) == pytest.approx(0.5e-3 * size, abs=0.3)
 
 
-@pytest.mark.parametrize(
-    ("points", "axes"),
-    [
-        # A plane is seen from its front, upright: its lengths are true.
-        ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[1, 0, 0], [0, 1, 0]]),
-        ([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]], [[1, 0, 0], [0, 0, 1]]),
-        ([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]], [[0, 1, 0], [0, 0, 1]]),
-        ([[0, 0], [1, 0], [1, 1]], [[1, 0], [0, 1]]),
-    ],
-)
-def test_planes_are_drawn_from_their_front(points, axes):
-    np.testing.assert_allclose(view_of(np.array(points, dtype=float)), axes, atol=1e-9)
-
-
 def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):
     lines = ["G21 G90"]
     for k in range(300):
@@ -200,20 +183,6 @@ def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):
     ends = place(np.concatenate([x.path.vertices[:1] for x in result.path.contours]))
     assert max(distances(x, every).max() for x in np.array_split(corners, 30)) < 0.6
     assert max(distances(x, rapids).max() for x in np.array_split(ends, 30)) < 0.6
-
-
-@given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=40), st.integers(1, 200))
-def test_bars_of_limits_cover_the_time_and_are_bounded(widths, times):
-    ends = np.concatenate([[0.0], np.cumsum(widths * times)])
-    bindings = tuple(
-        Binding(limit=f"limit {i % 3}", joint=None, t=(a, b), s=(a / 2, b / 2), share=1.0)
-        for i, (a, b) in enumerate(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
-    )
-    bars = list_bars(bindings)
-    assert len(bars) <= MAX_BARS
-    assert bars[0][0] == 0.0 and bars[-1][1] == ends[-1]
-    for first, second in zip(bars[:-1], bars[1:], strict=True):
-        assert first[1] == second[0] and first[2:] != second[2:]
 
 
 SHARE = st.floats(-1, 1)
@@ -239,15 +208,3 @@ def test_a_sample_drawing_runs_to_a_report(name, cell, path):
     expected = ("handle 38", "Repaired ", "armcontour[dynamics]")
     assert all(any(part in x for part in expected) for x in result.warnings)
     assert any("Repaired " in x for x in result.warnings) == (name == "pocket.ngc")
-
-
-@needs_dynamics
-def test_leads_and_pierces_are_distinguished(tmp_path):
-    switch, pierce = Switch(name="laser"), Pierce(time=0.1, height=4e-3)
-    leads = {"lead_in": Lead(length=3e-3, active=True), "lead_out": Lead(length=2e-3)}
-    process = Process(switch=switch, pierce=pierce, **leads)
-    study = study_of(tmp_path, GCODE, "ur5e", process=process)
-    ((_, (table,)),) = sections.contours(study).choices
-    for row in table.rows:
-        cells = dict(zip(table.header, row, strict=True))
-        assert [cells[x] for x in ("lead-in", "lead-out", "pierce")] == ["3 mm", "2 mm", "4 mm"]

@@ -75,19 +75,6 @@ def without_code(page):
     return re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
 
 
-def test_reports_have_the_sections_that_a_result_fills(made, tmp_path):
-    pages = []
-    for k, x in enumerate(made):
-        ac.write_report(x, tmp_path / f"{k}.html")
-        pages.append((tmp_path / f"{k}.html").read_text(encoding="utf-8"))
-    for page in pages:
-        assert '<details id="time">' in page and '<details id="paths">' in page
-    # A plan has no errors, and nothing on its page was executed.
-    assert "contour error" not in without_code(pages[0])
-    assert "executed" not in without_code(pages[0])
-    assert all("contour error" in without_code(x) for x in pages[1:])
-
-
 def test_a_job_that_was_not_simulated_has_a_report(tmp_path):
     from armcontour.cli.run_command import built_in_job
 

@@ -25,17 +25,6 @@ def draw(file, count=COLUMNS * ROWS):
     write_shapes(file, count, COLUMNS, 1e3 * PITCH, 1e3 * RADIUS)
 
 
-def shape_of(kind, count=2000):
-    """Points all along a shape, whose middle is zero, by its formula."""
-    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
-    if kind == 1:
-        side = np.linspace(-1, 1, count // 4, endpoint=False)
-        one = np.ones_like(side)
-        sides = [(side, -one), (one, side), (-side, one), (-one, -side)]
-        return RADIUS * np.concatenate([np.stack(x, axis=1) for x in sides])
-    return RADIUS * np.stack([np.cos(turn), np.sin(turn) / (1 + (kind == 2))], axis=1)
-
-
 def distances(points, line):
     """Distances of points from a polyline [m], by hand."""
     a, along = line[:-1, None], np.diff(line, axis=0)[:, None]
@@ -90,31 +79,6 @@ def origin(picture):
     """The middle of the first circle on the screen."""
     points = picture.arrays["objective"].astype(float)
     return points.min(axis=0) + RADIUS
-
-
-@pytest.mark.parametrize("scale", [3e3, 3e4, 3e5, 4e6])
-@pytest.mark.parametrize("k", [0, 901, 1502])
-def test_what_is_seen_closer_is_drawn_finer(page, program, picture, origin, scale, k):
-    exact = origin + middle_of(k) + shape_of(k % 3, 40_000)
-    if k % 3 == 2:
-        # Ellipses are read as arcs, which are near to them.
-        path = program.contours[k].path
-        samples = path(np.linspace(0, path.length, 40_000))[:, :2]
-        exact = origin + samples - program.contours[0].path(0.0)[:2] + [RADIUS, 0]
-        assert np.abs(exact.mean(0) - origin - middle_of(k)).max() < 1e-5
-    # A view of 1,000 px around a point of the shape.
-    middle, half = exact[7_000], WIDTH / 2 / scale
-    box = [*(middle - half), *(middle + half)]
-    (frame,) = page.say("detail", box=box, px=1 / scale)
-    assert frame.header["number"] == picture.header["number"]
-    points, breaks = frame.arrays["objective"].astype(float), frame.arrays["objective_breaks"]
-    visible = exact[(np.abs(exact - middle) <= half).all(axis=1)]
-    lines = np.split(points, breaks[1:-1])
-    own_lines = [x for x in lines if np.abs(x - origin - middle_of(k)).max() < 1.1 * RADIUS]
-    nearest = np.min([distances(visible[::97], x) for x in own_lines], axis=0)
-    assert len(nearest) and nearest.max() * scale <= SEEN
-    # Little more than what is seen is sent.
-    assert len(points) < 40_000 and np.abs(points - middle).max() < 3 * half + 2 * RADIUS
 
 
 @needs_dynamics

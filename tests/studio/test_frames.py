@@ -122,40 +122,6 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
         assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
-def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view):
-    planned, frame = gasket
-    a, contours = frame.arrays, planned.path.contours
-    starts = a["path_breaks"]
-    assert starts[0] == 0 and starts[-1] == len(a["path"])
-    for begin, end, contour in zip(starts, starts[1:], contours, strict=False):
-        part = a["path"][begin:end] + view.centre
-        ends = contour.path(np.array([0.0, contour.path.length]))
-        near(part[[0, -1]], uv(view, ends), 1e-7)
-    breaks = a["objective_breaks"]
-    assert len(breaks) == len(starts) == len(contours) + 1 and breaks[-1] == len(a["objective"])
-    count = sum(x.kind == "rapid" for x in planned.trajectory.spans)
-    assert len(a["rapid_breaks"]) == count + 1
-    rapids = np.split(a["rapid_xyz"], a["rapid_breaks"][1:-1])
-    for rapid, before, after in zip(rapids, contours, contours[1:], strict=False):
-        near(rapid[0], before.path(before.path.length), 1e-6)
-        near(rapid[-1], after.path(0.0), 1e-6)
-    names, a = [x["name"] for x in frame.header["limits"]], frame.arrays
-    spans = planned.trajectory.contour_spans
-    for begin, end, span in zip(starts, starts[1:], spans, strict=False):
-        part = a["binding"][begin : end - 1]
-        binding_names = {
-            y.name for y in planned.explanation.bindings if span.s[0] <= y.s[0] < span.s[1]
-        }
-        assert {names[k] if k != NO_LIMIT else "nothing" for k in part} == binding_names
-    path_s, starts = a["path_s"].astype(float), planned.path.breaks
-    size = np.ptp(a["path"], axis=0).max()
-    for x, start, end in zip(planned.path.contours, starts, starts[1:], strict=False):
-        s = np.clip(path_s[(path_s >= start) & (path_s <= end)] - start, 0, x.path.length)
-        ends, middle = x.path(s), x.path((s[1:] + s[:-1]) / 2)
-        # At most a quarter of a pixel of a picture of 500 pixels.
-        assert np.linalg.norm(middle - (ends[1:] + ends[:-1]) / 2, axis=1).max() < size / 2000
-
-
 def test_the_kerf_lies_beside_the_drawn_contours(previewer, square, view):
     square["path"] = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
     lead = {"length": "2 mm", "shape": "arc"}
@@ -176,23 +142,6 @@ def test_the_kerf_lies_beside_the_drawn_contours(previewer, square, view):
     for part, contour in zip(drawn, drawn_contours, strict=True):
         near(part[0], uv(view, contour.path(0.0)) - view.centre, 1e-7)
     assert "cut" not in packed(picture_frame(previewer.plan(PAPER, "optimal"), view)).arrays
-
-
-def test_times_of_limits_rapids_and_dwells_add_up(previewer, square, view):
-    drawing = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
-    for dwell in (0.0, 0.2):
-        data = square | {"path": drawing, "process": {"dwell": f"{dwell} s"}}
-        planned = previewer.plan(data)
-        frame = packed(picture_frame(planned, view))
-        assert len(frame.header["time"]) == 1 + len(planned.explanation.shares)
-        times = {x.name: x.time for x in planned.explanation.shares}
-        assert sum(times.values()) == pytest.approx(figure(frame.header, "duration"), rel=1e-9)
-        assert "nothing" not in times and times["between two limits"] > 0
-        spans = planned.trajectory.spans
-        rapid = sum(x.t[1] - x.t[0] for x in spans if x.kind == "rapid")
-        assert times["rapids between contours"] == pytest.approx(rapid) and rapid > 0.1
-        count = sum(x.kind == "dwell" for x in spans)
-        assert times.get("dwells", 0.0) == pytest.approx(dwell * count)
 
 
 def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view):

@@ -64,23 +64,6 @@ def test_points_of_any_plane_lie_in_it_and_keep_their_distances(uv, turned):
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
 
 
-def test_chains_have_points_at_ends_and_beside_them():
-    parsed = handles(
-        "{start: [0.3, 0.2], segments: [{to: [0.36, 0.2]}, {via: [0.37, 0.21], to: [0.38, 0.2]}, "
-        "{center: [0.38, 0.22], angle: 90 deg}]}",
-        "pmk3s",
-    )
-    roles = [(x.role, x.keys[-1] if x.keys else None) for x in parsed.waypoints]
-    assert roles == [
-        ("point", "start"), ("point", "to"), ("point", "to"), ("end", None),
-        ("via", "via"), ("center", "center"),
-    ]  # fmt: skip
-    end = parsed.waypoints[3]
-    np.testing.assert_allclose(end.uv, [0.40, 0.22], atol=1e-15)
-    assert "Move the centre instead" in (end.why_not or "") and parsed.waypoints[2].why_not is None
-    assert [x.index for x in parsed.ends] == [0, 1, 2, 3]
-
-
 def test_drawings_and_obstacles_have_their_places(tmp_path):
     (tmp_path / "a.svg").write_text(
         '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" height="90mm" viewBox="0 0 90 90">'
@@ -113,7 +96,6 @@ SVG = (
     "{}</svg>"
 )
 LINES = '<path d="M0 0 L60 0 L60.3 40.7"/>'
-CIRCLE = '<circle cx="30" cy="40" r="20"/>'
 JOB = """\
 # Kept.
 name: a
@@ -153,21 +135,6 @@ def compare(tmp_path, drawing, path, arm):
         assert isinstance(like, str) == (path == PLANE)
     else:
         assert {"via", "center", "to"} & set(written["segments"][0])
-
-
-def test_what_waypoints_do_not_have_is_refused(tmp_path):
-    with pytest.raises(InvalidInput, match="a.svg has 2 contours"):
-        converted(tmp_path, LINES + CIRCLE, PLANE)
-    layer = "process: {by_layer: {CUT: {overlap: 1 mm}}}\n"
-    with pytest.raises(InvalidInput, match="process.by_layer has values for the layer CUT"):
-        converted(tmp_path, f'<g id="CUT">{CIRCLE}</g>', PLANE, more=layer)
-    table = "x [mm],y [mm],z [mm],ax,ay,az\n400,0,200,0,0,-1\n450,0,200,0,0.1,-1\n"
-    (tmp_path / "a.csv").write_text(table)
-    text = JOB.format(arm="ur5e", path="{file: a.csv}")
-    job, data = parse_job(text, folder=tmp_path), load(text, "")
-    state = EditState(data=data, run="own", handles=handles_of(job, data))
-    with pytest.raises(InvalidInput, match="a.csv specifies tool orientations"):
-        changes_of({"do": "to_waypoints"}, state)
 
 
 @pytest.mark.parametrize(

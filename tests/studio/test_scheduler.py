@@ -241,20 +241,6 @@ def moved(k):
 FINE = JOB.replace("runs:", "cycle: 1 ms\nruns:")
 
 
-@pytest.mark.parametrize("tier", ["moving", "preview", "exact"])
-def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
-    session, tab, _ = opened(FINE, preview_worker=Nested)
-    during(tier, lambda: tab.edit(moved(2), gesture=2))
-    frames = tab.edit(moved(1), gesture=1, final=tier != "moving")
-    shown = [x for x in frames if x.kind in ("picture", "executed")]
-    old = [x for x in shown if x.header["seq"] < tab.seq]
-    expected = {"moving": [], "preview": [], "exact": ["picture preview", "executed preview"]}
-    assert tiers(old) == expected[tier]
-    assert shown[: len(old)] == old, "no older frame after a newer one"
-    assert tiers(shown)[-2:] == ["picture exact", "executed exact"]
-    assert tab.last("picture")["rev"] == session.editor.rev
-
-
 def test_a_refusal_during_a_preview_is_of_the_newest_state_and_goes_with_it(opened, during):
     _, tab, _ = opened(preview_worker=Nested)
     during("preview", lambda: tab.edit(FAR, gesture=2))
@@ -307,14 +293,3 @@ def test_a_killed_process_is_reported_and_the_next_edit_has_figures(opened):
     lane.deliver(PageFrame("cancelled", {"id": lane.given[1][0]}))
     answer(lane, duration=12.5)
     assert tab.last("figures")["seq"] == tab.seq
-
-
-def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
-    _, tab, lane = opened(preview_worker=Nested)
-    tab.edit(moved(1), gesture=1)
-    assert lane.cancelled == [], "soon they are there"
-    monkeypatch.setattr(scheduler, "MAX_OBSOLETE_FIGURES", -1.0)
-    tab.edit(moved(2), gesture=2)
-    assert lane.cancelled == [lane.given[-1][0]]
-    lane.deliver(PageFrame("cancelled", {"id": lane.given[-1][0]}))
-    assert len(lane.given) == 2 and "cancelled" not in kinds(tab.frames)

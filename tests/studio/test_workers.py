@@ -7,7 +7,6 @@ import pytest
 from tests.studio.session_pages import figure
 
 from armcontour.core.child_process import ProcessEnded
-from armcontour.core.errors import Unreachable
 from armcontour.studio import workers
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.dispatch import WARM, WARMUP_JOB
@@ -60,24 +59,6 @@ def test_of_works_that_wait_only_the_latest_is_done():
     heard.wait(4, "picture")
     lane.close()
     assert [x.header["id"] for x in heard.frames] == [1, 4]
-
-
-def test_errors_are_reported_and_the_lane_continues():
-    def failing(error):
-        def work(stale):
-            raise error
-
-        return work
-
-    heard = Heard()
-    lane = PreviewWorker(lambda frame: heard(frame.stamped(id=len(heard.frames))))
-    lane.submit(failing(Unreachable("The arm does not reach it.")))
-    first = heard.wait(0, "notice")
-    lane.submit(failing(ZeroDivisionError("division by zero")))
-    second = heard.wait(1, "notice")
-    lane.close()
-    assert first.header["sentence"] == "The arm does not reach it."
-    assert "ZeroDivisionError" in second.header["sentence"]
 
 
 class Pool:

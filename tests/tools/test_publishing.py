@@ -15,7 +15,6 @@ GITHUB = ROOT / ".github"
 # A source archive has none of these files.
 pytestmark = pytest.mark.skipif(not GITHUB.exists(), reason="not a checkout of the repository")
 WORKFLOWS = sorted(GITHUB.glob("workflows/*.yml"))
-FORMS = [x for x in sorted(GITHUB.glob("ISSUE_TEMPLATE/*.yml")) if x.stem != "config"]
 # Extras that a conda recipe leaves out.
 DEVELOPERS = {"browser", "test", "docs", "bench", "dev"}
 # Packages that have another name on conda-forge.

@@ -33,42 +33,14 @@ def refuse_unused(options: Mapping[str, object], job: Job) -> None:
             raise InvalidInput(f"--{name.replace('_', '-')} requires --export.")
 
 
-def rehearse(job: Job, scratch: FilePath) -> None:
-    """Write a table of two points in each format, to find errors of options before the run."""
-    import numpy as np
-
-    from armcontour.core.errors import InvalidInput, error_context
+def refuse_outputs(job: Job) -> None:
+    """Raise InvalidInput if the outputs of exports name an unknown event or analog output."""
     from armcontour.files.exports.formats import check_outputs
-    from armcontour.files.exports.table import tabulate
-    from armcontour.motion import Samples, TimedEvent
 
-    events = _events_of(job)
-    names = {*(event.name for event in events), *job.process.analog_names}
+    names = {*(event.name for event in _events_of(job)), *job.process.analog_names}
     check_outputs(job.export.outputs, names, option="export.outputs", owner="the job")
-    zeros = np.zeros((2, job.arm.dof))
-    point = tuple(job.arm.tool_position(zeros)[0].tolist())
-    for number, run in enumerate(job.runs):
-        for label, format in _formats(job):
-            cycle = _cycle(format, job, run.cycle)
-            table = tabulate(
-                Samples(t=np.array([0.0, cycle]), q=zeros, dq=zeros, ddq=zeros),
-                name=f"{job.name} {REFERENCE}",
-                cycle=cycle,
-                derivatives=job.export.derivatives,
-                joint_names=job.arm.joint_names,
-                events=tuple(
-                    TimedEvent(name=x.name, value=x.value, t=0.0, due=0.0, s=0.0, point=point)
-                    for x in events
-                ),
-                analog={x: np.zeros(2) for x in job.process.analog_names},
-            )
-            try:
-                with error_context(label):
-                    format.write(_supported(format, table), scratch / f"rehearsal{number}")
-            except OSError as error:
-                raise InvalidInput(
-                    f"A test file for {label} cannot be written: {error.strerror}."
-                ) from None
+    # Templates are read, so that errors in them are found before the run.
+    _formats(job)
 
 
 def _formats(job: Job) -> list[tuple[str, ExportFormat]]:

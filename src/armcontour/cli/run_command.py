@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.cli.console import Console
-from armcontour.cli.exports import rehearse, write_exports
+from armcontour.cli.exports import refuse_outputs, write_exports
 from armcontour.cli.inputs import library_file
 from armcontour.cli.progress_bars import search_progress
 from armcontour.core.progress import Progress, Step, subprogress
@@ -96,7 +96,7 @@ def run_job(
         job = read(subprogress(progress, "reading"))
         if job.export.formats:
             # Exports are tested before the run, so that invalid options are rejected at once.
-            rehearse(job, folder.scratch)
+            refuse_outputs(job)
         with compile_for_run(job.arm.dimension, progress):
             from armcontour.jobs import run
             from armcontour.jobs.advice import is_small, with_advice

@@ -80,11 +80,6 @@ class ResultFolder:
             raise self._unwritable(error) from None
 
     @property
-    def scratch(self) -> FilePath:
-        """Folder for temporary files; removed at the end, even after an error."""
-        return self._staging_folder("scratch")
-
-    @property
     def _new(self) -> FilePath:
         return self._staging_folder("new")
 

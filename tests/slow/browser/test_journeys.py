@@ -9,11 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import expect
-from tests.browser.test_journeys import agree, press
-from tools.studio_page import SQUARE, serving, write_job
-
-import armcontour as ac
-from armcontour.studio.page_frame import without_options
+from tests.browser.test_journeys import press
+from tools.studio_page import serving, write_job
 
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"
@@ -30,32 +27,6 @@ def apply(studio, text):
     area.fill(text)
     area.press("Control+Enter")
     return area
-
-
-def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
-    with studio.changing():
-        studio.type("limits.speed", "0.05 m/s")
-    slow, error = studio.figure("duration"), studio.figure("contour_error.rms")
-    agree(studio, judge(studio))
-    row = studio.slider("limits.speed").locator("input[type=range]")
-    box = row.bounding_box()
-    place = int(row.input_value()) / 1000
-    y = box["y"] + box["height"] / 2
-    errors = set()
-    with studio.changing():
-        studio.page.mouse.move(box["x"] + 8 + place * (box["width"] - 16), y)
-        studio.page.mouse.down()
-        for k in range(1, 6):
-            shown = studio.told("[data-figure='contour_error.rms']", "value")
-            studio.page.mouse.move(box["x"] + 8 + (place + 0.02 * k) * (box["width"] - 16), y)
-            studio.wait_for(f'[data-figure="contour_error.rms"]:not([data-value="{shown}"])')
-            errors.add(studio.figure("contour_error.rms"))
-        studio.page.mouse.up()
-    assert len(errors) >= 4, "the error of the executed tool is to follow"
-    judgement = judge(studio)
-    agree(studio, judgement)
-    assert judgement.trajectory.duration < slow
-    assert studio.figure("contour_error.rms") != error
 
 
 def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tmp_path):
@@ -124,41 +95,6 @@ def test_j11_a_dropped_drawing_is_played(pages, judge):
     joints = [float(x) for x in studio.told("#view3d", "joints").split(",")]
     planned = judge(studio, run).trajectory(t)
     np.testing.assert_allclose(joints, planned, atol=1e-4)
-
-
-def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_path):
-    (tmp_path / "square.yaml").write_text(SQUARE)
-    with studio.changing():
-        studio.open(tmp_path / "square.yaml")
-    free = judge(studio, "optimal")
-    agree(studio, free)
-    studio.find("#add-obstacle").click()
-    studio.find("#question").get_by_label("Height").fill("60")
-    with studio.changing():
-        press(studio, "#question", "OK")
-    # It is beside the part, on which it is set now.
-    box = studio.find("g.handle.obstacle")
-    corners = [np.array(studio.middle(studio.handle("waypoint", k))) for k in (0, 2)]
-    with studio.renewing():
-        studio.drag(box, tuple(sum(corners) / 2 - studio.middle(box)))
-    studio.wait("body", refused="true")
-    with pytest.raises(ac.Collision) as refused:
-        judge(studio, "optimal")
-    assert studio.refusal == without_options(str(refused.value))
-    scale, side = float(studio.told("#view2d", "scale")), box.bounding_box()["width"]
-    near, far = (scale * x + side / 2 for x in (NEAR, FAR))
-    with studio.changing():
-        studio.drag(box, (far, 0))
-    judgement = judge(studio, "optimal")
-    agree(studio, judgement)
-    clearance = studio.figure("clearance.low")
-    assert clearance == pytest.approx(judgement.clearance.low, abs=EXACT)
-    with studio.changing():
-        studio.drag(box, (near - far, 0))
-    assert studio.figure("clearance.low") < clearance
-    with studio.renewing():
-        studio.drag(box, (-near, 0))
-    studio.wait("body", refused="true")
 
 
 def test_j13_a_page_outlives_its_server_and_a_draft_both(pages, tmp_path):

@@ -183,22 +183,6 @@ def test_a_page_is_one_screen_and_short_when_opened(browser, tmp_path, name):
         assert len(text) <= SIZE
 
 
-# What is on the first screen, without a scroll.
-SEEN = """() => ["h1", ".verdict", ".tiles, .front table", ".drawing, .front table, .front figure",
-  "dl"].filter((name) => {
-  const x = document.querySelector(name);
-  return !x || x.getBoundingClientRect().top > innerHeight * 0.8;
-})"""
-
-
-@pytest.mark.parametrize("name", [x for x in PAGES if x != "batch"])
-@pytest.mark.parametrize("colours", ["light", "dark"])
-def test_the_answer_is_on_the_first_screen_also_without_scripts(browser, tmp_path, name, colours):
-    how = {"java_script_enabled": False, "color_scheme": colours}
-    with opened(browser, text_of(name), tmp_path, 1400, **how) as page:
-        assert page.evaluate(SEEN) == []
-
-
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, name):
     page_faults = []
@@ -214,11 +198,3 @@ def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, n
             without = [] if width == 1400 else [".js-plotly-plot svg"]
             page_faults += [f"{width}: {x}" for x in faults(page, without=without)]
     assert not page_faults, "\n".join(page_faults)
-
-
-def test_a_link_to_a_section_opens_it(browser, tmp_path):
-    with opened(browser, text_of("run"), tmp_path, 1400) as page:
-        assert not page.locator("#joints").evaluate("(x) => x.open")
-        page.evaluate("location.hash = '#joints'")
-        page.wait_for_selector("#joints[open] .js-plotly-plot", timeout=120_000)
-        assert 0 <= page.locator("#joints").bounding_box()["y"] < 450

@@ -9,27 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core.frames import Frame
-from armcontour.core.render import number
 from armcontour.core.text import list_some
 from armcontour.jobs import Job, JobResult, RunResult
 from armcontour.report.figure import Figure
-from armcontour.report.outline import outline_points
 from armcontour.report.section import Section, text_table
-from armcontour.report.sections.bodies import (
-    LINK_COLOUR,
-    TOOL_COLOUR,
-    draw_body,
-    draw_surroundings,
-    in_space,
-    line_in_space,
-    points_of,
-    seen_from_base,
-)
-from armcontour.report.style import LIMIT_COLOUR, PATH_COLOUR, RUN_COLOURS, finish, line
-from armcontour.robot.chain import link_poses
-from armcontour.robot.scene import Scene
-from armcontour.verification.clearance import Clearance, PairClearance
+from armcontour.report.style import RUN_COLOURS, finish, line
 
 # Displayed names of the kinds of pairs.
 KINDS = {
@@ -65,12 +49,9 @@ def clearance(study: JobResult) -> Section | None:
 
 
 def _parts(job: Job, result: RunResult) -> Iterator[Any]:
-    """Yield figures and tables of a run: distances over time, posture, and nearest pairs."""
+    """Yield figures and tables of a run: distances over time, and nearest pairs."""
     assert result.clearance is not None
-    nearest = _nearest(job, result.clearance)
     yield _over_time(job, result)
-    if job.program.dimension == 3 and nearest is not None:
-        yield _posture(job, result, nearest)
     for clearance, source in (
         (result.clearance, "planned"),
         (result.executed_clearance, "executed"),
@@ -78,13 +59,6 @@ def _parts(job: Job, result: RunResult) -> Iterator[Any]:
         if clearance is not None:
             pairs = next(x for x in clearance.to_data().tables if x.name == "pairs")
             yield text_table(replace(pairs, rows=pairs.rows[:MAX_ROWS]), f"Nearest pairs, {source}")
-
-
-def _nearest(job: Job, clearance: Clearance) -> PairClearance | None:
-    """The nearest pair with an obstacle, else the nearest of all pairs; None without pairs."""
-    names = {x.name for x in (job.scene or Scene()).obstacles}
-    pairs = [x for x in clearance.pairs if {x.first, x.second} & names]
-    return min(pairs or clearance.pairs, key=lambda x: x.high, default=None)
 
 
 def _over_time(job: Job, result: RunResult) -> Any:
@@ -106,37 +80,3 @@ def _over_time(job: Job, result: RunResult) -> Any:
     figure.update_xaxes(title="t [s]")
     figure.update_yaxes(title="least distance [mm]", rangemode="tozero")
     return finish(figure, title="Least distances", height=HEIGHT, span=3)
-
-
-def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
-    """Figure of arm, tool and cell at the time of the smallest distance."""
-    figure = Figure()
-    chain, shapes = job.arm.chain, job.arm.shapes
-    assert chain is not None
-    q = result.trajectory(np.array([min(nearest.t, result.trajectory.duration)]))
-    poses = link_poses(replace(chain, base=Frame()), q)[0]
-    path = seen_from_base(job.arm, outline_points(result.path))
-    figure.add_trace(line_in_space(path, "path", PATH_COLOUR, width=6))
-    drawn = [path]
-    # The base is skipped, because `draw_surroundings` draws it.
-    for shape in () if shapes is None else shapes.shapes:
-        if shape.link == 0 and not shape.tool:
-            continue
-        place = (
-            Frame(position=poses[shape.link][:, 3], rotation=poses[shape.link][:, :3]) @ shape.place
-        )
-        points = points_of(shape.shape, place)
-        figure.add_trace(
-            draw_body(points, shape.name, TOOL_COLOUR if shape.tool else LINK_COLOUR, 0.6)
-        )
-        drawn.append(points)
-    for trace, points in draw_surroundings(job, np.concatenate(drawn)):
-        figure.add_trace(trace)
-        drawn.append(points)
-    least, t = nearest.high, nearest.t
-    name = f"{nearest.second}, {nearest.first}: {number(least, 'm')} at {number(t, 's')}"
-    between = seen_from_base(job.arm, nearest.points)
-    figure.add_trace(line_in_space(between, name, LIMIT_COLOUR, width=8))
-    title = "Posture of the least distance"
-    in_space(figure, np.concatenate(drawn), title=title, height=HEIGHT, span=3)
-    return figure

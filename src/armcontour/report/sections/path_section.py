@@ -18,10 +18,9 @@ from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs import JobResult
 from armcontour.motion import Execution
-from armcontour.report.figure import Figure, make_subplots
+from armcontour.report.figure import Figure, make_subplots, make_trace
 from armcontour.report.outline import outline_points, simplify
 from armcontour.report.section import Section
-from armcontour.report.sections.bodies import curve, in_space
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     PATH_COLOUR,
@@ -48,6 +47,17 @@ FINER = 6
 MAX_POINTS = 800
 # Number of evenly spaced points of a drawn path.
 PLACES = 200
+# Minimum ratio of the shortest to the longest side of a scene.
+FLATTEST = 0.4
+# Length of the longest side of a scene in units of plotly, with which the scene fits in every view.
+SCENE_SIZE = 1.45
+# Camera with parallel projection, so that equal lengths appear equal.
+CAMERA = {
+    "eye": {"x": 1.1, "y": -1.5, "z": 0.9},
+    "up": {"x": 0, "y": 0, "z": 1},
+    "center": {"x": 0, "y": 0, "z": 0},
+    "projection": {"type": "orthographic"},
+}
 IN_PLANE = np.eye(2)
 Replaced = RoundedPath | ShapedPath
 # Dashes of different rounded paths.
@@ -324,3 +334,66 @@ def _near(done: Execution, corner: FloatArray, distance: float) -> FloatArray:
             q = CubicHermiteSpline(done.t[samples], done.q[samples], done.dq[samples])(t)
             parts += [done.arm.tool_position(q), gap]
     return np.concatenate(parts)
+
+
+def curve(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+    """Trace of a curve through points [m], (n, 2) or (n, 3)."""
+    if points.shape[1] == 2:
+        x, y = points.T * 1e3
+        return line(x, y, name, colour, **look)
+    look["width"] = look.get("width", 2) + 2
+    return line_in_space(points * 1e3, name, colour, **look)
+
+
+def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+    """Trace of a curve in space through points [mm], (n, 3), rounded to 0.1 µm."""
+    line = {"color": colour, "width": look.pop("width", 4), "dash": look.pop("dash", "solid")}
+    x, y, z = np.round(points, 4).astype(np.float32).T
+    hover = "x %{x:.3f} mm<br>y %{y:.3f} mm<br>z %{z:.3f} mm"
+    return make_trace(
+        "scatter3d", x=x, y=y, z=z, name=name, mode="lines", line=line, hovertemplate=hover, **look
+    )
+
+
+def in_space(
+    figure: Any, points: FloatArray, *, title: str, height: int, top: int = 12, span: int = 6
+) -> None:
+    """Set the layout of a figure in space for points [mm], (n, 3), with axes of equal scale."""
+    finish(figure, title=title, height=height, span=span)
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    size = high - low
+    longest = float(size.max())
+    # A flat scene gets a margin, because the tick labels of its short axis would overlap.
+    edge = np.maximum(FLATTEST * longest - size, 0.0) / 2 + 0.03 * longest
+    size = size + 2 * edge
+    ratio = size / float(size.max()) * SCENE_SIZE
+    axis = {
+        "nticks": 6,
+        "backgroundcolor": "#FAFAFA",
+        "gridcolor": "#DDDDDD",
+        "zerolinecolor": "#DDDDDD",
+    }
+    figure.update_layout(
+        scene={
+            "aspectmode": "manual",
+            "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
+            "camera": CAMERA,
+            **{
+                f"{x}axis": {"title": {"text": f"{x} [mm]"}, "range": [a, b], **axis}
+                for x, a, b in zip(
+                    "xyz", (low - edge).tolist(), (high + edge).tolist(), strict=True
+                )
+            },
+        },
+        legend={
+            "orientation": "v",
+            "x": 0,
+            "xref": "paper",
+            "xanchor": "left",
+            "yref": "paper",
+            "y": 1,
+            "yanchor": "top",
+            "bgcolor": "rgba(255,255,255,0.8)",
+        },
+        margin={"l": 10, "r": 10, "t": top, "b": 10},
+    )
