@@ -35,8 +35,9 @@ def limits_of(name):
     return ac.load_arm(name).limits.replace(**recipes()[name])
 
 
-@pytest.mark.parametrize("move", [square, fast_line, joint_line])
-@pytest.mark.parametrize("name", ["panda", "fr3"])
+@pytest.mark.parametrize(
+    ("name", "move"), [("panda", fast_line), ("fr3", square), ("fr3", joint_line)]
+)
 def test_what_the_check_accepts_the_limiter_does_not_change(name, move):
     arm, limits = ac.load_arm(name), limits_of(name)
     q = commands_of(move(arm, limits))

@@ -3,6 +3,7 @@
 Every motion takes its time, so there are few of them: `python -m soak playing` has many.
 """
 
+import io
 import json
 import os
 import pty
@@ -16,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from docs.pages import blocks
+from docs.pages import blocks, run_command
 from soak.hal_drives import CYCLE, follow
 from soak.hal_drives import LIMIT as ACCELERATION
 
@@ -189,23 +190,20 @@ def test_a_hal_file_that_does_not_fit_is_refused(job, tmp_path, refuses, old, ne
     file = tmp_path / "machine.hal"
     assert old in HAL
     file.write_text(HAL.replace(old, new), encoding="utf-8")
-    refuses(lambda: play(job, LinuxCNC(file), speed_factor=1.0), ControllerRefused, *words)
+    q = np.zeros((2, 2))
+    refuses(lambda: LinuxCNC(file).check(job.arm, job.arm.limits, q), ControllerRefused, *words)
 
 
 @pytest.mark.parametrize("name", ["play", "identify", "learn"])
-def test_without_a_terminal_nothing_is_executed(tmp_path, name):
-    """A pipe that has the name of the arm is no terminal."""
+def test_without_a_terminal_nothing_is_executed(tmp_path, monkeypatch, name):
+    """A text that has the name of the arm is no terminal."""
     (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
-    words = [name, str(tmp_path / "job.yaml"), "--on", "linuxcnc", "--execute", "--out"]
-    done = subprocess.run(
-        [sys.executable, "-m", "armcontour", *words, str(tmp_path / "out")],
-        input="PMK-3s\n",
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 10
-    assert "terminal" in done.stderr and "has not moved" in done.stderr
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("PMK-3s\n"))
+    words = [name, "job.yaml", "--on", "linuxcnc", "--execute", "--out", "out"]
+    code, _, errors = run_command(words)
+    assert code == 10
+    assert "terminal" in errors and "has not moved" in errors
     assert not (tmp_path / "out").exists()
 
 
