@@ -40,21 +40,6 @@ def test_a_call_from_python_is_an_error_before_and_after_it_is_compiled():
     assert KERNELS[__name__, "add"] is add and KERNELS[__name__, "total"] is total
 
 
-def test_a_number_in_a_call_is_no_type_of_its_own():
-    @compiled(inner=True)
-    def twice(i: int) -> int:
-        return 2 * i
-
-    @compiled()
-    def both(i: int) -> int:
-        return twice(3) + twice(i)
-
-    for kernel in (twice, both):
-        kernel._cache.disable()
-    assert both(4) == 14
-    assert len(twice.overloads) == 1
-
-
 MAKES_ARRAYS = re.compile(
     r"np\.(empty|zeros|ones|full|arange|array|concatenate|copy|linspace|argsort|sort|stack|append"
     r"|diff|cumsum)\(|\.copy\("
@@ -90,22 +75,6 @@ def test_inner_functions_that_make_or_return_arrays_count_references():
 def _says_that_it_makes_arrays(callee):
     options = getattr(callee, "targetoptions", {})
     return bool(options.get("no_cpython_wrapper")) and options.get("_nrt", True)
-
-
-def test_a_function_from_disk_is_compiled_into_others():
-    assert total(np.arange(4.0)) == 6.0
-    loaded = compiled()(total.py_func)
-    assert loaded(np.arange(5.0)) == 10.0
-    assert sum(loaded.stats.cache_hits.values()) == 1
-    assert not sum(loaded.stats.cache_misses.values())
-
-    @compiled()
-    def twice(values: np.ndarray) -> float:
-        return 2.0 * loaded(values)
-
-    twice._cache.disable()
-    assert twice(np.arange(5.0)) == 20.0
-    assert sum(loaded.stats.cache_hits.values()) == 1
 
 
 PACKAGE = Path(armcontour.__file__).parent

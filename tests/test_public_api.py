@@ -178,57 +178,6 @@ def planned(objective, arm, limits):
     return ac.plan(ac.round_corners(objective, tolerance=5e-3), arm, limits)
 
 
-def refused(function, *args, **options):
-    """What a call says that is refused; empty if it is not."""
-    try:
-        function(*args, **options)
-    except ac.ArmContourError as error:
-        return str(error)
-    return ""
-
-
-# Values that are no numbers. Not-a-number itself goes through functions of arrays, as in numpy.
-NO_NUMBERS = (
-    *("a", None, 1 + 2j, object(), {}, ["a", "b"], [[1.0], [2.0, 3.0]], True, b"a"),
-    *(np.zeros(2, complex), np.array(["2020-01-01"], "M8[D]"), 10**400),
-    *([None, 0.1], np.array(["1", 2.0], object), np.array([True, 0.1], object)),
-)
-# Arrays of no state of an arm with two or six joints.
-NO_STATES = ([], [1.0, 2.0, 3.0], np.zeros((2, 3, 4)), 0.5)
-
-
-def test_functions_of_numbers_refuse_what_is_none_in_one_sentence(
-    planned, servo, rounded, arm, traced
-):
-    space, states = ac.load_arm("ur5e"), (*NO_NUMBERS, *NO_STATES)
-    plain = (rounded, rounded.locate, traced, traced.locate, planned, planned.motion, planned.s)
-    plain += (planned.with_rests, planned.motion_with_rests, planned.time_at, planned.speed_at)
-    functions = [(x, 1, NO_NUMBERS) for x in (*plain, planned.sample)]
-    functions += [(rounded.project, 1, (*NO_NUMBERS, *NO_STATES)), (servo.command, 3, NO_NUMBERS)]
-    functions.append((arm.joint_position, 1, (*NO_NUMBERS, *NO_STATES)))
-    for x in (arm, space):
-        functions += [(f, 1, states) for f in (x.tool_position, x.tool_jacobian, x.links)]
-        functions += [(f, 2, states) for f in (x.tool_jacobian_rate, x.tool_velocity)]
-        functions += [(f, 3, states) for f in (x.tool_acceleration, x.tool_motion, x.torque)]
-        functions.append((x.tool_jerk, 4, states))
-    functions += [(arm.joint_velocity, 2, states), (arm.joint_acceleration, 3, states)]
-    functions += [(space.pose, 1, states), (space.tool_twist_rate, 3, states)]
-    for function, count, wrong in functions:
-        dof = 6 if getattr(function, "__self__", None) is space else 2
-        right = np.full(dof, 0.3) if wrong is states or count == 3 else 0.1
-        for slot in range(count):
-            for other in wrong:
-                numbers = [right] * count
-                numbers[slot] = other
-                message = refused(function, *numbers)
-                assert message.endswith(".") and "\n" not in message, (
-                    function,
-                    slot,
-                    other,
-                    message,
-                )
-
-
 def test_orders_sides_words_and_intervals_are_refused(planned, rounded, traced, refuses):
     cases = [
         (lambda curve=curve, order=order: curve(0.0, order))

@@ -237,3 +237,15 @@ def test_neighbours_share_their_line_as_arcs_do_and_some_corners_stay_sharp():
         sharp = ac.round_corners(ac.Path.polyline(points), tolerance=1e-3, continuity=continuity)
         assert sharp.corners.reason[0] == "turn-back"
     assert "no room" in sharp.corners.reason
+
+
+@each("offset", [-0.9e-9, -1e-11, 0.0, 1e-11, 0.9e-9])
+def test_a_part_that_begins_beside_a_joint_can_be_rounded_with_its_orientation(offset):
+    path = ac.Path.polyline([[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0], [0.2, 0, 0]])
+    turning = path.pointing([[0, 0, -1], [0.1, 0, -1], [0, 0.1, -1], [0, 0, -1]])
+    for cut in (
+        cut_path(turning, turning.breaks[1] + offset, turning.length),
+        cut_path(turning, 0.0, turning.breaks[2] + offset),
+    ):
+        np.testing.assert_array_equal(cut.orientation.breaks, cut.breaks)
+        ac.round_corners(cut, tolerance=1e-3, angular_tolerance=0.1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, CubicSpline
 from scipy.spatial import cKDTree
 from tests.geometry.tables import each, refused
 
@@ -186,3 +186,32 @@ def test_what_is_no_curve_is_refused(monkeypatch):
     )
     monkeypatch.setattr("armcontour.geometry.arc_fit.MAX_INTERVALS", 100)
     refused((lambda: fitted(ellipse(1, 0.5), [0, 6], 1e-8), "more than 200 arcs", "1e-08 m"))
+
+
+@each("seed", range(8))
+def test_rational_splines_whose_weights_differ_by_thousands(seed):
+    # Nearly all of such a curve may lie within a thousandth of its parameters.
+    rng = np.random.default_rng(seed)
+    weights, points = np.exp(rng.uniform(-6, 6, 8)), rng.normal(size=(8, 2))
+    inner = np.sort(rng.random(4))
+    curve = rational(points, weights, [0, 0, 0, 0, *inner, 1, 1, 1, 1], 3)
+    path = fitted(curve, [0, *inner, 1], 1e-5)
+    dense = curve(np.linspace(0, 1, 30001), 0)
+    assert path.project(dense).distance.max() <= 1e-5
+    assert path.turns.max() < 1e-9 and len(path) < 400
+
+
+def test_many_breaks_at_one_place_and_thousands_of_intervals():
+    def curve(t, order):
+        # It waits at (1, 0) from 1 to 2, but for steps of less than a nanometre.
+        wait = np.clip(t - 1, 0, 1)
+        x = t - wait * (1 - 1e-9)
+        rate = np.where((t > 1) & (t < 2), 1e-9, 1.0)
+        return np.column_stack([x, 0 * t] if order == 0 else [rate, 0 * t])
+
+    path = fitted(curve, np.concatenate([[0], np.linspace(1, 2, 50), [3]]), 1e-5)
+    assert path.length == pytest.approx(2, abs=1e-8) and len(path) <= 4
+    t = np.arange(4001.0)
+    spline = CubicSpline(t, np.column_stack([np.cos(t / 100), np.sin(t / 76)]))
+    path = fitted(lambda x, order: spline(x, order), t, 1e-5)
+    assert len(path) <= 8002 and path.turns.max() < 1e-9

@@ -206,3 +206,14 @@ def test_a_tool_that_follows_keeps_its_angle_to_the_tangent_and_does_not_turn_ab
         assert np.linalg.norm(turn) == pytest.approx(np.pi / 2)
     np.testing.assert_allclose(path.orientation.jumps, np.pi / 2)
     np.testing.assert_array_equal(path.stops, path.breaks[1:-1])
+
+
+def test_breaks_of_the_orientation_are_those_of_the_path_to_the_last_digit():
+    random = np.random.default_rng(8)
+    path = ac.Path.polyline(np.cumsum(random.normal(size=(1000, 3)), axis=0))
+    path = path.oriented(Rotation.from_rotvec(0.3 * random.normal(size=(1000, 3))))
+    rounded = ac.round_corners(path, tolerance=0.05, angular_tolerance=0.3)
+    apart = np.setdiff1d(rounded.orientation.breaks, rounded.breaks)
+    near = np.abs(apart[:, None] - rounded.breaks).min(axis=1)
+    assert len(near) == 0 or near.min() > 1e-9
+    assert rounded.orientation.breaks[-1] == rounded.length

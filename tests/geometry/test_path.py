@@ -189,16 +189,6 @@ def test_points_and_places_that_make_no_sense_are_refused():
     np.testing.assert_array_equal(path(2 * (1 + 1e-15)), (2, 0))
 
 
-GOOD = line((0, 0), (1, 0))
-COLUMNS = {
-    "starts": np.zeros((1, 2)),
-    "tangents": np.array([[1.0, 0.0]]),
-    "normals": np.zeros((1, 2)),
-    "curvatures": np.zeros(1),
-    "lengths": np.ones(1),
-}
-
-
 ROUNDED = ac.round_corners(ac.Path.polyline([(0, 0), (1, 0), (1, 2), (3, 3)]), tolerance=0.1)
 
 

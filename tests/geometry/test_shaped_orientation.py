@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.geometry.tables import each
+from tests.geometry.tables import arc, each, path_of
 
 import armcontour as ac
 from armcontour.core.frames import angle_between, exp, log, shortest
@@ -11,9 +11,7 @@ from armcontour.geometry import orient_shaped, round_with_parabolas
 from armcontour.geometry.prescribed_orientation import carry_frame
 
 POINTS = [(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0.02), (0.2, 0.1, 0.05), (0.15, 0.02, 0)]
-AXES = [(0, 0, -1), (0, 0.5, -1), (0.5, 0, -1), (1, 0.3, -1), (0, 0, -1)]
 BASE = ac.Path.polyline(POINTS)
-ORIENTED = BASE.oriented(exp(0.4 * np.array(AXES)))
 
 
 def shaped(objective, tolerance=0.005):
@@ -99,3 +97,18 @@ def test_random_places_keep_the_tolerance_without_stops(seed, axis_only):
     assert len(oriented.stops) == 0
     assert off_place(oriented, objective, both, 401).max() <= error * 1.05
     assert error <= tolerance
+
+
+def test_a_whole_turn_of_the_path_keeps_to_its_tangent():
+    def circle(*normal):
+        return path_of(arc((0.1, 0, 0), (0, 0, 0), 1.99 * np.pi, normal=normal))
+
+    objective, path = circle(0, 0, 1).following_tangent((0, 0, 1)), circle(0, 0.05, 1)
+    places = np.array([(0, 0), (objective.length, path.length)])
+    oriented, error = orient_shaped(path, objective, places, 0.01)
+    assert len(oriented.stops) == 0 and error <= 0.01
+    assert off_tangent(oriented).max() <= error + 1e-9
+    # Half way round the path goes 0.05 to the other side: so does the tool.
+    s = [path.length / 2]
+    tilt = exp(shortest(objective(s, 1), path(s, 1))) @ objective.orientation(s)
+    assert np.linalg.norm(log(oriented.orientation(s) @ np.swapaxes(tilt, 1, 2))) < 0.01

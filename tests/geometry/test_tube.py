@@ -38,15 +38,6 @@ def evenly(objective, path):
     return np.array([(0.0, 0.0), (objective.length, path.length)])
 
 
-def distance_from_lines(points, vertices):
-    """Distance of each point from each line between vertices, by hand, (points, lines)."""
-    a, b = vertices[:-1], vertices[1:]
-    along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
-    gap = points[:, None] - a
-    t = np.clip(np.einsum("ijk,jk->ij", gap, along), 0, np.linalg.norm(b - a, axis=1))
-    return np.linalg.norm(gap - t[..., None] * along, axis=2)
-
-
 def sampled_distance(path, objective, places, reach, n=400):
     """Distances of points of a path from their own parts of the objective, and their segments."""
     s = np.linspace(0, path.length, n)
@@ -64,19 +55,6 @@ def test_the_paths_own_tolerances_cap_both_sides():
     tube = Tube.around(path_of(*lines), 5e-3)
     np.testing.assert_array_equal(tube.tolerance, [5e-3, 1e-3, 4e-3])
     np.testing.assert_array_equal(tube.vertex_tolerance, [1e-3, 1e-3])
-
-
-@each("dimension", [2, 3])
-def test_room_is_that_of_the_best_piece_of_the_window(dimension):
-    rng = np.random.default_rng(1)
-    vertices = rng.normal(size=(9, dimension))
-    path = ac.Path.polyline(vertices)
-    tube = Tube.around(path, 0.3)
-    points = rng.normal(size=(50, dimension))
-    windows = np.sort(rng.integers(0, len(tube), size=(50, 2)), axis=1)
-    room = tube.tolerance - distance_from_lines(points, np.vstack([path(tube.breaks)]))
-    expected = [room[i, a : b + 1].max() for i, (a, b) in enumerate(windows)]
-    np.testing.assert_allclose(tube.margin(points, windows), expected, atol=1e-14)
 
 
 def test_stopping_at_every_vertex_keeps_tolerance_zero():
@@ -269,3 +247,35 @@ def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
     assert repair.deviation <= np.sqrt(0.5) * step
     s = np.linspace(0, repair.path.length, 401)
     assert path.project(repair.path(s)).distance.max() <= repair.deviation * 1.001 + 1e-14
+
+
+@each("turn", [1e-3, 1e-6])
+def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
+    # The middle of the arc is as far from both lines as from the corner, to a millionth.
+    path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
+    rounded = ac.round_corners(path, tolerance=turn * 1e-3)
+    assert rounded.corners.error[0] == pytest.approx(turn * 1e-3)
+    assert Tube.around(path, turn * 1e-3).prove(rounded, places_of(rounded), 0.5).ok
+
+
+def test_a_hop_to_the_neighbouring_pass_is_no_way():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.004), (0, 0.004)])
+    short = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, 0.004), (0, 0.004)])
+    assert path.project(short(np.linspace(0, short.length, 1001))).distance.max() < 0.0021
+    proof = Tube.around(path, 0.005).prove(short, evenly(path, short), 0.02)
+    assert proof.violated
+    # Even if the places leave the rest of the path out, its corners are missed.
+    jumps = [(0, 0), (0.502, 0.502), (1.502, 0.502), (2.004, 1.004)]
+    jump = Tube.around(path, 0.005).prove(short, np.array(jumps), 0.02)
+    np.testing.assert_allclose(jump.vertices, 0.5 - 0.005, rtol=1e-4)
+    assert jump.violated and jump.segments.max() < 0
+
+
+def test_a_crossing_is_not_a_way_to_turn_off():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, -1)])
+    # At the crossing (0.5, 0) it takes the other line.
+    turned = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, -1)])
+    assert path.project(turned(np.linspace(0, turned.length, 101))).distance.max() < 1e-12
+    assert Tube.around(path, 0.01).prove(turned, evenly(path, turned), 0.05).violated
+    same = Tube.around(path, 0.01).prove(path, evenly(path, path), 0.05)
+    assert same.ok and same.segments.max() == pytest.approx(-0.01)

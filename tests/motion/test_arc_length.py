@@ -178,3 +178,21 @@ def test_refusals(refuses):
     ]  # fmt: skip
     for call in calls:
         refuses(call, ac.InvalidInput)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_rates_are_differences_of_s(order):
+    for name in MAKERS:
+        trajectory = plan(name)
+        rng, widths = np.random.default_rng(1), np.diff(trajectory.breaks)
+        k = np.unique([0, len(widths) - 1, *rng.integers(0, len(widths), 100)])
+        t = trajectory.breaks[k] + rng.uniform(0.2, 0.8, len(k)) * widths[k]
+        h = np.minimum(0.05 * widths[k], 1e-4)
+        wide, narrow = (
+            np.diff(trajectory.s(np.stack([t - x, t + x]), order - 1), axis=0)[0] / (2 * x)
+            for x in (h, h / 2)
+        )
+        # Both differences are off by their widths squared; together they are not.
+        expected = (4 * narrow - wide) / 3
+        near = np.maximum(1e-6 * expected, 1e-8 + (1e-15 if order == 1 else 1e-14) / h)
+        assert (np.abs(trajectory.s(t, order) - expected) <= near).all(), name

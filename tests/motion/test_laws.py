@@ -276,3 +276,14 @@ def test_long_intervals_lose_no_peak(jerk):
             assert shares[row] > 1 - 1e-7, (k, row)
         shares = largest_shares(law, 100 * full, speeds, 1 - 1e-7)
         assert shares[4] > 1 - 1e-7, k
+
+
+def test_short_intervals_far_along_a_path_do_not_bend_by_rounding():
+    # Lengths are exact, but the breaks are their sums, rounded to about 1e-14 m at 50 m.
+    exact = np.concatenate([[0.0], np.cumsum(np.tile([5e-4, 2e-9, 5e-4, 3e-11], 50))])
+    s, values = 50.0 + exact, (np.sin(exact), np.cos(exact), -np.sin(exact))
+    ends = (tuple(x[rows, None] for x in values) for rows in (slice(-1), slice(1, None)))
+    path = ac.JointPath.hermite(s, *ends)
+    s_inside = (s[:-1, None] + np.diff(s)[:, None] * np.linspace(0, 1, 7)).ravel()
+    assert np.abs(path(s_inside, 2)).max() < 0.2
+    np.testing.assert_allclose(path(s_inside)[:, 0], np.sin(s_inside - 50.0), atol=1e-12)

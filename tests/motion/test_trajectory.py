@@ -144,3 +144,18 @@ def test_exchanged_columns_are_found_and_delays_are_no_turned_signs():
     u = np.sin(2 * np.pi * 2.0 * T)[:, None]
     delayed = np.interp(T - 0.25, T, u[:, 0])[:, None]
     assert not find_misreading(T, delayed, u, longest_delay=0.25)
+
+
+def test_both_sides_of_every_break_of_a_law_that_starts_late():
+    # The sum of start and break, less the start, is the break on few of them: it is rounded up on
+    # some, and down on others.
+    random = np.random.default_rng(0)
+    breaks = np.append(0.0, np.cumsum(random.uniform(0.5e-3, 2e-3, 400)))
+    starts, numbers = 1.0 / 3.0 + 33.0, np.arange(400.0)[:, None]
+    law = LapLaw(breaks=breaks, q=np.zeros((401, 1)), dq=np.zeros((400, 1)), ddq=numbers)
+    trajectory = ac.Trajectory(laws=(lap(starts, (0,), (0,), (0,)), law), method="hand")
+    joints = trajectory.breaks[1:]
+    rounded = joints - starts
+    assert (rounded < breaks).sum() > 50 and (rounded > breaks).sum() > 50
+    np.testing.assert_array_equal(trajectory(joints[:-1], 2), numbers)
+    np.testing.assert_array_equal(trajectory(joints[1:], 2, side="left"), numbers)

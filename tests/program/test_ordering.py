@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import minimum_spanning_tree
 from soak import outputs
 from tests.geometry.tables import refused
 
+from armcontour.core.render import number
 from armcontour.geometry import Arc, Path
 from armcontour.program import Contour, Event, Lead, Process, Program, prepare
 from armcontour.program.contour_order import find_start_candidates
@@ -116,3 +118,36 @@ def test_closed_contours_begin_where_the_way_is_short():
 
 def test_outputs_are_on_at_work_only():
     assert sum(outputs.judge_program(seed) for seed in range(30)) > 3000
+
+
+def held_karp(places, upper):
+    """The lower bound of Held and Karp (1970) for an open tour: 1-trees with weights."""
+    n = len(places)
+    links = np.linalg.norm(places[:, None] - places, axis=2)
+    weight, best, step = np.zeros(n), 0.0, 2.0
+    for _ in range(150):
+        # Zeros are no links of a sparse graph.
+        tree = minimum_spanning_tree(links + weight[:, None] + weight + 10.0).tocoo()
+        ends = np.argsort(weight)[:2]
+        degree = np.bincount([*tree.row, *tree.col, *ends], minlength=n) - 2
+        bound = tree.data.sum() - 10.0 * (n - 1) + weight[ends].sum() - 2 * weight.sum()
+        best, step = max(best, bound), 0.97 * step
+        weight = weight + step * max(upper - bound, 0.0) / max((degree**2).sum(), 1) * degree
+    return best
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_hundreds_of_contours_come_near_a_lower_bound(closed):
+    rng = np.random.default_rng(5)
+    contours = []
+    for i, (x, y) in enumerate(rng.uniform(0, 1, (250, 2))):
+        end = x + 1e-5 * np.cos(i), y + 1e-5 * np.sin(i)
+        contours.append(circle(x, y, 4e-3) if closed else line((x, y), end))
+    arranged = ordered(contours, order="shortest", begin="drawn" if closed else "auto")
+    # It is no warning: nothing is wrong.
+    (note,) = arranged.remarks
+    assert not arranged.notes
+    starts = np.array([x.path(0.0) for x in arranged.contours])
+    bound = held_karp(starts, gaps(arranged))
+    assert 0.99 * bound < gaps(arranged) <= 1.1 * bound
+    assert f"a total length of {number(gaps(arranged), 'm')}" in note

@@ -84,3 +84,13 @@ def test_the_winding_number_is_that_of_a_fine_polygon(seed):
     wound = np.round((turned[:, -1] - turned[:, 0]) / (2 * np.pi)).astype(int)
     clear = np.min(np.linalg.norm(fine[:, None] - places, axis=2), axis=0) > 5e-3
     assert (holds == (wound != 0))[clear].all()
+
+
+def test_a_point_at_the_height_of_a_vertex_that_is_off_by_rounding_is_inside():
+    # The arc ends 2e-17 above the start of the line after it, at the height of the mark.
+    first = arc((0.05, 0.06), (0.0, 0.06), -0.5)
+    end = path_of(first).vertices[-1]
+    low = [end[0], end[1] - 2e-17 - 1e-18]
+    path = path_of(first, line(low, (-0.05, 0.0)), line((-0.05, 0.0), (0.05, 0.06)))
+    for y in (end[1], low[1], np.nextafter(end[1], 0)):
+        assert parents(ac.Contour(path=path), polyline([0.03, y], [0.031, y])) == [-1, 0]

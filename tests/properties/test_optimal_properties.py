@@ -142,9 +142,6 @@ def test_random_polylines(arm, batch):
     assert planned_ones >= 10 and refused_ones >= 1
 
 
-LIMIT = 0.72
-
-
 def still(q=(0.0, 0.0)):
     rest = np.zeros((1, 2))
     law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.array([q, q]), dq=rest, ddq=rest)

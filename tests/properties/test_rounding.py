@@ -9,39 +9,6 @@ import armcontour as ac
 from armcontour.core.frames import log
 from armcontour.geometry import angle_between
 
-BATCH = 800
-
-
-def random_points(rng):
-    """A polyline of 3 to 10 points with every nuisance that user files have."""
-    dimension = int(rng.integers(2, 4))
-    n = int(rng.integers(3, 11))
-    scale = 10.0 ** rng.uniform(-3, 1)
-    points = scale * rng.uniform(-1, 1, size=(n, dimension))
-    if rng.random() < 0.3:  # mixed scales: some steps a thousandth of the others, or less
-        steps = np.diff(points, axis=0) * 10.0 ** rng.uniform(-4, 0, size=(n - 1, 1))
-        points = np.concatenate([points[:1], points[0] + np.cumsum(steps, axis=0)])
-    for i in range(1, n - 1):
-        kind = rng.random()
-        if kind < 0.08:  # on the line between its neighbours
-            points[i] = points[i - 1] + rng.random() * (points[i + 1] - points[i - 1])
-        elif kind < 0.14:  # repeated, exactly or to rounding
-            points[i] = points[i - 1] + rng.choice([0.0, 1e-13, 5e-10])
-        elif kind < 0.20:  # straight back
-            points[i + 1] = points[i] + rng.uniform(0.1, 1.5) * (points[i - 1] - points[i])
-        elif kind < 0.28:  # micro-segment
-            points[i] = points[i - 1] + 10.0 ** rng.uniform(-8.5, -5) * rng.normal(size=dimension)
-    tolerance = 0.0 if rng.random() < 0.05 else scale * 10.0 ** rng.uniform(-6, 0.5)
-    return points, tolerance
-
-
-def distances(points, starts, tangents, lengths):
-    """From every point to the nearest of the segments, by clamped projection on each."""
-    to = points[:, None, :] - starts
-    along = np.clip((to * tangents).sum(axis=2), 0.0, lengths)
-    return np.sqrt((((to - along[..., None] * tangents) ** 2).sum(axis=2)).min(axis=1))
-
-
 coordinates = st.floats(-1, 1, width=32)
 polylines = (
     st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8, unique=True)
@@ -154,3 +121,90 @@ def test_what_follows_the_tangent_leaves_it_by_no_more_than_its_tolerance(seed):
     assert errors.max() <= angular + 1e-7
     assert made.orientation.jumps.max(initial=0.0) <= 1e-8
     assert len(made.stops) == 0
+
+
+BATCH = 800
+
+
+def random_points(rng):
+    """A polyline of 3 to 10 points with every nuisance that user files have."""
+    dimension = int(rng.integers(2, 4))
+    n = int(rng.integers(3, 11))
+    scale = 10.0 ** rng.uniform(-3, 1)
+    points = scale * rng.uniform(-1, 1, size=(n, dimension))
+    if rng.random() < 0.3:  # mixed scales: some steps a thousandth of the others, or less
+        steps = np.diff(points, axis=0) * 10.0 ** rng.uniform(-4, 0, size=(n - 1, 1))
+        points = np.concatenate([points[:1], points[0] + np.cumsum(steps, axis=0)])
+    for i in range(1, n - 1):
+        kind = rng.random()
+        if kind < 0.08:  # on the line between its neighbours
+            points[i] = points[i - 1] + rng.random() * (points[i + 1] - points[i - 1])
+        elif kind < 0.14:  # repeated, exactly or to rounding
+            points[i] = points[i - 1] + rng.choice([0.0, 1e-13, 5e-10])
+        elif kind < 0.20:  # straight back
+            points[i + 1] = points[i] + rng.uniform(0.1, 1.5) * (points[i - 1] - points[i])
+        elif kind < 0.28:  # micro-segment
+            points[i] = points[i - 1] + 10.0 ** rng.uniform(-8.5, -5) * rng.normal(size=dimension)
+    tolerance = 0.0 if rng.random() < 0.05 else scale * 10.0 ** rng.uniform(-6, 0.5)
+    return points, tolerance
+
+
+def distances(points, starts, tangents, lengths):
+    """From every point to the nearest of the segments, by clamped projection on each."""
+    to = points[:, None, :] - starts
+    along = np.clip((to * tangents).sum(axis=2), 0.0, lengths)
+    return np.sqrt((((to - along[..., None] * tangents) ** 2).sum(axis=2)).min(axis=1))
+
+
+def test_random_polylines():
+    """Judge tolerance, tangents, ends and overlap."""
+    rng = np.random.default_rng(1000)
+    rounded_ones = stopped_ones = shrunk_ones = merged_ones = 0
+    for _ in range(BATCH):
+        points, tolerance = random_points(rng)
+        path = ac.Path.polyline(points)
+        rounded = ac.round_corners(path, tolerance=tolerance)
+        corners = rounded.corners
+        # Deviation: samples of every arc, and every corner to the middle of its arc.
+        arcs = np.flatnonzero(rounded.curvatures)
+        u = rounded.lengths[arcs, None] * np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+        on_arcs = rounded.on_segment(np.repeat(arcs, 5), u.ravel())
+        if len(arcs):
+            errors = distances(on_arcs, path.starts, path.tangents, path.lengths)
+            assert errors.max() <= tolerance + 1e-12
+            gap = np.linalg.norm(on_arcs[2::5] - corners.point[~corners.stopped], axis=1)
+            assert gap.max() <= tolerance + 1e-12
+        # Tangents: continuous but for the full stops that are recorded.
+        np.testing.assert_array_less(-1e-12, rounded.lengths)
+        jumps = rounded.breaks[1:-1][rounded.turns > 1e-9]
+        np.testing.assert_allclose(jumps, corners.start[corners.stopped], atol=1e-12)
+        # Ends, length, order, and no overlap on any line.
+        np.testing.assert_allclose(rounded.vertices[[0, -1]], path.vertices[[0, -1]], atol=1e-12)
+        assert rounded.length <= path.length * (1 + 1e-12)
+        assert (corners.start[1:] >= corners.end[:-1] - 1e-12).all()
+        corner_s = path.breaks[[0, *corners.vertex, -1]]
+        cut = np.array([0.0, *corners.tangent, 0.0])
+        assert (cut[:-1] + cut[1:] <= np.diff(corner_s) + 1e-12).all()
+        rounded_ones += len(arcs)
+        stopped_ones += int(corners.stopped.sum())
+        shrunk_ones += int(corners.shrunk.sum())
+        merged_ones += len(path.merged)
+    # The corpus does hold what it is meant to hold.
+    assert rounded_ones > 3 * BATCH and shrunk_ones > BATCH
+    assert stopped_ones > BATCH / 5 and merged_ones > BATCH / 5
+
+
+def test_an_angular_tolerance_of_zero_stops():
+    line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 1)])
+    turns = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.1], [0, 0, 0.4], [0, 0, 0.3], [0, 0, 0.1]])
+    made = rounded(line.oriented(turns), 0.1, 0.0)
+    np.testing.assert_allclose(made.stops, [1.0, 2.0, 3.0])
+    assert made.corners.stopped.all() and (made.corners.angular_error == 0).all()
+    # Not where the rate goes on, though rounding makes two numbers of it.
+    corner = ac.Path.polyline([(0, 0, 0), (0.7, 0, 0), (0.7, 0.7, 0)])
+    steady = Rotation.from_rotvec(np.outer([0, 1, 2], [0.11, 0.07, 0.2]))
+    for held in (corner.oriented(steady), corner.oriented(Rotation.from_rotvec([0.1, 0.2, 0.3]))):
+        rounded_path = rounded(held, 0.1, 0.0)
+        assert len(rounded_path.stops) == 0 and not rounded_path.corners.stopped.any()
+    followed = rounded(corner.following_tangent([0, 0, 1]), 0.1, 0.0)
+    np.testing.assert_allclose(followed.stops, [followed.corners.start[0], followed.corners.end[0]])

@@ -147,3 +147,14 @@ def test_torques_and_their_parts_are_those_of_pinocchio(seed, dof, n):
     same(dynamics.gravity(q), torque(q, still, still))
     same(dynamics.torque(q, dq, ddq), torque(q, dq, ddq) + armature * ddq)
     same(dynamics.mass_matrix(q), mass(q) + np.diag(armature))
+
+
+@each("turns", [3, -1000, 100_000, 10**9])
+def test_whole_turns_change_no_torque(turns, states):
+    q, dq, ddq = states
+    dynamics = Dynamics(chain())
+    # The position itself is rounded, by half of its last digit.
+    rounding = np.spacing(7.0 * abs(turns)) + 1e-15
+    torque = dynamics.torque(q + 2 * np.pi * turns, dq, ddq)
+    expected = dynamics.torque(q, dq, ddq)
+    np.testing.assert_allclose(torque, expected, rtol=0, atol=2e3 * rounding)

@@ -110,3 +110,11 @@ def test_poses_out_of_reach_or_range_are_refused(refuses):
     np.testing.assert_allclose(held.inverse(near, all=True), q[None], atol=1e-9)
     turned = held.forward(q + 0.5)
     refuses(lambda: held.inverse(turned), ac.Unreachable, index=0, limit="range")
+
+
+def test_ranges_of_two_turns_give_the_turn_that_is_near():
+    arm = ac.load_arm("ur5e")
+    q = inside(arm, 6, 1)[0]
+    q[5] = 4.0
+    np.testing.assert_allclose(arm.inverse(arm.forward(q), near=q), q, atol=1e-9)
+    assert abs(arm.inverse(arm.forward(q))[5]) < np.pi

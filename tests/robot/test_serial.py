@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from tests.geometry.tables import refused
+from tests.geometry.tables import each, refused
 
 import armcontour as ac
 from armcontour.core.frames import Frame, exp, log
@@ -296,3 +296,24 @@ def test_a_chain_of_defaults_and_one_of_denavit_hartenberg_parameters():
         point, rotation = arm.pose(q)
         np.testing.assert_allclose(point, whole[:3, 3], rtol=0, atol=1e-14)
         np.testing.assert_allclose(rotation, whole[:3, :3], rtol=0, atol=1e-14)
+
+
+@each("n", [0, 1, 31, 33])
+def test_blocks_of_states_end_anywhere(arm3, n):
+    q, dq, ddq, dddq = states = np.random.default_rng(n).normal(size=(4, n, arm3.dof))
+    twist, bend = arm3.tool_twist(q, dq), arm3.tool_twist_rate(q, dq, ddq)
+    # The Jacobian and its rate are computed by other code.
+    expected = np.einsum("nij,nj->ni", arm3.jacobian(q), dq)
+    np.testing.assert_allclose(twist, expected, rtol=0, atol=1e-13 * arm3.dof)
+    rate = arm3.tool_jacobian_rate(q, dq)
+    expected = arm3.tool_velocity(q, ddq) + np.einsum("nij,nj->ni", rate, dq)
+    np.testing.assert_allclose(bend[:, :3], expected, rtol=0, atol=1e-12 * arm3.dof)
+    velocity, acceleration = arm3.tool_motion(q, dq, ddq)
+    np.testing.assert_array_equal(velocity, twist[:, :3])
+    np.testing.assert_array_equal(acceleration, bend[:, :3])
+    states.flags.writeable = False
+    points, jerk = arm3.tool_position(states[0]), arm3.tool_jerk(*states)
+    for k in range(n):
+        one = states[:, k]
+        np.testing.assert_allclose(arm3.tool_position(one[0]), points[k], atol=1e-14)
+        np.testing.assert_allclose(arm3.tool_jerk(*one), jerk[k], atol=1e-12)

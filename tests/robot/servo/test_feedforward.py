@@ -221,3 +221,15 @@ def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind
     assert (error < set_points.truncated + simulation_error).all() and (
         error > 0.5 * set_points.truncated - simulation_error
     ).all()
+
+
+def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
+    arm = ac.load_arm("ur5e")
+    path = ac.Path.polyline([(0.4, -0.1, 0.3), (0.4, 0.1, 0.3)]).oriented(np.diag([1.0, -1, -1]))
+    plan = ac.plan(path, arm, arm.limits.replace(speed=0.25, joint_jerk=100.0))
+    servo, errors = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0), []
+    for method in ("inverse_dynamics", "none"):
+        set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
+        execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
+        errors.append(ac.evaluate(execution, path).contour_error.rms)
+    assert errors[0] < min(1e-6, 0.1 * errors[1])

@@ -110,3 +110,31 @@ def test_parameters_of_joint_servos_are_refused(refuses):
         lambda: ac.ServoModel(order=("delay", "unknown")).for_joints(3),
         *(ac.InvalidInput, "2 values", "3 joints"),
     )
+
+
+def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
+    dead_time = 5e-3
+    servo = ac.ServoModel(
+        order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(dead_time, 0.0), drive_cycle=1e-3
+    )
+    execution = execute(servo)
+    n = len(Q)
+    np.testing.assert_allclose(execution.q[:n, 0], np.interp(T - dead_time, T, Q[:, 0]), atol=1e-12)
+    q, positions = Q[0, 1], []
+    for m in range(4 * (n - 1)):
+        positions.append(q)
+        q += 1e-3 * 20.0 * (np.interp(m * 1e-3, T, Q[:, 1]) - q)
+    np.testing.assert_allclose(execution.q[: n - 1, 1], positions[::4], atol=1e-12)
+
+
+def test_jumps_of_acceleration_do_not_saturate_a_drive_with_a_cycle():
+    points = [(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)]
+    path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
+    arm = ac.load_arm("pmk3s")
+    limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
+    plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
+    servo = ac.ServoModel(kp=25.0, kv=150.0, drive_cycle=1e-3)
+    set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=CYCLE)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, servo))
+    assert np.all(np.abs(execution.demand) < limits.joint_acceleration)
+    assert ac.evaluate(execution, path).contour_error.rms < 2e-8

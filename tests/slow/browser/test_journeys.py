@@ -20,15 +20,6 @@ EXACT = 1e-9
 NEAR, FAR = 0.104, 0.25
 
 
-def apply(studio, text):
-    """Put another text into the pane of the text."""
-    studio.tab("text")
-    area = studio.find("#tab-text textarea")
-    area.fill(text)
-    area.press("Control+Enter")
-    return area
-
-
 def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tmp_path):
     file = write_job(tmp_path / "job.yaml", "optimal")
     original = file.read_bytes()

@@ -115,22 +115,9 @@ def played(robot, motion, job, limits, stop_requested=lambda: False):
     pytest.skip(f"This machine is too busy: {' '.join(record.notes)}")
 
 
-def random_program(arm, limits, seed):
-    """Two polylines with a motion between them."""
-    rng = np.random.default_rng(seed)
-    contours = []
-    for _ in range(2):
-        points = rng.uniform((0.35, -0.15, 0.25), (0.5, 0.15, 0.4), size=(4, 3))
-        contours.append(ac.Contour(path=ac.Path.polyline(points).pointing((0.0, 0.0, -1.0))))
-    program = ac.Program(moves=(contours[0], ac.Rapid(), contours[1]))
-    rounded = ac.round_corners(program, tolerance=1e-3, continuity="curvature")
-    return ac.plan(rounded, arm, limits.replace(speed=0.3), ac.Optimal(reserve=0.05))
-
-
 MOTIONS = {
     "square": square,
     "fast line": fast_line,
-    **{f"program {k}": lambda arm, limits, k=k: random_program(arm, limits, k) for k in range(3)},
 }
 
 
