@@ -76,6 +76,8 @@ def _read(content: bytes, location: FilePath) -> tuple[FloatArray, IntArray]:
     kind = location.suffix.lower()[1:]
     try:
         mesh = trimesh.load_mesh(BytesIO(content), kind, process=False, skip_materials=True)
+        if mesh.vertices.shape[1:] != (3,):
+            raise ValueError("corners need three coordinates")
     except Exception:  # Damaged files raise errors of any class.
         raise InvalidInput(
             f"The mesh {location} is incomplete or does not have the format {kind}. Export it "
