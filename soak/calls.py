@@ -20,7 +20,6 @@ import numpy as np
 
 import armcontour as ac
 from armcontour import files, geometry, jobs
-from armcontour.control.compensation import fastest_poles
 from armcontour.control.learning import Recording
 from armcontour.files.exports import (
     CsvFormat,
@@ -141,7 +140,6 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.simulate, {"set_points": x["set_points"], "plant": x["plant"]}),
         (ac.explain, {"trajectory": x["trajectory"], **on}),
         (ac.export, {"data": x["set_points"], "file": "a.csv"}),
-        (fastest_poles, {"trajectory": x["slow"], "servo": x["servo"], "limits": x["limits"]}),
         (ac.identify, {"logs": x["log"]}),
         (ac.learn, learned | {"servo": x["servo"]}),
         (ac.load_arm, {"name": "pmk3s"}),

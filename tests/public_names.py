@@ -6,7 +6,7 @@ import armcontour as ac
 
 # Results, formats of exports, parts of a process, and base classes.
 OWNED = {
-    "control.compensation": "CompensationOptions fastest_poles",
+    "control.compensation": "CompensationOptions",
     "control.identification": "Identification",
     "control.learning": "LearningResult LearningRun Recording",
     "controllers": "LinuxCNC Motion Played PlayedMotion Stop",

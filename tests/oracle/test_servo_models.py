@@ -150,35 +150,3 @@ def test_brief_saturation_on_a_cubic_is_found(arm):
         limits = ac.Limits.only(joint_acceleration=free.peak_demand * (1 - 1e-9))
         execution = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
         assert (execution.saturated_time > 0).all() and (execution.saturated_time < 1e-3).all()
-
-
-def test_torque_limits_against_an_integrator():
-    arm = ac.load_arm("ur5e")
-    # A little above what gravity takes in the middle joints, a little above friction in others.
-    limit = np.array([20.0, 75.0, 30.0, 3.0, 2.0, 1.0])
-    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.013).for_joints(6)
-    rng = np.random.default_rng(5)
-    q = np.array([0.2, -1.2, 1.4, -0.3, 0.4, 0.1]) + np.cumsum(rng.normal(size=(10, 6)), 0) * 0.02
-    plant = ac.ServoPlant(arm, servo, ac.Limits.only(joint_torque=limit), saturation="torque")
-    execution = ac.simulate(taught_data(q), plant, resolution=CYCLE)
-    assert (execution.saturated_time > 0.02).sum() >= 3
-    commands = [command(x, "linear") for x in q.T]
-    position, rate = q[0], np.zeros(6)
-    eye = np.eye(6)
-    for k in range(12):
-        np.testing.assert_allclose(execution.q[k], position, atol=1e-8)
-        np.testing.assert_allclose(execution.dq[k], rate, atol=1e-6)
-        bias = arm.torque(position, rate, np.zeros(6))
-        # The inertia of each joint as torque per acceleration of it alone.
-        inertia = np.array([arm.torque(position, rate, x) @ x - bias @ x for x in eye])
-        high, low = (limit - bias) / inertia, (-limit - bias) / inertia
-        state = np.concatenate([position, rate])
-        for a, b in ((0.0, 0.013), (0.013, CYCLE)):
-
-            def motion(t, x, k=k, low=low, high=high):
-                u = np.array([c(k * CYCLE + t - 0.013) for c in commands])
-                return np.concatenate([x[6:], np.clip(150 * (25 * (u - x[:6]) - x[6:]), low, high)])
-
-            how = {"method": "RK45", "rtol": 1e-9, "atol": 1e-11, "max_step": 5e-4}
-            state = solve_ivp(motion, (a, b), state, **how).y[:, -1]
-        position, rate = state[:6], state[6:]

@@ -5,15 +5,11 @@ from functools import partial
 from itertools import product
 
 import numpy as np
-import pytest
-from scipy.integrate import solve_ivp
 
 import armcontour as ac
 from armcontour.motion import LapLaw
 from armcontour.robot.chain import Chain
 from armcontour.robot.serial import SerialArm
-from armcontour.robot.servo.simulation import polynomials
-from armcontour.simulation.plant import ServoRun, TorqueBounds
 
 
 def taught_data(q, cycle=0.02):
@@ -155,78 +151,18 @@ def pendulum(viscous, gravity=0.0):
     return SerialArm(name="pendulum", chain=chain, limits=ac.Limits())
 
 
-@pytest.mark.parametrize(("gravity", "interpolation"), [(0.0, "linear"), (9.81, "cubic")])
-def test_a_joint_may_be_faster_than_its_drive_could_keep_it(gravity, interpolation):
-    """Friction brakes for the drive: what is left of its torque has one sign."""
-    limited, arm = 12.0, pendulum(6.0, gravity)
-    servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
-    fast = np.concatenate([np.cumsum(np.linspace(0, 0.08, 20)), np.full(10, 0.9)])
-    set_points = taught_data(np.pi / 2 - 0.9 + fast[:, None])
-    start = ac.ServoPlant(arm, servo, ac.Limits.only(joint_torque=3 * limited))
-    before = ac.simulate(set_points, start, resolution=0.02)
-    # The first half with a strong drive, then it gets a third of that, and the joint is too fast.
-    assert np.abs(arm.torque(before.q, before.dq, 0 * before.q)).max() > limited
-    bounds = TorqueBounds(arm, np.array([limited]), set_points)
-    run = ServoRun(set_points, 200, servo.for_joints(1), (-bounds.limit, bounds.limit), bounds)
-    k = int(np.argmax(before.dq))
-    q, dq = before.q[k], before.dq[k]
-    assert bounds.bounds_at(k, q, dq)[1] < 0  # it brakes, whatever the servo asks for
-    part = run.advance(k, 6, q, dq)
-    pieces = polynomials(set_points.q, 0.02, servo)[0]
-    tight = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-12, "max_step": 1e-4}
-    for number in range(6):
-        low, high = bounds.bounds_at(k + number, q, dq)
-        command = pieces[k + number + 1]
-
-        def motion(t, x, command=command, low=low, high=high):
-            u = command @ t ** np.arange(4)
-            return [x[1], np.clip(150 * (25 * (u - x[0]) - x[1]), low[0], high[0])]
-
-        state = solve_ivp(motion, (0, 0.02), [q[0], dq[0]], **tight).y[:, -1]
-        end = 200 * (number + 1) - 1
-        np.testing.assert_allclose([part.q[end, 0], part.dq[end, 0]], state, atol=1e-7)
-        q, dq = state[:1], state[1:]
-    assert part.saturated[0] > 0.01
-    assert (part.ddq[:, 0].reshape(6, 200)[0] < 0).all()
-
-
-def test_a_plan_within_every_torque_limit_runs():
-    """While it brakes, viscous friction and velocities take more than the drives could give."""
-    arm_with_friction = ac.load_arm("ur5e")
-    chain = arm_with_friction.chain.replace(viscous=[12.0, 12.0, 8.0, 2.0, 2.0, 1.0])
-    arm = SerialArm(name="stiff", chain=chain, limits=arm_with_friction.limits)
-    torque = 0.7 * arm_with_friction.limits.joint_torque
-    limits = ac.Limits.only(joint_velocity=6.0, joint_torque=torque)
-    path = ac.JointPath.spline(np.random.default_rng(3).uniform(-1.5, 1.5, (5, 6)))
-    planned = ac.plan(path, arm, limits)
-    servo = ac.ServoModel(kp=25.0, kv=150.0)
-    set_points = ac.compensate(
-        planned, servo, ac.PolePlacement(), cycle=0.004, limits=ac.Limits.only()
-    )
-    execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits))
-    assert (np.abs(arm.torque(execution.q, execution.dq, 0 * execution.q)) / torque).max() > 1.02
-    np.testing.assert_allclose(execution.q[-1], set_points.q[-1], atol=1e-8)
-
-
 def test_saturation_by_default_is_in_what_is_limited():
     torque = ac.Limits.only(joint_torque=30.0)
     both = torque.replace(joint_acceleration=1.0)
     hung = pendulum(0.0)
-    chain = hung.chain.replace(masses=None, centers=None, inertias=None)
-    bare = SerialArm(name="bare", chain=chain, limits=ac.Limits())
     for plant_arm, limits, model, expected in (
         (hung, both, SERVO, "acceleration"),
-        (hung, torque, SERVO, "torque"),
-        (bare, torque, SERVO, "none"),
+        (hung, torque, SERVO, "none"),
         (hung, ac.Limits.only(joint_velocity=1.0), SERVO, "none"),
         (hung, both, LAG, "none"),
         (hung, torque, LAG, "none"),
     ):
         assert ac.ServoPlant(plant_arm, model, limits).saturation == expected
-    target = taught_data([(0.0,), (1.0,), (1.0,)], 0.1)
-    execution = ac.simulate(target, ac.ServoPlant(hung, SERVO, torque))
-    assert execution.saturated_time[0] > 0.01 and execution.saturated.any()
-    assert execution.ddq.max() == pytest.approx(30 / 0.6)
 
 
 def test_the_range_of_the_demand_has_both_directions(arm):
@@ -270,10 +206,8 @@ def test_refused(arm, refuses):
         (partial(ac.simulate, taught_data(np.zeros((4, 3))), plant(arm)), "have 3 joints"),
         (partial(plant, arm, kp=[1.0, 2.0, 3.0]), "kp has 3 values"),
         (partial(plant, arm, limit=[1.0]), "joint_acceleration has 1 values"),
-        (partial(ac.ServoPlant, arm, SERVO, saturation="torque"), "the limit joint_torque"),
-        (partial(ac.ServoPlant, arm, SERVO, saturation="jerk"), "acceleration, torque, none"),
+        (partial(ac.ServoPlant, arm, SERVO, saturation="jerk"), "acceleration, none"),
         (partial(ac.ServoPlant, arm, LAG, saturation="acceleration"), "is of order first"),
-        (partial(ac.ServoPlant, arm, LAG, saturation="torque"), "is of order first"),
     ):
         refuses(call, ac.InvalidInput, words)
     assert np.isinf(ac.ServoPlant(arm, SERVO, saturation="none").acceleration).all()

@@ -15,7 +15,6 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
 from armcontour.motion import Execution, FineMotion, SetPoints
 from armcontour.robot import Arm, Limits, resolve_limits
-from armcontour.robot.limits import or_unlimited
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation, respond_within
 
@@ -25,7 +24,6 @@ LONGEST_SETTLING = 60.0
 SETTLING_DURATIONS = 10.0
 # A joint runs away (it falls, or its servo is unstable) if its velocity exceeds this [rad/s].
 RUNAWAY_SPEED = 1e3
-SATURATIONS = ("acceleration", "torque", "none")
 # A joint is at rest up to this velocity [rad/s] and this distance from the last set-point [rad].
 REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
@@ -197,86 +195,6 @@ def join_parts(parts: list[Part]) -> Part:
     )
 
 
-class TorqueBounds:
-    """Bounds of joint accelerations that follow from torque limits, for an arm with masses."""
-
-    def __init__(self, arm: Arm, limit: FloatArray, set_points: SetPoints) -> None:
-        self.arm, self.limit, self.set_points = arm, limit, set_points
-        for label, k in (("first", 0), ("last", -1)):
-            q, still = set_points.q[k], np.zeros(arm.dof)
-            weight = np.abs(arm.torque(q, still, still))
-            check_weight(weight, limit, f"the {label} set-point", float(set_points.t[k]))
-
-    def bounds_at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in cycle k [rad/s²]."""
-        # T: torque limit. b: torque of the motion with ddq = 0. If the magnitude of b exceeds T,
-        # both bounds have the same sign, so the joint brakes or falls.
-        # q [rad], (dof,). dq [rad/s], (dof,).
-        fast = ~(np.abs(dq) < RUNAWAY_SPEED)
-        if fast.any():
-            j = int(np.argmax(fast))
-            t = self.set_points.start_time + k * self.set_points.cycle
-            raise ExecutionError(
-                f"Joint {j + 1} runs away at t = {t:.4g} s with {abs(dq[j]):.3g} rad/s, because "
-                f"the torque limit of its drive is {self.limit[j]:.4g} N m. Increase the torque "
-                "limit or reduce the load.",
-                t=t,
-                joint=j,
-            )
-        bias = self.arm.torque(q, dq, np.zeros_like(q))
-        inertia = np.diagonal(self.arm.dynamics.mass_matrix(q))
-        return (-self.limit - bias) / inertia, (self.limit - bias) / inertia
-
-
-class ServoRun:
-    """Simulation of the servos of all joints; acceleration bounds may change in every cycle."""
-
-    # accelerations: constant lower and upper bounds [rad/s²], (dof,) each. torque: if not None, it
-    # determines the bounds of each cycle instead.
-
-    def __init__(
-        self,
-        set_points: SetPoints,
-        steps: int,
-        servo: ServoModel,
-        accelerations: tuple[FloatArray, FloatArray],
-        torque: TorqueBounds | None,
-    ) -> None:
-        # Writable copies, because the kernels would be compiled again for read-only arrays.
-        lower, upper = (np.array(x) for x in accelerations)
-        self.bounds, self.torque = (lower, upper), torque
-        self.simulation = ServoSimulation(
-            set_points.q, set_points.cycle, servo, *accelerations, steps=steps
-        )
-        self.held: FloatArray | None = None
-
-    def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
-        """Simulate `count` cycles from cycle `begin`, with q [rad] and dq [rad/s] at its start."""
-        if self.torque is None or count == 0:
-            return self._run(begin, count, q, dq, self.bounds)
-        parts = []
-        for k in range(begin, begin + count):
-            parts.append(self._run(k, 1, q, dq, self.torque.bounds_at(k, q, dq)))
-            q, dq = parts[-1].q[-1], parts[-1].dq[-1]
-        return join_parts(parts)
-
-    def _run(
-        self,
-        begin: int,
-        count: int,
-        q: FloatArray,
-        dq: FloatArray,
-        bounds: tuple[FloatArray, FloatArray],
-    ) -> Part:
-        """Simulate `count` cycles with constant acceleration bounds."""
-        run = self.simulation.run(begin, begin + count, q, dq, bounds, self.held)
-        self.held = run.held
-        position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
-        ddq = np.clip(demand, *bounds)
-        extremes = np.stack([run.lowest, run.highest])
-        return Part(position, velocity, demand, ddq, run.saturated, extremes)
-
-
 class ServoPlant(LimitedPlant):
     """Plant of independent joints, each with its own servo.
 
@@ -287,16 +205,13 @@ class ServoPlant(LimitedPlant):
     Args:
         arm: The arm.
         servo: The servo of the simulated robot; it may differ from the nominal servo.
-        limits: Limits with the joint accelerations or torques at which drives saturate, instead of
-            the limits of the plan; for a plan without limits, those of the arm are used.
+        limits: Limits with the joint accelerations at which drives saturate, instead of the limits
+            of the plan; for a plan without limits, those of the arm are used.
         saturation: Limit at which a servo of order "second" saturates. "acceleration" is (7) with
-            acceleration_limit of the servo, otherwise joint_acceleration. "torque" bounds the
-            acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the state at the start of
-            each cycle, where T is joint_torque and b is the torque of gravity, centrifugal and
-            Coriolis effects and friction; accelerations of other joints are neglected. "none"
-            disables saturation. The default is "acceleration" if acceleration limits are known,
-            otherwise "torque" if torque limits and masses are known, otherwise "none". Joints of
-            other orders do not saturate.
+            acceleration_limit of the servo, otherwise joint_acceleration. "none" disables
+            saturation. The default is "acceleration" if acceleration limits are known, otherwise
+            "none". Joints of other orders do not saturate. Torque limits saturate the drives of a
+            `RigidBodyPlant`.
 
     A plant is immutable. `Execution.plant` is a copy with the limits of the plan.
 
@@ -304,17 +219,15 @@ class ServoPlant(LimitedPlant):
         limits: The explicit limits, or None.
         saturation: The explicit or default saturation.
         lower, acceleration: Acceleration bounds [rad/s²], (dof,); infinite without limits.
-        torque_limit: Torque limits [N m], (dof,); None unless torques saturate.
 
     Raises:
-        InvalidInput: Gains or limits do not fit the arm, saturation is specified for a servo of
-            another order, or torque limits or masses are missing for saturation "torque".
+        InvalidInput: Gains or limits do not fit the arm, or saturation is specified for a servo of
+            another order.
     """
 
     saturation: str
     lower: FloatArray
     acceleration: FloatArray
-    torque_limit: FloatArray | None
 
     @checked
     def __init__(
@@ -335,26 +248,14 @@ class ServoPlant(LimitedPlant):
         """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""
         arm, servo = self.arm, self.servo
         resolved = resolve_limits("A ServoPlant", arm, self.limits, planned)
-        saturation = _resolve_saturation(self._requested_saturation, servo, resolved, arm)
-        torque_limit = None
+        saturation = _resolve_saturation(self._requested_saturation, servo, resolved)
         lower, upper = np.full((2, arm.dof), [[-np.inf], [np.inf]])
         if saturation == "acceleration":
             lower, upper = servo.saturate(*resolved.acceleration_bounds(arm.dof))
-        if saturation == "torque":
-            if resolved.joint_torque is None:
-                raise InvalidInput(
-                    "Saturation 'torque' requires the limit joint_torque, which is missing. "
-                    "Specify joint_torque, or use saturation 'acceleration'.",
-                    limit="joint_torque",
-                )
-            torque_limit = checks.frozen_array(or_unlimited(resolved.joint_torque, arm.dof))
-            # This property raises an error for an arm without masses.
-            _ = arm.dynamics
         return {
             "saturation": saturation,
             "lower": checks.frozen_array(lower),
             "acceleration": checks.frozen_array(upper),
-            "torque_limit": torque_limit,
         }
 
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
@@ -363,7 +264,6 @@ class ServoPlant(LimitedPlant):
         Raises:
             InvalidInput: The set-points have another number of joints, or the gains are too large
                 for the cycle.
-            ExecutionError: A drive is too weak to hold the arm.
         """
         check_joints(set_points, self.arm)
         self.servo.check_gains(set_points.cycle)
@@ -398,10 +298,6 @@ class ServoPlant(LimitedPlant):
         Args:
             executed: The execution, at uniform times.
             indices: Indices of the results at the starts of the intervals, increasing, (m,).
-
-        Returns:
-            The motion; None if the torque limits depend on a result that is missing in the
-            execution.
         """
         motion, set_points = executed, executed.set_points
         steps = round(set_points.cycle / float(motion.t[1] - motion.t[0]))
@@ -409,16 +305,9 @@ class ServoPlant(LimitedPlant):
         demand = np.stack([motion.demand[indices], motion.demand[indices + 1]])
         if self._smooth_between(demand, width):
             return FineMotion.through(motion.t, motion.q, motion.dq, motion.ddq, indices)
-        parts = []
+        parts, bounds = [], (self.lower, self.acceleration)
         for i in indices.tolist():
             k, phase = divmod(round(float(motion.t[i] - set_points.start_time) / width), steps)
-            bounds = self.lower, self.acceleration
-            if self.torque_limit is not None:
-                # The bounds in a cycle follow from the state at the start of the cycle.
-                if i < phase:
-                    return None
-                limits = TorqueBounds(self.arm, self.torque_limit, set_points)
-                bounds = limits.bounds_at(k, motion.q[i - phase], motion.dq[i - phase])
             times = (phase + np.arange(FINE_PARTS + 1) / FINE_PARTS) * width
             held = np.where(self.servo.ki > 0, motion.demand[i], np.clip(motion.demand[i], *bounds))
             if self.servo.drive_cycle and self.servo.kv is None:
@@ -444,8 +333,6 @@ class ServoPlant(LimitedPlant):
             or servo.ki.any()
         ):
             return False
-        if self.torque_limit is not None:
-            return False
         if not ((self.lower < demand) & (demand < self.acceleration)).all():
             return False
         delay = servo.dead_time / width
@@ -456,12 +343,28 @@ class ServoPlant(LimitedPlant):
         self, set_points: SetPoints, steps: int
     ) -> tuple[list[Part], FloatArray | None]:
         """Parts of the run from the initial state until rest, and `Execution.unsettled`."""
-        run = self._start_run(set_points, steps)
+        # Writable copies, because the kernels would be compiled again for read-only arrays.
+        bounds = np.array(self.lower), np.array(self.acceleration)
+        simulation = ServoSimulation(
+            set_points.q, set_points.cycle, self.servo, self.lower, self.acceleration, steps=steps
+        )
+        held: FloatArray | None = None
+
+        def advance(begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
+            """Simulate `count` cycles from cycle `begin`, with q [rad] and dq [rad/s] there."""
+            nonlocal held
+            run = simulation.run(begin, begin + count, q, dq, bounds, held)
+            held = run.held
+            position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
+            extremes = np.stack([run.lowest, run.highest])
+            ddq = np.clip(demand, *bounds)
+            return Part(position, velocity, demand, ddq, run.saturated, extremes)
+
         first, last = set_points.q[0], set_points.q[-1]
         still = np.zeros((1, len(first)))
         begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
         done = count_intervals(set_points, self.servo)
-        parts = [begin, run.advance(0, done, first, np.zeros_like(first))]
+        parts = [begin, advance(0, done, first, np.zeros_like(first))]
         chunk = int(np.ceil(REST_CHUNK / set_points.cycle))
         last_one = done + int(np.ceil(LONGEST_SETTLING / set_points.cycle))
         q, dq = (
@@ -470,31 +373,21 @@ class ServoPlant(LimitedPlant):
         while (np.abs(dq) > REST_VELOCITY).any() or (np.abs(q - last) > REST_DISTANCE).any():
             if done > last_one:
                 return parts, np.abs(q - last)
-            parts.append(run.advance(done, chunk, q, dq))
+            parts.append(advance(done, chunk, q, dq))
             q, dq = parts[-1].q[-1], parts[-1].dq[-1]
             done += chunk
         return parts, None
 
-    def _start_run(self, set_points: SetPoints, steps: int) -> ServoRun:
-        """Prepare a run of the servos with `steps` results per cycle."""
-        bounds = None
-        if self.torque_limit is not None:
-            bounds = TorqueBounds(self.arm, self.torque_limit, set_points)
-        return ServoRun(set_points, steps, self.servo, (self.lower, self.acceleration), bounds)
 
-
-def _resolve_saturation(requested: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
+def _resolve_saturation(requested: str | None, servo: ServoModel, limits: Limits) -> str:
     """Check the requested saturation, or select the default if it is None."""
     second = servo.kv is not None
     if requested is None:
         if servo.acceleration_limit is not None:
             limited = second and np.isfinite(servo.acceleration_limit).any()
             return "acceleration" if limited else "none"
-        if second and limits.joint_acceleration is not None:
-            return "acceleration"
-        torque = second and limits.joint_torque is not None and arm.has_bodies
-        return "torque" if torque else "none"
-    checks.check_choice("saturation", requested, SATURATIONS)
+        return "acceleration" if second and limits.joint_acceleration is not None else "none"
+    checks.check_choice("saturation", requested, ("acceleration", "none"))
     if not second and requested != "none":
         raise InvalidInput(
             f"Saturation {requested!r} requires a servo of order second, but the servo is of order "

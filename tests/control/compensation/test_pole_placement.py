@@ -10,7 +10,6 @@ from scipy import signal
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.control.compensation.pole_placement import default_poles
-from armcontour.control.compensation.poles import extreme_demands, fastest_poles, pole_behaviour
 from armcontour.motion import Law
 
 from .motions import laps
@@ -132,73 +131,10 @@ def test_poles_that_cannot_be_are_refused(refuses):
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 
-@pytest.fixture(scope="module")
-def plan(traced, arm, limits):
-    # With 1.4 % of the acceleration to spare.
-    return ac.plan(traced, arm, limits.replace(joint_acceleration=0.71), ac.Paper(knots=200))
-
-
-def test_lag_and_demand():
-    for poles, lag, demand in (
-        ([-50, -50, -50], 0.0, 1.498),
-        ([-75, -75, -75], 2 / 75, 1.0),
-        ([-150, -150, -150], 2 / 150, 1.0),
-        ([-30, -30, -30], -1 / 3, 6.728),
-        ([-300, -300, -300], 1 / 240, 1.047),
-        ([-800, -800, -150], 2 / 800, 1.0),
-    ):
-        behaviour = pole_behaviour(SERVO, poles)
-        np.testing.assert_allclose(behaviour.lag, lag, atol=1e-12)
-        np.testing.assert_allclose(behaviour.demand, demand, rtol=1e-4)
-        assert (behaviour.peaking[0] > 1.0001) == (demand > 1), poles
-
-
-def test_demands_are_those_of_the_plant(arm):
-    q = np.cumsum(np.random.default_rng(3).normal(size=(40, 2)), axis=0) * 1e-3
-    still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
-    for interpolation in ("linear", "step", "cubic"):
-        servo = ac.ServoModel(kp=[25.0, 60.0], kv=[150.0, 40.0], interpolation=interpolation)
-        low, high = extreme_demands(servo.for_joints(2), q, 0.01)
-        set_points = ac.SetPoints(cycle=0.01, q=q, trajectory=still, method="x")
-        execution = ac.simulate(
-            set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-5
-        )
-        n = np.searchsorted(execution.t, 0.39 - 1e-9)
-        # A held command jumps, and so does the demand: the plant lists what is before, the other
-        # both.
-        np.testing.assert_allclose(np.maximum(-low, high), execution.peak_demand, rtol=2e-5)
-        assert (execution.demand[:n].min(axis=0) >= low * (1 + 1e-5)).all()
-        assert (execution.demand[:n].max(axis=0) <= high * (1 + 1e-5)).all()
-
-
-@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
-def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
-    servo = ac.ServoModel(kp=[25.0, 20.0], kv=[150.0, 120.0], interpolation=interpolation)
-    poles = fastest_poles(servo, plan, arm.limits)
-    p = -poles[0, 0]
-    np.testing.assert_array_equal(poles, [[-p, -p, -150.0], [-p, -p, -120.0]])
-    assert p > {"linear": 300, "cubic": 100}[interpolation]
-    for share, saturates in ((1.0, False), (1.03, True)):
-        placed = np.column_stack([share * poles[:, :2], poles[:, 2]])
-        set_points = ac.compensate(plan, servo, ac.PolePlacement(poles=placed))
-        execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, arm.limits))
-        assert (execution.peak_demand > 0.72).any() == saturates
-
-
-def test_refused(mac, arm, refuses):
-    # A plan at the limit leaves nothing for the corners of the interpolated command.
-    call = partial(fastest_poles, SERVO, mac, arm.limits, cycle=4e-3)
-    data = {"limit": "joint_acceleration", "allowed": 0.72}
-    refuses(call, ac.CompensationError, "saturates with any poles", **data)
-    call = partial(fastest_poles, SERVO, mac, ac.Limits.only())
-    refuses(call, ac.InvalidInput, "Specify joint_acceleration")
+def test_refused(mac, refuses):
     first = ac.ServoModel(kp=25.0, order="first")
-    for call in (
-        partial(fastest_poles, first, mac, arm.limits),
-        partial(pole_behaviour, first, [-1, -1, -1]),
-        partial(ac.compensate, mac, first, ac.PolePlacement()),
-    ):
-        refuses(call, ac.InvalidInput, "order second", "the compensation inverse")
+    call = partial(ac.compensate, mac, first, ac.PolePlacement())
+    refuses(call, ac.InvalidInput, "order second", "the compensation inverse")
 
 
 DURATION = 0.6

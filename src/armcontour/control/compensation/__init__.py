@@ -9,7 +9,6 @@ from armcontour.control.compensation.compensator import (
     PolePlacement,
     compensate,
 )
-from armcontour.control.compensation.poles import fastest_poles
 
 __all__ = [
     "METHODS",
@@ -19,5 +18,4 @@ __all__ = [
     "NoCompensation",
     "PolePlacement",
     "compensate",
-    "fastest_poles",
 ]

@@ -108,13 +108,8 @@ def default_poles(servo: ServoModel) -> ComplexArray:
     # mean of the plan's acceleration, so it does not exceed the plan's largest acceleration. p is
     # the smallest K_v of all joints.
     assert servo.kv is not None
-    return pole_family(servo.kv, float(servo.kv.min()))
-
-
-def pole_family(kv: FloatArray, p: float) -> ComplexArray:
-    """Poles -p, -p and -K_v of each joint [1/s], (dof, 3)."""
-    poles = np.full((len(kv), 3), -p, dtype=np.complex128)
-    poles[:, 2] = -kv
+    poles = np.full((len(servo.kv), 3), -servo.kv.min(), dtype=np.complex128)
+    poles[:, 2] = -servo.kv
     return poles
 
 
