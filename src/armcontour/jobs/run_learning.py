@@ -84,7 +84,7 @@ class LearningStudy:
         lesson = self.lesson
         timing = _timing_clauses(lesson.runs[-1])
         notes = [self._verdict, *(f"{x}; learning takes this into account." for x in timing)]
-        notes += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
+        notes += [*_other_set_points(lesson.runs[-1]), *lesson.runs[-1].notes]
         if describe_excess(self.plan.set_points):
             notes.append(
                 "The set-points before learning already exceed joint limits, so the learned "
@@ -147,17 +147,6 @@ def _other_set_points(run: LearningRun) -> list[str]:
         f"{number(deviation, 'rad')} RMS. If the robot executed other set-points, all figures of "
         "this run are wrong; in this case, specify the executed set-points (--set-points)."
     ]
-
-
-def _corrections(run: LearningRun) -> list[str]:
-    """Notes about saturation, repeats and outliers in the log of a run."""
-    corrections = list(run.notes)
-    if run.outliers:
-        corrections.append(
-            f"{run.source} has {run.outliers} outliers (samples far from their neighbours), which "
-            "learning ignores."
-        )
-    return corrections
 
 
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Annotated
 
@@ -14,7 +14,6 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import Choice, Frequency, NotNegative, Quantity, Tolerance
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
-from armcontour.core.text import joint_label
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory
 from armcontour.motion.controller_laws import CONTROLLERS, NAMES, CommandCurve, interpolate_points
@@ -30,9 +29,6 @@ from armcontour.verification.trajectory_check import PathDeviation, TimeSamples,
 MAX_PER_INTERVAL, MAX_TIMES = 32, 400_000
 # Interpolations whose velocity is discontinuous at the points.
 IN_STEPS = ("lines", "held", "next point")
-# If the acceleration of the points exceeds the limit by more than this factor, the points
-# themselves are the cause, and not only their interpolation.
-FAR_ABOVE = 1.5
 # Fraction by which commands may exceed a limit, because interpolation adds up to this fraction to a
 # valid plan with limited jerk.
 COMMAND_TOLERANCE = 0.01
@@ -54,9 +50,7 @@ class InterpolationCheck(Result):
         reference: Name of the reference.
         acceleration: Largest ratio of the acceleration of the interpolation to the limit; NaN if
             its velocity is discontinuous, or without a limit.
-        own_acceleration: Largest ratio of the second difference of the points to the limit.
         path_deviation: Largest distance from the path; None without a path.
-        advice: How to reduce accelerations that exceed the limit; empty if none exceeds it.
     """
 
     controller: str
@@ -68,9 +62,7 @@ class InterpolationCheck(Result):
     joint_deviation: float
     reference: str
     acceleration: float
-    own_acceleration: float
     path_deviation: PathDeviation | None
-    advice: str
 
     @property
     def verdict(self) -> str:
@@ -102,10 +94,8 @@ class InterpolationCheck(Result):
                 Row("joint_deviation", self.joint_deviation, "rad"),
                 Row("path_deviation", distance, "m", "distance from path", path),
                 Row("acceleration", self.acceleration, "1", "acceleration of the interpolation"),
-                Row("own_acceleration", self.own_acceleration, "1", "acceleration of the points"),
             ),
             (Table.from_rows("limits", [x.to_data().rows for x in self.uses]),),
-            notes=(self.advice,) if self.advice else (),
         )
 
 
@@ -169,7 +159,7 @@ def check_interpolation(
     ideal = reference or best.curve
     q, exact = curve(times), ideal(np.minimum(times, ideal.duration))
     distance = np.linalg.norm(arm.tool_position(q) - arm.tool_position(exact), axis=1)
-    result = InterpolationCheck(
+    return InterpolationCheck(
         controller=controller,
         law=curve.law,
         rate=rate,
@@ -179,11 +169,8 @@ def check_interpolation(
         joint_deviation=float(np.abs(q - exact).max()),
         reference="the plan" if reference else f"{best.law} through the points",
         acceleration=_law_acceleration(curve, bounds, times),
-        own_acceleration=float(_second_differences(points, bounds).max()),
         path_deviation=far,
-        advice="",
     )
-    return replace(result, advice=_advise(result, points, bounds, arm))
 
 
 def _commands(curve: CommandCurve, rate: float) -> TimeSamples:
@@ -207,36 +194,3 @@ def _law_acceleration(curve: CommandCurve, limits: Limits, t: FloatArray) -> flo
     inside = np.clip(t + curve.origin, 0.0, curve.curve.duration)
     sides = (curve.curve(inside, 2, side=x) for x in ("left", "right"))
     return max(float(use_of("joint_acceleration", limits, x).ratio.max()) for x in sides)
-
-
-def _second_differences(points: TimeSamples, limits: Limits) -> FloatArray:
-    """Largest ratio of accelerations, from differences of the points, to their limit, (dof,)."""
-    t, q = np.asarray(points.t), np.asarray(points.q)
-    if limits.joint_acceleration is None or len(t) < 3:
-        return np.full(q.shape[1], np.nan)
-    mean = np.diff(np.diff(q, axis=0) / np.diff(t)[:, None], axis=0)
-    mean *= 2 / (t[2:] - t[:-2])[:, None]
-    return use_of("joint_acceleration", limits, mean).largest
-
-
-def _advise(result: InterpolationCheck, points: TimeSamples, limits: Limits, arm: Arm) -> str:
-    """Advice on commands whose accelerations exceed the limit; empty if none does."""
-    use = next((x for x in result.uses if x.name == "joint_acceleration"), None)
-    if use is None or use.joint is None or use.verdict != "violated":
-        return ""
-    joint, rate = joint_label(use.joint + 1, arm.joint_names), number(result.rate, "Hz")
-    needed = f"{number(use.ratio, '1')} of its acceleration limit at {rate}"
-    if result.own_acceleration > FAR_ABOVE:
-        return (
-            f"The velocity of the points changes in steps, so joint {joint} needs {needed}. No "
-            "interpolation reduces this much."
-        )
-    if result.law in IN_STEPS:
-        smooth = _commands(interpolate_points(points, "jtc_spline"), result.rate)
-        spline = _second_differences(smooth, limits).max()
-        return (
-            f"The velocity of {result.law} changes in steps at the points, so joint {joint} needs "
-            f"{needed}. With velocities and accelerations at the points (--derivatives 2) it needs "
-            f"{number(spline, '1')}."
-        )
-    return f"Between the points, the {result.law} of joint {joint} need {needed}."

@@ -1,4 +1,4 @@
-"""Alignment of a recording with the plan: clock and outliers, with checks."""
+"""Alignment of a recording with the plan: clock and noise, with checks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import maximum_filter1d
 
 from armcontour.control.learning.learning_result import LearningRun, Recording
 from armcontour.control.learning.lifted_model import REST_TIME, Lifted, rms
@@ -36,43 +35,8 @@ INTERVAL_TOLERANCE = 0.01
 # exceeds SET_POINT_TOLERANCE [rad], the share ERROR_SHARE of the RMS error, and NOISE_MULTIPLE
 # times the noise.
 SET_POINT_TOLERANCE, ERROR_SHARE, NOISE_MULTIPLE = 1e-4, 0.05, 10.0
-# The distance of an outlier from its neighbours exceeds OUTLIER_NOISE times the noise,
-# OUTLIER_SHARE times the range of the samples between the quantiles QUANTILES, and OUTLIER_MOTION
-# times the largest second difference of the expected motion, which no joint can exceed by much.
-# PASSES: largest number of passes. MAX_OUTLIERS: largest share of outliers.
-OUTLIER_NOISE, OUTLIER_SHARE, QUANTILES, PASSES, MAX_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
-OUTLIER_MOTION = 4.0
 # A joint rests if it has moved by at most REST_SIGMAS times the noise or REST_MOTION [rad].
 REST_SIGMAS, REST_MOTION = 6.0, 1e-6
-
-
-def replace_outliers(
-    values: FloatArray, noise: FloatArray, largest: FloatArray
-) -> tuple[FloatArray, int]:
-    """Samples with outliers replaced by interpolation, and the number of samples with outliers."""
-    # An outlier differs too much from the cubic through its two neighbours on each side. If there
-    # are too many, none is replaced. values [rad], (n, dof). noise, and largest second differences
-    # of the expected motion [rad], (dof,).
-    cleaned, bad = values.copy(), np.zeros(values.shape, dtype=np.bool_)
-    low, high = np.quantile(values, QUANTILES, axis=0)
-    allowed = np.maximum(OUTLIER_NOISE * noise, OUTLIER_SHARE * (high - low))
-    allowed = np.maximum(allowed, OUTLIER_MOTION * largest)
-    for _ in range(PASSES):
-        padded = np.pad(cleaned, ((2, 2), (0, 0)), mode="edge")
-        far, near = padded[:-4] + padded[4:], padded[1:-3] + padded[3:-1]
-        distances = np.abs(cleaned - (4 * near - far) / 6)
-        # An outlier distorts the cubics of its neighbours, so only the local maximum counts.
-        new = (distances > allowed) & (distances >= maximum_filter1d(distances, 5, axis=0))
-        if not new.any():
-            break
-        bad |= new
-        for j in np.flatnonzero(new.any(axis=0)):
-            rows = np.arange(len(values))
-            good = ~bad[:, j]
-            cleaned[:, j] = np.interp(rows, rows[good], values[good, j])
-    if bad.mean() > MAX_OUTLIERS:
-        return values, 0
-    return cleaned, int(bad.any(axis=1).sum())
 
 
 class AlignedRecording(NamedTuple):
@@ -82,7 +46,6 @@ class AlignedRecording(NamedTuple):
     rate: float  # Time of the plan per time of the recording
     measured: FloatArray  # Measured joint positions at the model's times [rad], (n, dof)
     noise: FloatArray  # Standard deviation of the white noise of the samples [rad], (dof,)
-    outliers: int  # Number of samples that were ignored
 
 
 def align(
@@ -149,12 +112,8 @@ def align(
     check_completeness(source, t, duration, 2 * recording.interval)
     apart = recording.q - lifted.interpolate_at(t, expected)
     noise = white_noise(apart, order=4)
-    outliers = 0
-    if not recording.exact:
-        motion = lifted.interpolate_at(t, expected)
-        apart, outliers = replace_outliers(apart, noise, np.abs(np.diff(motion, 2, 0)).max(axis=0))
     measured = expected + lifted.fill_gaps(t, apart, noise)
-    return AlignedRecording(offset, rate, measured, noise, outliers)
+    return AlignedRecording(offset, rate, measured, noise)
 
 
 def find_rest(recording: Recording, lifted: Lifted, set_points: SetPoints) -> float:

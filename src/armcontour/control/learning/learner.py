@@ -251,7 +251,7 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
         added = lifted.respond(set_points.q - before.q)
         expected = lifted.planned + smooth_error(lifted, before.error, before.noise) + added
     aligned = alignment.align(recording, lifted, set_points, expected)
-    offset, rate, measured, noise, outliers = aligned
+    offset, rate, measured, noise = aligned
     error = measured - lifted.planned
     # If the sample interval is longer than the model's time step, the noise of a sample affects
     # several times of the model.
@@ -262,7 +262,6 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source, notes=recording.notes,
         set_points_off=alignment.set_points_off(plan_times, recording.command, set_points),
-        outliers=outliers,
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip
 

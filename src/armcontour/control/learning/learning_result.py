@@ -179,7 +179,6 @@ class LearningRun(Result, Checked):
         set_points_off: RMS difference of the set-points in the log from those of the run [rad]; 0
             if the log has no set-points.
         source: Source of the log, for messages.
-        outliers: Number of samples of the log that were ignored.
         notes: Sentences on the log, such as joints that saturate.
     """
 
@@ -196,7 +195,6 @@ class LearningRun(Result, Checked):
     rate: float = 1.0
     set_points_off: float = 0.0
     source: str = "the execution"
-    outliers: int = 0
     notes: tuple[str, ...] = ()
 
     def to_data(self) -> Data:
@@ -220,7 +218,6 @@ class LearningRun(Result, Checked):
                 Row("joint_max", self.joint_max, "rad", "joint error, largest"),
                 Row("noise", self.noise, "rad", "noise"),
                 Row("set_points_off", self.set_points_off, "rad"),
-                Row("outliers", self.outliers),
                 Row("notes", self.notes),
             ),
         )
