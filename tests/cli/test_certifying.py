@@ -3,15 +3,12 @@
 import json
 from functools import reduce
 from operator import getitem
-from pathlib import Path as FilePath
 
 import pytest
 from tests.cli.helpers import summary
 from tests.corner_job import CORNER_JOB
 
 from armcontour.core.render import number
-
-GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ from pathlib import Path as FilePath
 import pytest
 from tests.cli.helpers import summary
 
-import armcontour
 from armcontour.cli.options import StudioOptions
 from armcontour.cli.studio_command import open_studio
 from armcontour.core.errors import InvalidInput
@@ -99,9 +98,6 @@ def test_the_demo_needs_no_extra(done, command, tmp_path, monkeypatch):
     assert (tmp_path / "out" / "report.html").read_text() == "mine"
 
 
-KEPT = FilePath(armcontour.__file__).parent / "__pycache__"
-
-
 def test_the_address_is_printed_and_opened(tmp_path, monkeypatch, capsys):
     from armcontour.studio import server
 
@@ -115,17 +111,3 @@ def test_the_address_is_printed_and_opened(tmp_path, monkeypatch, capsys):
     address = printed[0].removeprefix("Studio: ")
     assert address.startswith("http://127.0.0.1:") and len(address.partition("#")[2]) == 32
     assert opened == [address] and "Ctrl+C" in printed[1]
-
-
-ADDRESS = """
-import sys
-sys.argv = ['armcontour', 'studio', '--no-open', 'part.svg', '--cell', 'ur5e']
-from armcontour.cli import console, studio_command
-heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.files.file_keys'}
-def tell(text):
-    print(*(heavy & set(sys.modules)))
-    raise KeyboardInterrupt
-studio_command.print_line = tell
-from armcontour.cli import main
-main()
-"""

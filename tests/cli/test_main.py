@@ -227,14 +227,3 @@ def test_a_written_cell_runs_a_drawing(cell, tmp_path, monkeypatch):
     assert call(*line, "--scale", "0.5")[0] == 0
     run = json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]["compensated"]
     assert 0 < run["duration"] < 10
-
-
-GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
-
-
-def show(*arguments):
-    outcome = CliRunner().invoke(app, ["show", *map(str, arguments)])
-    if outcome.exception is not None and not isinstance(outcome.exception, SystemExit):
-        raise outcome.exception
-    assert outcome.exit_code == 0, outcome.output
-    return outcome.output

@@ -173,7 +173,6 @@ limits: {joint_acceleration: 0.72 rad/s^2, joint_jerk: 7.2 rad/s^3}
 servo: {kp: 25, kv: 150}
 runs: {plain: {timing: {method: optimal}, compensation: {method: none}}}
 """
-Q = np.array([[0.3, -1.2, 1.4, -1.0, -1.5, 0.2]])
 
 
 # Along x, y and yaw, 2 places each.

@@ -23,14 +23,6 @@ runs:
   slow: {limits: {speed: 0.1}, cycle: 10 ms}
   tried: {}
 """)
-PANDA = yaml.safe_load("""
-name: line
-arm: panda
-path: {points: [[0.4, 0, 0.3], [0.45, 0.05, 0.3]], orientation: {axis: [0, 0, -1]}}
-limits: {speed: 0.25}
-servo: {kp: 25, kv: 150}
-runs: {one: {}}
-""")
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 from tests.dynamics_extra import mark_all_but, needs_dynamics
 
 import armcontour as ac
@@ -183,10 +182,6 @@ def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):
     ends = place(np.concatenate([x.path.vertices[:1] for x in result.path.contours]))
     assert max(distances(x, every).max() for x in np.array_split(corners, 30)) < 0.6
     assert max(distances(x, rapids).max() for x in np.array_split(ends, 30)) < 0.6
-
-
-SHARE = st.floats(-1, 1)
-CURVE = st.lists(st.tuples(SHARE, SHARE), min_size=2, max_size=30)
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,6 @@ COLUMNS, ROWS, PITCH, RADIUS = 40, 50, 8e-3, 2.5e-3
 WIDTH, SEEN = 1000, 0.5
 
 
-def middle_of(k):
-    return np.array([k % COLUMNS, k // COLUMNS]) * PITCH
-
-
 def draw(file, count=COLUMNS * ROWS):
     """Circles, squares and ellipses, in rows."""
     write_shapes(file, count, COLUMNS, 1e3 * PITCH, 1e3 * RADIUS)
@@ -31,19 +27,6 @@ def distances(points, line):
     share = ((points - a) * along).sum(2) / np.maximum((along**2).sum(2), 1e-30)
     nearest = a + np.clip(share, 0, 1)[..., None] * along
     return np.linalg.norm(points - nearest, axis=2).min(axis=0)
-
-
-class Shown:
-    """The lines of a frame, by the shape that each is around."""
-
-    def __init__(self, frame, origin, name="objective"):
-        points = frame.arrays[name].astype(float) - origin
-        self.lines = {}
-        for line in np.split(points, frame.arrays[f"{name}_breaks"][1:-1]):
-            column, row = np.round((line.min(0) + line.max(0)) / 2 / PITCH).astype(int)
-            self.lines.setdefault(int(row * COLUMNS + column), []).append(
-                line - middle_of(row * COLUMNS + column)
-            )
 
 
 @pytest.fixture(scope="module")
@@ -64,21 +47,8 @@ def page(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def program(page):
-    """The drawing as it was read."""
-    return page.session.editor.state.job.program
-
-
-@pytest.fixture(scope="module")
 def picture(page):
     return next(x for x in page.frames if x.kind == "picture")
-
-
-@pytest.fixture(scope="module")
-def origin(picture):
-    """The middle of the first circle on the screen."""
-    points = picture.arrays["objective"].astype(float)
-    return points.min(axis=0) + RADIUS
 
 
 @needs_dynamics

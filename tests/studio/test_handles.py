@@ -11,7 +11,6 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.job_text_edits import change_text
 from armcontour.studio.edits import changes_of
 from armcontour.studio.edits.conversion import is_convertible
 from armcontour.studio.handles import EditState, handles_of, obstacles_of
@@ -36,9 +35,6 @@ def test_the_plane_of_an_arm_in_the_plane_is_its_own():
     assert parsed.waypoints[1].written == ("360 mm", 0.25) and parsed.editable
     assert parsed.waypoints[1].keys == ("path", "points", 1)
     np.testing.assert_allclose(parsed.centre, [0.34, 0.225])
-
-
-X, Y, Z = np.eye(3)
 
 
 BARE = parse_job(f"name: a\narm: ur5e\npath: {{points: [[0.4, 0, 0.2], [0.5, 0, 0.2]]}}{TAIL}")
@@ -89,52 +85,6 @@ scene:
     )  # fmt: skip
     assert box["written"]["size"] == ["1 cm", 0.1, "1 m"]
     assert table["name"] == "t" and obstacles_of({}) == []
-
-
-SVG = (
-    '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" height="90mm" viewBox="0 0 90 90">'
-    "{}</svg>"
-)
-LINES = '<path d="M0 0 L60 0 L60.3 40.7"/>'
-JOB = """\
-# Kept.
-name: a
-arm: {arm}
-path: {path}   # of the drawing
-limits: {{speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}}
-servo: {{kp: 25 1/s, kv: 150 1/s}}
-runs: {{own: {{}}}}
-"""
-PLANE = "{file: a.svg, scale: 0.5, frame: {position: [280 mm, 0.2, 0], rpy: [0, 0, 20 deg]}%s}"
-
-
-def converted(folder, drawing, path, arm="pmk3s", more=""):
-    """The job before and after, and the data of the path."""
-    (folder / "a.svg").write_text(SVG.format(drawing))
-    text = JOB.format(arm=arm, path=path % "") + more
-    job = parse_job(text, folder=folder)
-    data = load(text, "")
-    state = EditState(data=data, run="own", handles=handles_of(job, data))
-    new = change_text(text, changes_of({"do": "to_waypoints"}, state))
-    assert new.startswith("# Kept.\n")
-    return job, parse_job(new), load(new, "")["path"]
-
-
-def compare(tmp_path, drawing, path, arm):
-    before, after, written = converted(tmp_path, drawing, path, arm)
-    one, other = before.program.path, after.program.path
-    assert len(one) == len(other)
-    np.testing.assert_allclose(other.curvatures, one.curvatures, rtol=1e-9)
-    s = np.linspace(0, 1, 50)
-    np.testing.assert_allclose(other(s * other.length), one(s * one.length), atol=1e-12)
-    # The same vertices are corners, so that arcs of curves stay tangent.
-    np.testing.assert_array_equal(one.turns > 1e-9, other.turns > 1e-9)
-    assert not {"file", "scale", "names"} & set(written) and "frame" in written
-    if drawing == LINES:
-        like = written["points"][0][0]
-        assert isinstance(like, str) == (path == PLANE)
-    else:
-        assert {"via", "center", "to"} & set(written["segments"][0])
 
 
 @pytest.mark.parametrize(

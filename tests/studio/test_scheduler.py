@@ -237,10 +237,6 @@ def moved(k):
     return {**MOVE, "to": [0.39 + 1e-3 * k, 0.16]}
 
 
-# The exact plan differs from that of a preview.
-FINE = JOB.replace("runs:", "cycle: 1 ms\nruns:")
-
-
 def test_a_refusal_during_a_preview_is_of_the_newest_state_and_goes_with_it(opened, during):
     _, tab, _ = opened(preview_worker=Nested)
     during("preview", lambda: tab.edit(FAR, gesture=2))

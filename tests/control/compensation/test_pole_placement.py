@@ -128,9 +128,6 @@ def test_poles_that_cannot_be_are_refused(refuses):
         refuses(partial(place, motion, UNEVEN, poles=poles), kind, words, joint=joint)
 
 
-SERVO = ac.ServoModel(kp=25.0, kv=150.0)
-
-
 def test_refused(mac, refuses):
     first = ac.ServoModel(kp=25.0, order="first")
     call = partial(ac.compensate, mac, first, ac.PolePlacement())

@@ -10,7 +10,6 @@ from scipy.interpolate import BSpline
 from tests.files.tables import refusals
 
 import armcontour as ac
-from armcontour.files.drawings.arc_chain import ArcChain
 from armcontour.files.drawings.outlines import BezierSpline, fit_splines
 
 CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
@@ -126,10 +125,6 @@ def test_what_never_ends_or_is_too_large_is_refused_before_it_is_read(tmp_path, 
 
 
 TOLERANCE = 1e-5
-
-
-def arc(a, b, angle, centre=(0.0, 0.0)):
-    return ArcChain.arc(np.array(centre), np.array([a, 0.0]), np.array([0.0, b]), angle)
 
 
 @given(seed=st.integers(0, 2**32), degree=st.integers(2, 5), extra=st.integers(0, 6))

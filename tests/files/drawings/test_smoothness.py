@@ -74,18 +74,6 @@ def read(tmp_path):
     return reader
 
 
-def duration(program):
-    """Time of the program's one contour, corners rounded within 0.1 mm; it must have no stop."""
-    path = ac.round_corners(program.contours[0].path, tolerance=1e-4)
-    assert len(path.stops) == 0
-    middle = (path.vertices.max(axis=0) + path.vertices.min(axis=0)) / 2
-    frame = ac.Frame(position=(*(np.array([0.33, 0.2]) - middle), 0.0))
-    placed = ac.Program(moves=(ac.Contour(path=path),)).placed(frame)
-    arm = ac.load_arm("pmk3s")
-    limits = ac.Limits(joint_acceleration=3.0, speed=0.1)
-    return ac.plan(ac.trace(placed.contours[0].path, arm), arm, limits=limits).duration
-
-
 def kinks(program):
     return int((program.path.turns > 1e-9).sum())
 
@@ -170,11 +158,3 @@ def test_bulges_of_dxf_are_mended(tmp_path):
     assert kinks(ac.read_path(tmp_path / "a.dxf", ac.ReadOptions(mend_vertices=0.0))) >= 5
     mended = ac.read_path(tmp_path / "a.dxf")
     assert kinks(mended) == 0 and "Repaired" in mended.notes[-1]
-
-
-def jumps(path):
-    """The largest jump of the curvature, relative to the largest curvature."""
-    n = np.arange(len(path))
-    ends = path.on_segment(n, path.lengths, 2)
-    starts = path.on_segment(n, np.zeros(len(path)), 2)
-    return np.linalg.norm(ends[:-1] - starts[1:], axis=1).max() / np.abs(starts).max()

@@ -125,17 +125,6 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 POINTS = [(0.40, 0.0, 0.2), (0.5, 0.0, 0.2), (0.5, 0.1, 0.2), (0.4, 0.1, 0.25)]
 
 
-def jumps(joint_path):
-    """Largest jumps of q and its first two derivatives at breaks, over their largest sizes."""
-    i, breaks = np.arange(len(joint_path.breaks) - 2), joint_path.breaks[1:-1]
-    jumps_by_order = []
-    for order in range(3):
-        after = joint_path.on_interval(i + 1, breaks, order)
-        jump = np.abs(joint_path.on_interval(i, breaks, order) - after)
-        jumps_by_order.append(jump.max() / np.abs(after).max())
-    return jumps_by_order
-
-
 def paths():
     path = ac.Path.polyline(POINTS)
     turned = [ac.core.frames.from_rpy((0.1 * i, 0, 0.2 * i)) @ DOWN for i in range(4)]

@@ -10,13 +10,6 @@ __all__ = ["started"]
 pytestmark = pytest.mark.browser
 
 
-def choose(studio, shape):
-    """Take the pen."""
-    button = studio.find("[aria-label=Pen]").get_by_role("button", name=shape)
-    if button.get_attribute("aria-pressed") != "true":
-        button.click()
-
-
 @pytest.mark.parametrize(("colours", "width"), [("light", 1400), ("dark", 500)])
 def test_j54_the_start_page_has_no_fault(started, pages, colours, width):
     studio = pages(started.server, colours=colours, size=(width, 900))
