@@ -45,13 +45,12 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
 
 
 def _write(certificate: Certificate, folder: Any) -> None:
-    """Write plan, set-points, derating, report and summary of a certificate to a folder."""
+    """Write plan, set-points, report and summary of a certificate to a folder."""
     from armcontour.cli.run_command import write_motions
-    from armcontour.files import certificate_json, derating_csv
+    from armcontour.files import certificate_json
     from armcontour.report import render_report
 
     write_motions(folder, certificate.job, certificate.study.runs)
-    folder.write("derating.csv", derating_csv(certificate))
     folder.write("report.html", render_report(certificate.study, certificate=certificate))
     folder.write("summary.json", certificate_json(certificate, [*folder.files, "summary.json"]))
 

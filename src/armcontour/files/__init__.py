@@ -8,7 +8,7 @@ _HOME = {
     "robot_file": "read_limits",
     "mesh_file": "read_mesh",
     "patch": "parse_set",
-    "study_files": ("certificate_json derating_csv placed_job_text placement_csv"),
+    "study_files": ("certificate_json placed_job_text placement_csv"),
     "result_folder": "ResultFolder",
     "trajectory_file": "parse_trajectory read_trajectory",
 }

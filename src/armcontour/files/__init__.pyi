@@ -9,7 +9,6 @@ from armcontour.files.patch import parse_set as parse_set
 from armcontour.files.result_folder import ResultFolder as ResultFolder
 from armcontour.files.robot_file import read_limits as read_limits
 from armcontour.files.study_files import certificate_json as certificate_json
-from armcontour.files.study_files import derating_csv as derating_csv
 from armcontour.files.study_files import placed_job_text as placed_job_text
 from armcontour.files.study_files import placement_csv as placement_csv
 from armcontour.files.trajectory_file import parse_trajectory as parse_trajectory

@@ -7,8 +7,6 @@ import io
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 
-import numpy as np
-
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import plain, units
@@ -22,7 +20,7 @@ from armcontour.studies.placement import AXES, Placement
 
 
 def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str:
-    """JSON text of a certificate: requirements, results, model, and data to repeat the plan.
+    """JSON text of a certificate: requirements, results and model.
 
     Args:
         certificate: The certificate.
@@ -30,26 +28,6 @@ def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str
     """
     data, page = certificate.to_data(), plain(certificate.study.to_data(files))
     return to_json(page | {"units": page["units"] | units([data]), "certificate": plain(data)})
-
-
-def derating_csv(certificate: Certificate) -> str:
-    """CSV text of the derating of a certificate: a row per arc-length interval of equal derating.
-
-    A row has the share of each joint's acceleration limit that the plan may use, and the largest
-    squared speed.
-    """
-    names = [f"acceleration left {x} [1]" for x in certificate.job.arm.joint_names]
-    lines = [",".join(["contour", "from [m]", "to [m]", *names, "largest ds^2 [m^2/s^2]"])]
-    for number, contour in enumerate(certificate.contours, start=1):
-        derating = contour.derating
-        rows = np.column_stack([derating.share, derating.cap])
-        first = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
-        start = derating.cells[:-1][first]
-        end = np.append(start[1:], derating.cells[-1])
-        for a, b, row in zip(start, end, rows[first], strict=True):
-            cells = [f"{x!r}" if np.isfinite(x) else "" for x in row.tolist()]
-            lines.append(",".join([str(number), repr(float(a)), repr(float(b)), *cells]))
-    return "\n".join(lines) + "\n"
 
 
 def placement_csv(placement: Placement) -> str:

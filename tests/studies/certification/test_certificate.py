@@ -1,6 +1,5 @@
 """Certificates: jobs within stated tolerances, on the model that is named."""
 
-import json
 from dataclasses import replace
 from functools import partial
 
@@ -9,12 +8,10 @@ import pytest
 from soak.certificates import until_rest
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
 from armcontour.core.render import number
-from armcontour.files import certificate_json, derating_csv, parse_job
+from armcontour.files import parse_job
 from armcontour.jobs import CertificateGoal, Uncertainty
 from armcontour.report import render_report
-from armcontour.studies.certification.derating import Derating, plan_derated
 
 OPTIMUM = 5.3262  # the paper's job with the method optimal, from tests/golden
 PAPER = ("[0.350, 0.100], [0.410, 0.150], [0.280, 0.300], [0.350, 0.350]", "5 mm")
@@ -301,30 +298,6 @@ def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
         ),
     ):
         refuses(call, ac.InvalidInput, words)
-
-
-def test_the_summary_repeats_it(certified):
-    """From summary.json and derating.csv alone the same plan is made, without a search."""
-    data = json.loads(certificate_json(certified, ["derating.csv"]))["certificate"]
-    rows = derating_csv(certified).splitlines()[1:]
-    table = np.array([[float(x) if x else np.inf for x in row.split(",")] for row in rows])
-    assert (table[:, 0] == 1).all()
-    table = table[:, 1:]
-    derating = Derating(
-        cells=np.append(table[:, 0], table[-1, 1]), share=table[:, 2:-1], cap=table[:, -1]
-    )
-    repeat = data["repeat"]
-    limits = ac.Limits(**{name: x for name, x in repeat["limits"].items() if x is not None})
-    path = ac.round_corners(certified.job.path, tolerance=repeat["rounding"]["tolerance"])
-    arm = ac.load_arm("pmk3s")
-    again = plan_derated(ac.trace(path, arm), arm, limits, derating)
-    servo = ac.ServoModel(**{k: v for k, v in repeat["servo"].items() if v is not None})
-    set_points = ac.compensate(
-        again, servo, METHODS[repeat["compensation"]](), cycle=repeat["cycle"]
-    )
-    np.testing.assert_array_equal(set_points.q, certified.set_points.q)
-    assert data["goal"]["servo_error"] == 2e-6 and "kp 25 1/s, kv 150 1/s" in data["model"]
-    assert data["duration"] == certified.duration == again.duration
 
 
 def test_goals_of_job_files(refuses):

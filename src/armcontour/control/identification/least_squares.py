@@ -171,13 +171,6 @@ class Precision(NamedTuple):
         amplitudes = np.einsum("sjp,sj->ps", unit, residuals) @ waves
         return independent._replace(scores=amplitudes @ amplitudes.T / lines, freedom=lines)
 
-    @property
-    def quantile(self) -> float:
-        """Half-width of a 95 % interval [standard deviations]."""
-        from scipy.special import stdtrit
-
-        return float(stdtrit(self.freedom, 0.975))
-
     def covariance(self, free: BoolArray) -> FloatArray:
         """Covariance of the free unknowns, 0 for the others, (unknowns, unknowns)."""
         block, covariance = np.ix_(free, free), np.zeros_like(self.information)

@@ -267,7 +267,6 @@ class Certificate(Result):
         evaluation: Evaluation of the execution every 0.1 ms.
         check: Check of the plan against every limit, also between samples.
         contours: Certificates of the contours, in program order.
-        rapids: Usable shares of the limits of each rapid, in program order.
         uncertified: The fastest plan without derating, for comparison.
         shapes: Durations of the fastest plans by shape [s] if the run requests the shape "free",
             otherwise empty. If the other shape cannot be faster, its plan need not be certified.
@@ -289,7 +288,6 @@ class Certificate(Result):
     evaluation: Evaluation
     check: Check
     contours: tuple[ContourCertificate, ...]
-    rapids: tuple[Mapping[str, float], ...]
     uncertified: Uncertified
     shapes: Mapping[str, float]
     experiment: ExperimentResult | None
@@ -297,7 +295,7 @@ class Certificate(Result):
     clearance: Clearance | None = None
 
     def to_data(self) -> Data:
-        """Data of the verdict, the parts of the error, the model, and the inputs to repeat it."""
+        """Data of the verdict, the parts of the error, and the model."""
         count = len(self.contours)
         title = f"Certificate of {self.job.title}, run {self.run.name}, for independent servos"
         contours = Table.from_results(
@@ -305,7 +303,7 @@ class Certificate(Result):
         )
         return Data(
             title + (f", {count_noun(count, 'contour')}" if count > 1 else ""),
-            (*self._verdict(), *self._figures(), *self._repeat()),
+            (*self._verdict(), *self._figures()),
             (contours,),
             notes=self.notes,
             warnings=self.warnings,
@@ -362,24 +360,6 @@ class Certificate(Result):
         yield Row("run", self.run.name)
         yield from field_rows("goal", self.goal)
         yield from self.uncertified.to_data().with_prefix("uncertified", FILE)
-
-    def _repeat(self) -> Iterator[Row]:
-        """Rows with the inputs with which the plan can be repeated, for files."""
-        run = self.run
-        rows = (
-            Row("timing", "optimal"),
-            Row("derating", "derating.csv"),
-            Row("rapids", [dict(x) for x in self.rapids]),
-            Row("compensation", run.compensation.method),
-            Row("compensation_options", run.compensation.specific),
-            Row("cycle", run.cycle, "s"),
-            *field_rows("rounding", run.rounding),
-            *(x for x in field_rows("limits", run.limits) if x.name != "limits.lifted"),
-            *field_rows("servo", self.job.servo),
-            *field_rows("plant", self.job.plant_servo),
-            Row("start", self.trajectory(0.0), "rad"),
-        )
-        yield from Data("", rows).with_prefix("repeat")
 
     def _on(self, contour: ContourCertificate) -> str:
         """Clause with the name of a contour; empty if there is only one contour."""

@@ -283,7 +283,6 @@ def _make_certificate(
         evaluation=result,
         check=proof.check,
         contours=tuple(_make_contours(base, proof, [x for x in moves if x.number is not None])),
-        rapids=tuple(x.factors for x in moves if x.number is None),
         uncertified=_execute_uncertified(base),
         shapes=shapes,
         experiment=experiment,
