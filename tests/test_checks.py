@@ -18,7 +18,7 @@ from tests.geometry.tables import refused
 import armcontour as ac
 from armcontour import InvalidInput, controllers
 from armcontour.core import checks, errors
-from armcontour.core.checks import BoolArray, FloatArray, IntArray, check_name, kernel_array
+from armcontour.core.checks import BoolArray, FloatArray, IntArray, check_name
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import (
     Frame,
@@ -45,7 +45,6 @@ from armcontour.core.quantities import (
     SpeedLimit,
 )
 from armcontour.core.quintics import solve_banded
-from armcontour.core.sampling import interpolate
 from armcontour.program import smooth_curvature
 from armcontour.robot.scene import Box, Obstacle, Scene
 
@@ -58,25 +57,6 @@ def test_what_is_no_number_is_refused(refuses):
     refuses(lambda: checks.check_number("speed", [0.1], "m/s"), InvalidInput, "not an array of 1.")
     values = np.ma.masked_array([0.1, 0.2], mask=False)
     assert checks.check_numbers("x", values, "m").tolist() == [0.1, 0.2]
-
-
-def test_arrays_for_kernels_are_copied_where_needed_only():
-    array = np.arange(6.0).reshape(2, 3)
-    assert kernel_array(array) is array
-    locked = array.copy()
-    locked.setflags(write=False)
-    for other in (
-        locked,
-        array.T,
-        array[:, ::2],
-        array.astype(int),
-        array.tolist(),
-        array.astype(">f8"),
-    ):
-        copy = kernel_array(other)
-        assert copy is not other and np.array_equal(copy, np.asarray(other))
-        assert copy.dtype == np.float64 and copy.dtype.isnative
-        assert copy.flags.c_contiguous and copy.flags.writeable
 
 
 def test_a_name_has_printable_characters_only():
@@ -169,18 +149,6 @@ def test_a_sentence_writes_no_orders_to_a_terminal_and_does_not_repeat_a_file():
     message = str(ac.InvalidInput("unknown key " + "x" * 1_000_000 + ": the keys are a, b."))
     assert len(message) <= 2000
     assert message.startswith("unknown key xx") and message.endswith("xx: the keys are a, b.")
-
-
-def test_parts_of_long_motions_have_the_values_of_the_whole():
-    rng = np.random.default_rng(0)
-    for _ in range(300):
-        t = np.sort(rng.uniform(0, 1, rng.integers(1, 30)))
-        values = rng.normal(size=(len(t), 2))
-        pool = np.concatenate([t, rng.uniform(-0.5, 1.5, 5)])
-        indices = rng.choice(pool, rng.integers(1, 6))
-        expected = np.stack([np.interp(indices, t, x) for x in values.T], axis=1)
-        assert (interpolate(indices, t, values) == expected).all()
-    assert interpolate(np.empty(0), t, values).shape == (0, 2)
 
 
 @given(st.integers(0, 30), st.integers(1, 4), st.integers(1, 3), st.integers(0, 10**6))

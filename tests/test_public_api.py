@@ -15,7 +15,6 @@ from tools.stubs import stubs
 
 import armcontour as ac
 from armcontour import files
-from armcontour.program import Lead
 
 
 def test_every_public_name_exists():
@@ -151,26 +150,6 @@ def test_arguments_that_do_not_exist_are_answered_with_those_that_do(refuses):
     refuses(lambda: ac.Line((0, 0)), ac.InvalidInput, "end")
     refuses(lambda: ac.Line((0, 0), (1, 0), start=(0, 0)), ac.InvalidInput)
     refuses(lambda: ac.Limits(1.0), ac.InvalidInput)
-
-
-def test_the_first_arguments_need_no_names():
-    pairs = (
-        (ac.ServoModel(25, 150), ac.ServoModel(kp=25, kv=150), ("kp", "kv")),
-        (ac.Line((0, 0), (1, 0)), ac.Line(start=(0, 0), end=(1, 0)), ("start", "end")),
-        (
-            ac.Arc((1, 0), (0, 0), 2.0),
-            ac.Arc(start=(1, 0), center=(0, 0), angle=2.0),
-            ("start", "center", "angle"),
-        ),
-        (ac.Payload(2.0, (0, 0, 1)), ac.Payload(mass=2.0, center=(0, 0, 1)), ("mass", "center")),
-        (ac.Frame((1, 2, 3)), ac.Frame(position=(1, 2, 3)), ("position", "rotation")),
-        (ac.Event("tool", False), ac.Event(name="tool", value=False), ("name", "value")),
-        (ac.Dwell(0.5), ac.Dwell(duration=0.5), ("duration",)),
-        (Lead(0.01), Lead(length=0.01), ("length",)),
-    )
-    for by_place, by_name, names in pairs:
-        for name in names:
-            np.testing.assert_array_equal(getattr(by_place, name), getattr(by_name, name))
 
 
 @pytest.fixture(scope="module")

@@ -210,32 +210,3 @@ def test_numbers_out_of_range_are_refused():
         ac.Limits(speed=5e-324)
     with pytest.raises(ac.InvalidInput, match=r"joint_lower of limits must be from -1e\+12"):
         ac.Limits(joint_lower=np.array([-1e300]))
-
-
-def test_compensation_and_execution_have_their_own_bounds():
-    arm = ac.load_arm("pmk3s")
-    limits = arm.limits.replace(speed=0.1)
-    path = ac.Path.polyline([[0.30, 0.20], [0.34, 0.20]])
-    plan = ac.plan(path, arm, limits.replace(speed=1e-3), ac.Optimal(intervals=50))
-    servo = ac.ServoModel(kp=25.0, kv=150.0)
-    plant, set_points = ac.ServoPlant(arm, servo), ac.compensate(plan, servo)
-    for call, words in (
-        (
-            lambda: ac.compensate(plan, servo, cycle=1e-6),
-            "cycle of 1e-06 s would",
-        ),
-        (
-            lambda: ac.simulate(set_points, plant, resolution=1e-9),
-            "The simulation of .* every 1e-09 s",
-        ),
-        (
-            lambda: ac.plan(path, arm, limits, ac.Optimal(intervals=10**7)),
-            "intervals of an",
-        ),
-        (
-            lambda: ac.compensate(plan, servo, ac.PolePlacement(poles=[-1e6, -1e6, -150.0])),
-            "is 1e",
-        ),
-    ):
-        with pytest.raises(ac.InvalidInput, match=words):
-            call()

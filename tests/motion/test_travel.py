@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.core.errors import InvalidInput
-from armcontour.motion import Law
-from armcontour.motion.derivative_bounds import bound_joint_velocities, joint_travel
+from armcontour.motion.derivative_bounds import joint_travel
 
 ARM = ac.load_arm("pmk3s")
 LIMITS = ARM.limits.replace(speed=0.1)
@@ -45,16 +43,3 @@ def test_an_executed_motion_has_bounds_too(servo):
     coarse, fine = (ac.simulate(set_points, plant, resolution=x) for x in (4, 32))
     bound = bound_at(coarse, fine.t)
     assert (np.abs(np.diff(fine.q, axis=0)) <= np.diff(bound, axis=0) + 1e-12).all()
-
-
-def test_a_law_of_another_kind_is_refused():
-    class Own(Law):
-        """A law of a user."""
-
-        breaks = np.array([0.0, 1.0])
-
-        def on_interval(self, i, t, order):
-            return np.zeros((len(t), 2))
-
-    with pytest.raises(InvalidInput, match="law of the kind Own"):
-        bound_joint_velocities(Own())

@@ -16,7 +16,6 @@ from armcontour.program import (
     Event,
     Lead,
     Leads,
-    Pierce,
     Process,
     Program,
     Rapid,
@@ -416,15 +415,6 @@ def test_goes_down_and_up_where_no_rapid_of_the_program_links():
             expected += [begin + [0, 0, 0.03], begin], [end, end + [0, 0, 0.02]]
         for rapid, points in zip(rapids(prepared_program), expected, strict=True):
             np.testing.assert_allclose(rapid.vertices, points, atol=1e-15)
-
-
-def test_pierces_and_approaches_along_the_axis_of_a_tilted_tool():
-    path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([0.6, 0, -0.8])
-    pierce = {"pierce": Pierce(time=0.1, height=0.01), "switch": Switch(name="laser")}
-    prepared_program = prepare(program(path), Process(approach=0.03, **pierce))
-    (contour,), (down,) = prepared_program.contours, rapids(prepared_program)
-    np.testing.assert_allclose(contour.path.vertices[0], [0.394, 0, 0.108], atol=1e-15)
-    np.testing.assert_allclose(down.vertices, [[0.382, 0, 0.124], [0.394, 0, 0.108]], atol=1e-15)
 
 
 def test_a_tool_change_is_a_stop_with_an_event_and_a_note():

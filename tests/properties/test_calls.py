@@ -43,34 +43,6 @@ def test_wrong_arguments_end_in_a_result_or_in_one_sentence(files):
     assert refused > 0.6 * len(calls.slots())
 
 
-def test_arguments_of_another_class_are_refused_before_anything_is_done(files, refuses):
-    x, progress_log = calls.right(), []
-    plan, learn = (lambda **more: ac.plan(x["path"], x["arm"], x["limits"], **more)), ac.learn
-    refuses(lambda: plan(progress=3), ac.InvalidInput, "plan", "function", "progress", "int")
-    refuses(lambda: plan(options="all"), ac.InvalidInput, "plan", "PlanOptions", "options", "str")
-    refuses(lambda: ac.Optimal(accept="all"), ac.InvalidInput, "accept", "str")
-    refuses(lambda: ac.plan(x["path"], x["trajectory"]), ac.InvalidInput, "Arm", "Trajectory")
-    executed_motion = (x["set_points"], x["executed"])
-    for servo in (x["arm"], None, {"kp": 25.0}):
-        refuses(
-            lambda s=servo: learn(*executed_motion, arm=x["arm"], servo=s),
-            ac.InvalidInput,
-            "ServoModel",
-        )
-    wrong = np.array([True])
-    refuses(
-        lambda: ac.run(x["job"], simulate=wrong, progress=progress_log.append),
-        ac.InvalidInput,
-        "True",
-    )
-    assert progress_log == []
-    # numpy's truth value and the path of a file are right.
-    assert ac.evaluate(*executed_motion[1:], x["path"], limit_use=np.False_).limit_ratios is None
-    assert ac.read_path(
-        calls.Path("line.csv"), ac.ReadOptions(ignore_z=np.True_)
-    ).length == pytest.approx(0.03)
-
-
 def test_shapes_that_do_not_fit_never_reach_compiled_code(refuses):
     rows, wide = np.zeros((3, 2, 2)), np.zeros((3, 2, 3))
     for begin, end in ((rows, wide), (rows[:, :1], rows), (rows[:2], rows), (rows[0], rows)):
