@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -40,12 +40,6 @@ class CompensationOptions(Options):
 
     method: ClassVar[str]
     command_limits: Limits | None = None
-
-    @property
-    def specific(self) -> dict[str, Any]:
-        """Specified options that only this method has, by name; an arm is not included."""
-        names = ("poles", "gravity_feedforward")
-        return {x: getattr(self, x) for x in names if getattr(self, x, None) is not None}
 
 
 @checks.explain_calls
