@@ -171,6 +171,7 @@ def test_j27_drawing_arm_slider_and_charts_show_one_time(studio):
     studio.find("#playback .scrub").press("ArrowRight")
     studio.wait_for(f"#playback:not([data-time='{before[0]}'])")
     assert agreed()[0] > before[0]
+    press(studio, "#viewbar", "2D")
 
 
 def test_j30_a_new_waypoint_has_the_focus(studio):
