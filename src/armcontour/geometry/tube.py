@@ -68,11 +68,6 @@ class Proof:
     slack: float
 
     @property
-    def ok(self) -> bool:
-        """True if the path is proven to be within its tolerance everywhere."""
-        return bool(self.excess <= self.slack)
-
-    @property
     def violated(self) -> bool:
         """True if an evaluated point or corner is outside the tube."""
         return bool(self.sampled_excess > self.slack)

@@ -80,9 +80,6 @@ def correlation_length(residuals: FloatArray) -> float:
 
 # Largest standard deviation of a determined parameter, relative to its value.
 RELATIVE_SD = 0.10
-# Long-run covariance of the scores (Müller, Econometrica 2007): largest number of spectral lines
-# that are averaged, and smallest number of samples per line.
-LINES, SAMPLES_PER_LINE = 24, 4
 # The data do not determine the parameters along an eigenvector of the Gram matrix whose eigenvalue
 # is below this share of the largest eigenvalue.
 DEPENDENT = 1e-14
@@ -147,7 +144,6 @@ class Precision(NamedTuple):
     # scores: covariance of the scores (sums of derivatives times residuals), (unknowns, unknowns).
     scores: FloatArray
     size: FloatArray  # Norms of the derivatives before normalization, (unknowns,)
-    freedom: float = math.inf  # Degrees of freedom of the covariance; infinite if it is exact
 
     @classmethod
     def from_jacobian(cls, jacobian: FloatArray, variance: float = 1.0) -> Precision:
@@ -155,21 +151,6 @@ class Precision(NamedTuple):
         unit, size = normalize(jacobian)
         information = np.einsum("ki,kj->ij", unit, unit)
         return cls(information, variance * information, size)
-
-    @classmethod
-    def correlated(cls, jacobian: FloatArray, residuals: FloatArray) -> Precision:
-        """Precision of a fit whose residuals may be correlated."""
-        # The covariance of the sum of the scores is the mean over the lowest lines in the cosine
-        # spectrum of the scores. jacobian (samples, dof, unknowns), residuals (samples, dof).
-        independent = cls.from_jacobian(jacobian.reshape(-1, jacobian.shape[2]))
-        unit = jacobian / independent.size
-        # The cosines are functions of the accumulated information instead of time.
-        weights = np.sum(unit**2, axis=(1, 2))
-        clock = (np.cumsum(weights) - weights / 2) / max(float(np.sum(weights)), 1e-300)
-        lines = max(min(LINES, len(clock) // SAMPLES_PER_LINE), 2)
-        waves = np.sqrt(2) * np.cos(np.pi * np.outer(clock, np.arange(1, lines + 1)))
-        amplitudes = np.einsum("sjp,sj->ps", unit, residuals) @ waves
-        return independent._replace(scores=amplitudes @ amplitudes.T / lines, freedom=lines)
 
     def covariance(self, free: BoolArray) -> FloatArray:
         """Covariance of the free unknowns, 0 for the others, (unknowns, unknowns)."""
