@@ -3,7 +3,6 @@ const plotly = require("plotly.js/lib/core");
 
 plotly.register([
   require("plotly.js/lib/bar"),
-  require("plotly.js/lib/mesh3d"),
   require("plotly.js/lib/scatter3d"),
 ]);
 
