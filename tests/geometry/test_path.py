@@ -198,6 +198,69 @@ def gapped(gap):
     return dataclasses.replace(lines, starts=lines.starts + np.array([(0, 0), (0, gap)]))
 
 
+GOOD = line((0, 0), (1, 0))
+DEMANDS = (
+    ({"speed": 0.0}, "speed of segment limits", "0 m/s"),
+    ({"speed": -1.0}, "speed of segment limits", "-1 m/s"),
+    ({"speed": np.nan}, "speed of segment limits", "finite"),
+    ({"speed": [1.0, 2.0]}, "speed of segment limits", "one number"),
+    ({"tolerance": -1e-3}, "tolerance of segment limits", "-0.001 m"),
+    ({"tolerance": np.inf}, "tolerance of segment limits", "finite"),
+)
+SEGMENTS = (
+    ([GOOD, line((1, 0), (1, 0))], "Segment 2", "zero length", {"index": 1, "point": (1, 0)}),
+    ([line((0, np.nan), (1, 0))], "start of segment 1", "finite", {"index": 1}),
+    ([line((0, 0), ("a", 0))], "end of segment 1", "numbers in m"),
+    ([GOOD, line((1, 0), (1, 0, 0))], "points of segment 2", {"index": 1}),
+    ([line((0,), (1,))], "points of segment 1", {"index": 0}),
+    ([GOOD, arc((1, 0), (1, 0), 1.0)], "Segment 2", "radius 0 m", {"index": 1}),
+    ([arc((1, 0), (0, 0), 0.0)], "Segment 1", "angle 0 rad", {"index": 0}),
+    ([arc((1, 0), (0, 0), -6.3)], "Segment 1", "-6.3 rad", {"index": 0}),
+    ([arc((1, 0), (0, 0), np.inf)], "angle of segment 1", "finite"),
+    ([arc((1, 0), (0, 0), 1.0, normal=(0, 0, 1))], "Segment 1", "not have a normal"),
+    ([arc((1, 0, 0), (1, 1, 0), 1.0)], "Segment 1", "needs a normal", {"index": 0}),
+    ([arc((1, 0, 0), (0, 0, 0), 1.0, normal=(1, 0, 1))], "normal of segment 1", {"index": 0}),
+    ([arc((1, 0, 0), (0, 0, 0), 1.0, normal=(0, 0, 0))], "normal of segment 1"),
+    ([GOOD, line((0, 0, 0), (1, 0, 0))], "same number of coordinates"),
+    ([], "at least one segment"),
+    ([GOOD, ((1, 0), (2, 0))], "Segment 2", "Line or an Arc", "tuple", {"index": 1}),
+    (
+        [GOOD, arc((1, 0), (1, 1), np.pi / 2), line((2, 1.002), (2, 2))],
+        *("Segment 3", "0.002 m from the end of segment 2"),
+        {"index": 2, "point": (2, 1.002), "needed": 0.002, "allowed": 1e-9},
+    ),
+)
+COLUMNS = {
+    "starts": np.zeros((1, 2)),
+    "tangents": np.array([[1.0, 0.0]]),
+    "normals": np.zeros((1, 2)),
+    "curvatures": np.zeros(1),
+    "lengths": np.ones(1),
+}
+ODD_COLUMNS = (
+    ({"starts": np.zeros((0, 2))}, "at least one segment"),
+    ({"starts": np.zeros((1, 4))}, "starts", "2 or 3 coordinates"),
+    ({"tangents": np.ones((2, 2))}, "tangents", "shape (1, 2)"),
+    ({"curvatures": np.array([np.nan])}, "curvatures", "finite"),
+    ({"curvatures": np.array([-1.0])}, "curvatures not negative"),
+    ({"lengths": np.zeros(1)}, "lengths must be above zero"),
+    ({"speeds": np.ones(2)}, "speeds", "one value per segment (1)"),
+    ({"tolerances": np.ones(3)}, "tolerances", "one value per segment"),
+    ({"tags": ("a", "b")}, "tags", "one value per segment"),
+)
+
+
+def path_with(**columns):
+    return ac.Path(segments=Segments(**COLUMNS | columns))
+
+
+def test_segments_demands_and_columns_that_do_not_fit_are_refused():
+    assert path_with().length == 1.0
+    refused(*((lambda x=x: ac.SegmentLimits(**x), *more) for x, *more in DEMANDS))
+    refused(*((lambda x=x: path_of(*x), *more) for x, *more in SEGMENTS))
+    refused(*((lambda x=x: path_with(**x), *more) for x, *more in ODD_COLUMNS))
+
+
 def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
     near, far = ac.Path(segments=gapped(0.9e-9)), Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
     assert near.placed(Frame(position=[1, 2, 3])).length == 2
