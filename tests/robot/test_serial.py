@@ -76,38 +76,6 @@ def test_the_jacobian_its_rate_and_the_drift_agree_with_differences(arm3, states
     np.testing.assert_allclose(exact, bias[:, :3], atol=1e-12)
 
 
-def exact_jerk(arm, states):
-    """The third derivative of the product of all transformations, by Cauchy's integral."""
-    chain, (q, dq, ddq, dddq) = arm.chain, states
-
-    def point(t):
-        angles = q + t * (dq + t * (ddq / 2 + t * dddq / 6))
-        place, turn = chain.base.position + 0j, chain.base.rotation + 0j
-        for k, (x, y, z) in enumerate(chain.axes):
-            place, turn = place + turn @ chain.positions[k], turn @ chain.rotations[k]
-            cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            s, c = np.sin(angles[k]), np.cos(angles[k])
-            turn = turn @ (np.eye(3) + s * cross + (1 - c) * cross @ cross)
-        for x in (chain.tip, chain.tool):
-            place, turn = place + turn @ x.position, turn @ x.rotation
-        return place
-
-    # Joint positions are whole functions of time, so the sum over a circle has all digits.
-    around = 0.5 * np.exp(2j * np.pi * np.arange(64) / 64)
-    return 6 * np.mean([point(t) / t**3 for t in around], axis=0).real
-
-
-def test_the_tools_jerk_has_all_digits(arm3):
-    states = np.random.default_rng(3).normal(size=(4, arm3.dof))
-    jerk = arm3.tool_jerk(*states)
-    exact = exact_jerk(arm3, states)
-    np.testing.assert_allclose(jerk, exact, rtol=1e-12, atol=1e-12)
-    # What an arm of a user's own has by itself.
-    generic = ac.Arm.tool_jerk(arm3, *states)
-    size = np.abs(states[1]).sum() ** 3
-    np.testing.assert_allclose(generic, exact, atol=1e-12 * size)
-
-
 def test_work_frame_and_tool_only_define_the_two_ends_of_the_pose(arm3, states):
     q, dq, ddq = states
     work, tool = Frame.rpy([1, 2, 3], [0.3, 0.2, 0.1]), Frame.rpy([0.1, 0, 0.2], [0, 0.5, 0])
@@ -312,8 +280,7 @@ def test_blocks_of_states_end_anywhere(arm3, n):
     np.testing.assert_array_equal(velocity, twist[:, :3])
     np.testing.assert_array_equal(acceleration, bend[:, :3])
     states.flags.writeable = False
-    points, jerk = arm3.tool_position(states[0]), arm3.tool_jerk(*states)
+    points = arm3.tool_position(states[0])
     for k in range(n):
         one = states[:, k]
         np.testing.assert_allclose(arm3.tool_position(one[0]), points[k], atol=1e-14)
-        np.testing.assert_allclose(arm3.tool_jerk(*one), jerk[k], atol=1e-12)

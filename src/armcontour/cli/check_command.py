@@ -91,23 +91,14 @@ def _check_commands(
     from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Frequency
-    from armcontour.motion.controller_laws import interpolate_points
     from armcontour.verification import check_interpolation
 
     name, rate = options.controller, read_option("--rate", options.rate, Frequency)
     if name is None or rate is None:
-        if (name, rate, options.plan) != (None, None, None):
-            raise InvalidInput(
-                "--controller and --rate require each other, and --plan requires both of them."
-            )
+        if (name is None) != (rate is None):
+            raise InvalidInput("--controller and --rate require each other.")
         return None
-    reference = None
-    if options.plan is not None:
-        plan = _samples(options.plan, arm, replace(options, noise=None))
-        reference = interpolate_points(plan, "jtc_spline").curve
-    return check_interpolation(
-        samples, arm, name, rate, limits, path, reference=reference, **allowed
-    )
+    return check_interpolation(samples, arm, name, rate, limits, path, **allowed)
 
 
 def _limits_and_path(

@@ -298,7 +298,7 @@ def identify(
     ],
     options: IdentifyOptions,
 ) -> None:
-    """Identify servos, or with --arm a robot with masses, from logs; with --on, from new motions.
+    """Identify servos from logs; with --on, from new motions.
 
     Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good for one program only.
     """

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from armcontour.control.identification import Identification
     from armcontour.core.result import Data, Row
     from armcontour.motion import Log
-    from armcontour.robot import Arm
 
 # Exit codes. DONE: every joint has a valid model and the compensation is trusted. PROVISIONAL:
 # trusted for one program only. DOUBTFUL: otherwise. No error has the exit code 9.
@@ -25,7 +24,12 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     """Identify servos, print the result, and return the exit code."""
     from armcontour.cli.check_command import named_arm
     from armcontour.cli.play_command import refuse_without_controller
+    from armcontour.cli.progress_bars import search_progress
+    from armcontour.control.identification import ServoFit, identify
     from armcontour.core.checks import raise_if
+    from armcontour.core.render import plain
+    from armcontour.core.result import Row
+    from armcontour.files.robot_file import servo_yaml
 
     lonely = options.out is None and options.force
     raise_if(lonely, "--force requires --out, the folder for the report.")
@@ -34,30 +38,16 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     others = {"run_name": "--run", "sets": "--set"}
     refuse_without_controller(options, others)
     arm = None if options.arm is None else named_arm(options.arm)
-    return _identify_servos(logs, options, arm)
-
-
-def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | None) -> int:
-    """Identify the servo of each joint from logs and return the exit code.
-
-    With an arm, the result has errors at the tool.
-    """
-    from armcontour.cli.progress_bars import search_progress
-    from armcontour.control.identification import ServoFit, identify
-    from armcontour.core.render import plain
-    from armcontour.core.result import Row
-    from armcontour.files.robot_file import servo_yaml
-
-    unseen = [_read(log, command) for log in command.validate or []]
-    options = ServoFit(model=command.model, kinematics=arm, **_shared_options(command))
-    samples = [_read(log, command) for log in logs]
+    unseen = [_read(log, options) for log in options.validate or []]
+    fitting = ServoFit(model=options.model, kinematics=arm, **_shared_options(options))
+    samples = [_read(log, options) for log in logs]
     with search_progress("identifying") as progress:
-        fit = identify(samples, options, progress=progress)
+        fit = identify(samples, fitting, progress=progress)
     predictions = [fit.predict(log) for log in unseen]
     printed = predictions or [fit.predict(log) for log in fit.logs if arm is not None]
     rows = [Row("predictions", [plain(y.to_data()) for y in predictions])] if predictions else []
     files = {"servo.yaml": servo_yaml(fit)} if any(y.written for y in fit.joints) else {}
-    _conclude(fit, command, files, rows, [y.to_data(arm) for y in printed])
+    _conclude(fit, options, files, rows, [y.to_data(arm) for y in printed])
     return _verdict(fit)
 
 

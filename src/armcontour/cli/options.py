@@ -329,8 +329,6 @@ class CheckOptions(LogOptions):
         controller: Also check the commands that a controller sends for these points: jtc,
             jtc_spline, jtc_none, linuxcnc or hold.
         rate: Rate of that controller: '500 Hz'.
-        plan: File with the motion that was sampled, such as planned.csv; its distance from the
-            commands is printed.
     """
 
     arm: Text = None
@@ -341,7 +339,6 @@ class CheckOptions(LogOptions):
     noise: Text = None
     controller: Text = None
     rate: Text = None
-    plan: File = None
     as_json: AsJson = False
 
 

@@ -149,13 +149,9 @@ def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
     logs: list[Log] = []
     while kind_of(out) == KIND and (out / LOG.format(len(logs) + 1)).exists():
         log = read_log(verify_file(out, LOG.format(len(logs) + 1)))
-        logs.append(_named(log, f"run {len(logs) + 1}", job))
+        source = f"run {len(logs) + 1}"
+        logs.append(dataclasses.replace(log, source=source, joint_names=job.arm.joint_names))
     return logs
-
-
-def _named(log: Log, source: str, job: Job) -> Log:
-    """Log with a source name and the joint names of a job."""
-    return dataclasses.replace(log, source=source, joint_names=job.arm.joint_names)
 
 
 def _write(result: RobotLearning, folder: ResultFolder) -> None:

@@ -176,7 +176,7 @@ AngleLoader.add_constructor("!radians", construct_radians)
 def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> Any:
     """Load the YAML document in a text, or in bytes of UTF-8."""
     with _reading(content, source):
-        text = _decoded(content)
+        text = content if isinstance(content, str) else content.decode("utf-8")
         # These two classes differ only by tags, which PARSED_DIFFERENTLY excludes.
         plain = loader in (Loader, AngleLoader) and not PARSED_DIFFERENTLY.search(text)
         if plain and yaml.__with_libyaml__:
@@ -223,11 +223,6 @@ def _reading(content: str | bytes, source: str) -> Iterator[None]:
         if isinstance(error, InvalidInput):
             raise
         raise InvalidInput(f"{source} is not valid YAML: {error}.") from None
-
-
-def _decoded(content: str | bytes) -> str:
-    """Decode bytes of UTF-8."""
-    return content if isinstance(content, str) else content.decode("utf-8")
 
 
 def _check_aliases(root: yaml.Node) -> None:

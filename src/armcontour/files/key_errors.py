@@ -133,7 +133,8 @@ def _describe_problem(problem: Any, alike: Sequence[Any]) -> str:
         return f"must be {' or '.join(dict.fromkeys(expected))}, {but}"
     if kind == "value_error":
         return str(facts["error"]).rstrip(".")
-    return _lower(problem["msg"]).rstrip(".")
+    message: str = problem["msg"]
+    return (message[:1].lower() + message[1:]).rstrip(".")
 
 
 def _expected(problem: Any) -> str | None:
@@ -209,7 +210,3 @@ def _is_inside(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
 
 def _is_type_name(part: int | str) -> bool:
     return isinstance(part, str) and (any(c in part for c in "[(") or part in TYPE_NAMES)
-
-
-def _lower(message: str) -> str:
-    return message[:1].lower() + message[1:]

@@ -151,15 +151,6 @@ class Tube(Checked):
         """Number of pieces."""
         return len(self.segments)
 
-    def windows(self, places: npt.ArrayLike, reach: npt.ArrayLike) -> IntArray:
-        """First and last piece within reach of arc lengths on the objective, (n, 2)."""
-        # `places`: arc lengths on the objective [m], (n,); `reach`: distance along the objective to
-        # either side [m], a number or (n,).
-        centres, half_width = np.broadcast_arrays(
-            np.asarray(places, float), np.asarray(reach, float)
-        )
-        return self.windows_between(centres - half_width, centres + half_width)
-
     def nearest(self, points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
         """Arc lengths of the nearest points of the objective, each within a range [m], (n,)."""
         # `points`: the points [m], (n, dimension); `low`: arc lengths on the objective at which the
@@ -173,7 +164,7 @@ class Tube(Checked):
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
         """Remaining distance to the boundary of the tube, below 0 outside [m], (n,)."""
         # `points`: the points [m], (n, dimension); `windows`: first and last piece of each point's
-        # part, as from `windows`, (n, 2). The margin is the largest one of these pieces.
+        # part, as from `windows_between`, (n, 2). The margin is the largest one of these pieces.
         from armcontour.geometry.kernels import TubePieces, find_excess
 
         everywhere = np.tile([-np.inf, np.inf], (len(points), 1))

@@ -117,7 +117,7 @@ def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
     chosen = job.seed is None and isinstance(job.arm, SerialArm)
     if not chosen or not _is_checked(job):
         return None
-    return job.cell.stays_above if job.ignore_collisions else job.cell.fits
+    return job.cell.fits
 
 
 def _is_checked(job: Job) -> bool:

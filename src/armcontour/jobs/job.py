@@ -335,8 +335,6 @@ class Job(Checked):
         runs: At least one run, with different names.
         certificate: Requirements of a certified plan.
         scene: Obstacles in the cell; None if they are unknown.
-        ignore_collisions: Whether runs continue if the arm comes too near to itself or to its cell;
-            results report this.
         export: Files for robot controllers that the command `run` writes.
         part: Part frame, with which the path is already transformed.
 
@@ -359,7 +357,6 @@ class Job(Checked):
     process: Process = field(default_factory=Process)
     certificate: CertificateGoal | None = None
     scene: Scene | None = None
-    ignore_collisions: bool = False
     export: Exports = field(default_factory=Exports)
     part: Frame = field(default_factory=Frame)
     program: Program = field(init=False)

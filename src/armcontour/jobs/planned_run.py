@@ -191,11 +191,8 @@ class Planned:
 
     @property
     def clearance_note(self) -> str | None:
-        """Note about the clearance; None if it was not checked or a margin is violated.
-
-        A warning reports violations.
-        """
-        if self.clearance is None or not self.clearance.satisfied:
+        """Note about the clearance; None if it was not checked."""
+        if self.clearance is None:
             return None
         done = "".join(f" {capitalise(x)}." for x in self.avoided)
         return f"Run {self.run.name}: {self.clearance.sentence}{done}"

@@ -150,7 +150,7 @@ def explain_plan(job: Job, trajectory: Trajectory, reuse: Reuse) -> Explanation 
 
 def _arm_inputs(job: Job) -> tuple[Any, ...]:
     """Inputs of arm and cell on which joint paths depend, in a comparable form."""
-    return job.arm, job.configuration, comparable(job.seed), job.scene, job.ignore_collisions
+    return job.arm, job.configuration, comparable(job.seed), job.scene
 
 
 def _prepare(job: Job, run: Run) -> Program:
@@ -260,7 +260,7 @@ def _time(
         trajectory = timed(traced)
         progress(Step(("clearance",)))
         clearance = clearance_of(job, trajectory)
-        if clearance is None or clearance.satisfied or job.ignore_collisions:
+        if clearance is None or clearance.satisfied:
             break
     else:
         check_collision(job, traced.program, trajectory)

@@ -167,13 +167,11 @@ def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
 def collisions(
     planned: Clearance | None, executed: Clearance | None, avoided: tuple[str, ...]
 ) -> Iterator[str]:
-    """Yield warnings for ignored or unchecked collisions, and for links below the base."""
+    """Yield warnings for collisions executed or not checked, and for links below the base."""
     if planned is None:
         yield from avoided
         return
-    if not planned.satisfied:
-        yield f"collisions are ignored: {planned.too_near[0]}."
-    elif executed is not None and not executed.satisfied:
+    if executed is not None and not executed.satisfied:
         yield f"in the execution, {executed.too_near[0]}, which is less than the margin."
     if planned.below_base is not None:
         yield planned.below_base

@@ -183,12 +183,12 @@ def _simulate_uncompensated(
 def _executed_clearance(job: Job, planned: Planned, executed: Execution) -> Clearance | None:
     """Clearance of the executed motion; None if the plan was not checked.
 
-    Raises Collision if bodies touch, unless the job ignores collisions.
+    Raises Collision if bodies touch.
     """
     if planned.clearance is None:
         return None
     near = job.cell.check(executed)
-    if any(x.high <= 0 for x in near.too_near) and not job.ignore_collisions:
+    if any(x.high <= 0 for x in near.too_near):
         with error_context("as executed"):
             near.refuse()
     return near

@@ -122,8 +122,6 @@ def judge(planned: Planned, errors: Errors) -> tuple[bool | None, str]:
     allowed = allowed_error(planned)
     if allowed is None:
         return None, ""
-    if planned.clearance is not None and not planned.clearance.satisfied:
-        return False, "the arm comes too near to itself or to its cell"
     if tolerance is not None and rounding > tolerance * (1 + ROUNDING):
         return False, f"the allowed corner error is {number(tolerance, 'm')}"
     if run.accuracy is not None:

@@ -189,9 +189,7 @@ class LineLaw(LapLaw, LawAlongPath):
         if order == 1:
             return np.asarray(self.arm.tool_velocity(q, dq) @ self.direction)
         ddq = self.on_interval(i, t, 2)
-        if order == 2:
-            return np.asarray(self.arm.tool_acceleration(q, dq, ddq) @ self.direction)
-        return np.asarray(self.arm.tool_jerk(q, dq, ddq, np.zeros_like(q)) @ self.direction)
+        return np.asarray(self.arm.tool_acceleration(q, dq, ddq) @ self.direction)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, by bisection [s], (n,)."""

@@ -470,21 +470,21 @@ class Trajectory(Checked):
         return motion
 
     def s(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Arc length or its derivatives over time, with the shape of `t` [m, m/s, m/s², m/s³].
+        """Arc length or its derivatives over time, with the shape of `t` [m, m/s, m/s²].
 
         For a program, s counts over all contours, as in its spans, and is constant in rapids and
         dwells. For a joint path without a tool path, s is the parameter of the joint path.
 
         Args:
             t: Times from 0 to `duration` [s], any shape.
-            order: 0, 1, 2 or 3.
+            order: 0, 1 or 2.
             side: At a jump, "right" for the value after it, "left" for the value before it.
 
         Raises:
-            InvalidInput: A time is outside the trajectory, the order is not 0, 1, 2 or 3, or the
+            InvalidInput: A time is outside the trajectory, the order is not 0, 1 or 2, or the
                 laws are not along one path.
         """
-        times = self._clip_times(t, order)
+        times = self._clip_times(t, checks.derivative(order, 2))
         self._check_arc_length()
         lengths = np.empty(times.size)
         for k, indices, i, local in self.locate(times.ravel(), side):

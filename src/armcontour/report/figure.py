@@ -234,18 +234,13 @@ def render_page(**values: Any) -> str:
     return environment.get_template("report.html").render(
         version=__version__,
         verdicts=VERDICTS,
-        plotly=Markup(_packed_plotly()),
+        plotly=Markup(base64.b64encode(_vendored("plotly.js.gz")).decode()),
         template=Markup(to_json(json.loads(_vendored("plotly_white.json")))),
         **values,
     )
 
 
 @cache
-def _packed_plotly() -> str:
-    """The script plotly.js, compressed with gzip and encoded in base64."""
-    return base64.b64encode(_vendored("plotly.js.gz")).decode()
-
-
 def _vendored(name: str) -> bytes:
     """Content of a file in the folder `vendor`, which `make vendor` creates."""
     content = pkgutil.get_data("armcontour.report", f"vendor/{name}")

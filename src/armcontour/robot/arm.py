@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from armcontour.robot.dynamics import Dynamics
     from armcontour.robot.scene import ArmShapes
 
-# Step h along the motion for the finite difference of the Jacobian rate [rad]. The truncation error
-# h⁴ / 30 and the rounding error 1e-16 / h are about equal.
-STEP = 1e-3
 # A limit counts as equal to the arm's limit if it exceeds it by at most this fraction (for ends of
 # joint ranges between -1 and 1 rad: by this angle [rad]), because files contain rounded values.
 SAME_LIMIT = 1e-3
@@ -404,33 +401,6 @@ class Arm(Immutable, ABC):
         """
         coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(q, dq), np.asarray(dq))
         return np.asarray(self.tool_velocity(q, ddq) + coupling)
-
-    def tool_jerk(
-        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, dddq: npt.ArrayLike
-    ) -> FloatArray:
-        """Tool jerk: the third derivative of the tool point [m/s³], (..., dimension).
-
-        The default implementation is `J dddq + 3 dJ/dt ddq` plus the derivative of `dJ/dt dq` along
-        dq by fourth-order differences. Their error is about 1e-12 of the reach times the cube of
-        the sum of all joint speeds.
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-            dq: Joint velocities [rad/s], same shape.
-            ddq: Joint accelerations [rad/s²], same shape.
-            dddq: Joint jerks [rad/s³], same shape.
-        """
-        position, rate, second = (checks.floats("states of an arm", x) for x in (q, dq, ddq))
-        total = np.abs(rate).sum(axis=-1, keepdims=True)
-        direction = rate / np.where(total > 0, total, 1.0)
-
-        def bias(along: float) -> FloatArray:
-            jacobian_rate = self.tool_jacobian_rate(position + along * STEP * direction, direction)
-            return np.asarray(np.einsum("...ij,...j->...i", jacobian_rate, direction))
-
-        change = (8 * (bias(1) - bias(-1)) - (bias(2) - bias(-2))) / (12 * STEP)
-        coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(position, rate), second)
-        return np.asarray(self.tool_velocity(position, dddq) + 3 * coupling + change * total**3)
 
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike

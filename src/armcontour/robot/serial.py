@@ -165,12 +165,6 @@ class ChainArm(Arm):
         """Tool acceleration [m/s²]."""
         return self._motion(q, dq, ddq)[..., 6 : 6 + self.dimension]
 
-    def tool_jerk(
-        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, dddq: npt.ArrayLike
-    ) -> FloatArray:
-        """Tool jerk [m/s³], (..., dimension), propagated from link to link."""
-        return self._motion(q, dq, ddq, dddq)[..., 12 : 12 + self.dimension]
-
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
