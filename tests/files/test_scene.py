@@ -205,8 +205,8 @@ def test_units_and_scales(tmp_path):
 
 
 BAD_MESHES = [
-    ("a.stl", binary()[:-1], "a.stl is incomplete"),
-    ("a.stl", b"<html>" * 50, "a.stl has no triangles"),
+    ("a.stl", binary()[:-1], "a.stl has no triangles, is incomplete"),
+    ("a.stl", b"<html>" * 50, "no triangles"),
     ("a.stl", binary(np.where(CORNERS == 0.3, np.nan, CORNERS)), "not finite"),
     ("a.stl", ascii_stl().rsplit("vertex", 1)[0].encode(), "no triangles"),
     ("a.obj", b"", "no triangles"),

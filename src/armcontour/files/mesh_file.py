@@ -74,15 +74,16 @@ def _read(content: bytes, location: FilePath) -> tuple[FloatArray, IntArray]:
     import trimesh
 
     kind = location.suffix.lower()[1:]
+    damaged = InvalidInput(
+        f"The mesh {location} has no triangles, is incomplete, or does not have the format {kind}. "
+        "Export it again."
+    )
     try:
         mesh = trimesh.load_mesh(BytesIO(content), kind, process=False, skip_materials=True)
-        if mesh.vertices.shape[1:] != (3,):
-            raise ValueError("corners need three coordinates")
     except Exception:  # Damaged files raise errors of any class.
-        raise InvalidInput(
-            f"The mesh {location} is incomplete or does not have the format {kind}. Export it "
-            "again."
-        ) from None
+        raise damaged from None
+    if mesh.vertices.shape[1:] != (3,) or not len(mesh.faces):
+        raise damaged
     if not np.isfinite(mesh.vertices).all():
         raise InvalidInput(
             f"The mesh {location} has a corner whose coordinates are not finite. Export the mesh "
@@ -91,8 +92,6 @@ def _read(content: bytes, location: FilePath) -> tuple[FloatArray, IntArray]:
     mesh.merge_vertices()
     points, triangles = np.array(mesh.vertices), np.array(mesh.faces)
     count = len(triangles)
-    if count == 0:
-        raise InvalidInput(f"The mesh {location} has no triangles. Export the mesh again.")
     if count > MAX_TRIANGLES:
         raise InvalidInput(
             f"The mesh {location} has {count:,} triangles, but at most {MAX_TRIANGLES:,} are "
