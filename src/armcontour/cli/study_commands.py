@@ -134,7 +134,7 @@ def batch_file(
             workers=options.workers,
             progress=progress,
         )
-    header, *rows = result.cells()
+    header, *rows = table = result.cells()
     counts = ", ".join(f"{n} {status}" for status, n in result.counts.items())
     errors = [x.error for x in result.rows]
     if any(errors):
@@ -142,8 +142,7 @@ def batch_file(
     page = render_table(f"Batch of {result.title}", counts, header, rows)
     report = (out / "report.html").resolve()
     staging.write_atomically(report, lambda x: x.write_text(page, encoding="utf-8"))
-    console = Console()
-    header, *rows = result.cells()
+    console, (header, *rows) = Console(), table
     whole = range(1 + len(over))
     console.show_table(header, rows, title=f"{result.title}: {counts}", whole=whole)
     for line in result.errors():

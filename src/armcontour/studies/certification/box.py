@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
+from armcontour.core.pool import map_in_threads
 from armcontour.core.render import Result
 from armcontour.core.result import VERDICT, Data, Row
 from armcontour.core.text import short_repr
@@ -84,9 +84,8 @@ def execute_box(case: Case, set_points: SetPoints) -> list[BoxErrors]:
 
     def errors(unit: FloatArray) -> FloatArray:
         """Largest contour errors of robots in units of the box, (n, contours)."""
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            rows = pool.map(lambda x: _contour_errors(case, set_points, x), deviations(unit))
-            return np.array(list(rows))
+        robots = list(deviations(unit))
+        return np.array(map_in_threads(partial(_contour_errors, case, set_points), robots))
 
     k = int(varies.sum())
     if 2**k <= MAX_CORNERS:
