@@ -45,6 +45,8 @@ SINGLE = (Axes(),)
 PER_JOINT = (Axes(), Axes("joints"))
 BOUNDED = (*PER_JOINT, Axes("joints", 2))
 ANY_SHAPE = (Axes(...),)
+# Largest number of values that Python compares faster than NumPy.
+FEW = 16
 
 
 class Checked(Value):
@@ -368,9 +370,17 @@ def _read_numbers(
         return _freeze_array(value, kind, field.who, unit)
 
     def read(value: Any) -> Any:
-        # NaN fails the comparison.
+        # Fast paths for most values. NaN fails the comparisons.
         if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value
+        if per_joint and type(value) in (list, tuple) and 0 < len(value) <= FEW:
+            for x in value:
+                if type(x) is not float or not low <= x <= high:
+                    break
+            else:
+                few = np.array(value)
+                few.setflags(write=False)
+                return few
         array = freeze(value)
         fits = shapes[0].axes == (...,) or any(
             array.ndim == n and all(array.shape[i] == x for i, x in fixed) for n, fixed in lengths
@@ -400,7 +410,8 @@ def _freeze_array(value: Any, kind: Any, who: str, unit: str) -> Any:
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:
     """Check numbers against the range of their quantity; the message has the first wrong number."""
     low, high = quantity.range
-    if low <= array.min(initial=low) and array.max(initial=high) <= high:
+    # NaN fails both comparisons.
+    if not array.size or (low <= array.min() and array.max() <= high):
         return
     sound = (array >= low) & (array <= high)
     if quantity.endless:

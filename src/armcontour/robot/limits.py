@@ -83,15 +83,13 @@ class Limits(Checked):
     angular_acceleration: AngularAccelerationLimit | None = None
     lifted: frozenset[str] = field(default=frozenset(), init=False)
 
-    def __post_init__(self) -> None:
-        lifted = {x for x in UNITS if _is_unlimited(x, getattr(self, x))}
+    def _check_together(self) -> None:
+        values = {name: x for name in UNITS if (x := getattr(self, name)) is not None}
+        lifted = frozenset(name for name, x in values.items() if _is_unlimited(x))
         if lifted:
             for name in lifted:
                 object.__setattr__(self, name, None)
-            object.__setattr__(self, "lifted", frozenset(lifted))
-        Checked.__post_init__(self)
-
-    def _check_together(self) -> None:
+            object.__setattr__(self, "lifted", lifted)
         # Infinity of either sign means that the range has no end.
         for name, end in (("joint_lower", -np.inf), ("joint_upper", np.inf)):
             values = getattr(self, name)
@@ -322,20 +320,14 @@ TOOL_LIMITS = tuple(x for x in UNITS if x not in JOINT_VALUES)
 JOINT_LIMITS = tuple(x for x in JOINT_VALUES if x not in JOINT_RANGE)
 
 
-def _is_unlimited(name: str, values: Any) -> bool:
+def _is_unlimited(values: float | FloatArray) -> bool:
     """True if a limit is infinite for every joint, in both directions."""
-    if values is None or isinstance(values, str):
+    if isinstance(values, float):
+        return values == math.inf
+    # The first value of most limits is finite.
+    if math.isfinite(values.item(0)):
         return False
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        # The check of the field rejects these values.
-        return False
-    if name in TOOL_LIMITS and array.ndim:
-        return False
-    if array.ndim == 2 and array.shape[1] == 2:
-        array = array * (-1.0, 1.0)
-    return bool(array.size and np.isposinf(array).all())
+    return bool((values == ((-math.inf, math.inf) if values.ndim == 2 else math.inf)).all())
 
 
 def _list_values(values: npt.ArrayLike) -> str:

@@ -61,11 +61,14 @@ class Guide:
             turned.append(turned[-1] @ turn)
         values = np.concatenate([q, (np.array(turned) @ w).reshape(n, free * dof)], axis=1)
         cuts = [0, *np.searchsorted(s, stops).tolist(), n - 1]
-        parts = [
-            _spline(s[i : last + 1], values[i : last + 1])
-            for i, last in zip(cuts[:-1], cuts[1:], strict=True)
-        ]
-        return cls(s=s, coefficients=np.concatenate(parts), dof=dof)
+        # Sections of one interval are lines.
+        coefficients = np.zeros((n - 1, 6, values.shape[1]))
+        coefficients[:, 0] = values[:-1]
+        coefficients[:, 1] = np.diff(values, axis=0) / np.diff(s)[:, None]
+        for i, last in zip(cuts[:-1], cuts[1:], strict=True):
+            if last > i + 1:
+                coefficients[i:last] = _spline(s[i : last + 1], values[i : last + 1])
+        return cls(s=s, coefficients=coefficients, dof=dof)
 
     def evaluate(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rows w and guide g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof)."""
@@ -96,8 +99,6 @@ def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
     c = np.zeros((len(steps), 6, values.shape[1]))
     c[:, 0], c[:, 1], c[:, 3] = values[:-1], slopes[:-1], curvature / width
     c[:, 2] = (chord - slopes[:-1]) / width - curvature
-    if len(steps) == 1:
-        return c
     largest = np.pad(np.abs(steps).max(axis=1), 1)
     largest = np.maximum(np.maximum(largest[:-2], largest[2:]), largest[1:-1])
     u = QUARTERS * width
@@ -110,11 +111,9 @@ def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
 def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
     """Slopes of the cubic spline through values at its knots, (n, values)."""
     # The third derivative is continuous at the second and last but one knot ("not a knot"). Through
-    # two points the spline is a line, through three a parabola.
+    # three points the spline is a parabola.
     h = np.diff(s)[:, None]
     chord = np.diff(values, axis=0) / h
-    if len(s) == 2:
-        return np.repeat(chord, 2, axis=0)
     first, last = h[0] + h[1], h[-1] + h[-2]
     if len(s) == 3:
         curvature = (chord[1] - chord[0]) / first
