@@ -5,8 +5,8 @@ import numpy as np
 import armcontour as ac
 
 arm = ac.load_arm("pmk3s")
-slot = ac.Path.from_segments(
-    [
+slot = ac.Path(
+    segments=[
         ac.Line(start=(0.28, 0.20), end=(0.40, 0.20)),
         ac.Arc(start=(0.40, 0.20), center=(0.40, 0.23), angle=np.pi),
         ac.Line(start=(0.40, 0.26), end=(0.28, 0.26)),

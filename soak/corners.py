@@ -86,7 +86,7 @@ class Case:
             bend=back.bend,
             length=back.length,
         )
-        return ac.Path.from_segments([_segment(turned), _segment(ahead)])
+        return ac.Path(segments=[_segment(turned), _segment(ahead)])
 
 
 def _normal(piece, u):

@@ -53,7 +53,7 @@ def shape(rng: np.random.Generator, scale: float, centre: ArrayLike = (0.0, 0.0)
             across = np.array([a[1] - b[1], b[0] - a[0]])
             middle = (a + b) / 2 + rng.choice([-1, 1]) * rng.uniform(0.02, 0.25) * across
             segments.append(ac.Arc.through(a, middle, b))
-    path = ac.Path.from_segments(segments)
+    path = ac.Path(segments=segments)
     if rng.random() < 0.4:
         path = ac.round_corners(path, tolerance=scale * rng.uniform(0.001, 0.05))
     return path

@@ -62,8 +62,8 @@ class Shape:
             return ac.Path.polyline([self.start, self.end])
         spokes = [self.at(k * self.length / 2) for k in (0, 1)]
         middles = [self.at((k + 0.5) * self.length / 2) for k in (0, 1)]
-        return ac.Path.from_segments(
-            [
+        return ac.Path(
+            segments=[
                 ac.Arc.through(spokes[0], middles[0], spokes[1]),
                 ac.Arc.through(spokes[1], middles[1], spokes[0]),
             ]

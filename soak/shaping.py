@@ -204,9 +204,11 @@ def _with_demands(rng: Random, points: np.ndarray) -> ac.Path:
         )
         for _ in points[1:]
     ]
-    return ac.Path.from_segments(
-        ac.Line(start=a, end=b, segment_limits=x)
-        for a, b, x in zip(points[:-1], points[1:], demands, strict=True)
+    return ac.Path(
+        segments=[
+            ac.Line(start=a, end=b, segment_limits=x)
+            for a, b, x in zip(points[:-1], points[1:], demands, strict=True)
+        ]
     )
 
 

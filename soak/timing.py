@@ -173,9 +173,11 @@ def _round(rng: Random, points: np.ndarray) -> ac.Path:
     """The polyline, rounded in any way, or with a stop at every corner."""
     if rng.random() < 0.25:
         speeds = 10 ** rng.uniform(-2, 0, len(points) - 1)
-        path = ac.Path.from_segments(
-            ac.Line(start=a, end=b, segment_limits=ac.SegmentLimits(speed=float(v)))
-            for a, b, v in zip(points[:-1], points[1:], speeds, strict=True)
+        path = ac.Path(
+            segments=[
+                ac.Line(start=a, end=b, segment_limits=ac.SegmentLimits(speed=float(v)))
+                for a, b, v in zip(points[:-1], points[1:], speeds, strict=True)
+            ]
         )
     else:
         path = ac.Path.polyline(points)

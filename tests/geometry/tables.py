@@ -64,7 +64,7 @@ def arc(start, center, angle, **values):
 
 def path_of(*segments):
     """The path of some lines and arcs."""
-    return ac.Path.from_segments(segments)
+    return ac.Path(segments=segments)
 
 
 def jumps(path, order=2):

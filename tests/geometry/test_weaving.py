@@ -66,7 +66,7 @@ def test_corners_of_the_seam_stay_and_short_parts_are_not_woven():
     woven = weave_path(path, width=WIDTH, pitch=PITCH)
     corners = woven(woven.stops)
     np.testing.assert_allclose(corners, [[0.02, 0.0], [0.02, 0.002]], atol=1e-12)
-    closed = Path.from_segments([Arc.circle((0.03, 0.0), (0.0, 0.0))])
+    closed = Path(segments=[Arc.circle((0.03, 0.0), (0.0, 0.0))])
     around = weave_path(closed, width=WIDTH, pitch=PITCH)
     np.testing.assert_allclose(around(0.0), around(around.length), atol=1e-12)
     np.testing.assert_allclose(around(0.0, 1), around(around.length, 1, side="left"), atol=1e-9)

@@ -118,7 +118,7 @@ class TestCorners:
         x = r * (np.sin(beta) * np.cos(alpha1) - turn * (1 - np.cos(beta)) * np.sin(alpha1))
         y = r * (np.sin(beta) * np.sin(alpha1) + turn * (1 - np.cos(beta)) * np.cos(alpha1))
         mended = np.stack([x, y], axis=1)
-        arc = ac.Path.from_segments([ac.Arc(start=(0, 0), center=centre, angle=turn * sweep)])
+        arc = ac.Path(segments=[ac.Arc(start=(0, 0), center=centre, angle=turn * sweep)])
         assert_allclose(np.linalg.norm(mended - centre, axis=1), r, rtol=1e-12)
         assert_allclose(arc(r * beta), mended, atol=1e-15)
 

@@ -69,7 +69,7 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
     assert first.work == pytest.approx(cut.at_work, abs=1e-12) and cut.at_work[0] > 1e-3
     assert second.work[0] == pytest.approx(3e-3, abs=1e-12)
     assert after(second) == pytest.approx(after(mark), abs=1e-12) and after(mark) > 1e-3
-    hole = Path.from_segments([Arc.circle((0.33, 0.13), (0.32, 0.13))])
+    hole = Path(segments=[Arc.circle((0.33, 0.13), (0.32, 0.13))])
     contours = [Contour(path=SQUARE, name="outline"), Contour(path=hole, name="hole")]
     lengths = []
     for moves in (contours, contours[::-1]):

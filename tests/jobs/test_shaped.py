@@ -80,8 +80,10 @@ def test_values_that_do_not_go_together_are_refused():
 def test_an_arm_in_space_keeps_the_configuration_that_it_was_shaped_for():
     # The fastest configuration of the shaped circle is another than that of the circle.
     arm = ac.load_arm("ur5e")
-    circle = Path.from_segments(
-        [Arc(start=(0.35, 0, 0.1), center=(0.352, 0, 0.1), angle=2 * np.pi, normal=(0, 0, 1))]
+    circle = Path(
+        segments=[
+            Arc(start=(0.35, 0, 0.1), center=(0.352, 0, 0.1), angle=2 * np.pi, normal=(0, 0, 1))
+        ]
     )
     bend = Path.polyline([(0.38, 0, 0.1), (0.41, 0, 0.1), (0.41, 0.03, 0.1)])
     moves = tuple(Contour(path=x.pointing((0, 0, -1))) for x in (circle, bend))

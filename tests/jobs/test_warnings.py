@@ -174,7 +174,7 @@ def test_contours_far_slower_than_assigned_are_warned_of_with_the_slowest():
     a, b = (Contour(path=measured(x), name=name) for x, name in ((4e-3, "a"), (6e-3, "b")))
     (warning,) = slow(Program(moves=(a, Rapid(), b)))
     assert "of 2 cases" in warning and "contour b" in warning
-    circle = ac.Path.from_segments([ac.Arc(start=(0.32, 0.2), center=(0.3, 0.2), angle=2 * np.pi)])
+    circle = ac.Path(segments=[ac.Arc(start=(0.32, 0.2), center=(0.3, 0.2), angle=2 * np.pi)])
     assert len(slow(circle, limits={"centripetal_acceleration": 0.02})) == 1
     # Smooth axes, a given duration and lines without room for their speed are not warned of.
     assert (

@@ -20,8 +20,8 @@ ROUNDED = ac.round_corners(OBJECTIVE, tolerance=1e-3)
 OTHER = ac.round_corners(Path.polyline([[0.3, 0.2], [0.35, 0.2], [0.35, 0.25]]), tolerance=1e-3)
 PROGRAM = Program(moves=(Contour(path=ROUNDED), Dwell(duration=0.25), Contour(path=OTHER)))
 # The line at half the speed of the one before: the speed jumps under uniform speed.
-UNEVEN = Path.from_segments(
-    [
+UNEVEN = Path(
+    segments=[
         ac.Line(start=[0.3, 0.1], end=[0.34, 0.1]),
         ac.Line(start=[0.34, 0.1], end=[0.4, 0.1], segment_limits=ac.SegmentLimits(speed=0.025)),
     ]

@@ -61,12 +61,12 @@ def random_chain(rng, dimension, count, lengths):
             angle = rng.choice([-1, 1]) * rng.choice([1e-3, 1.0, 3.0, 5.0, 2 * np.pi])
             normal = None if dimension == 2 else np.cross(direction, rng.normal(size=3))
             segments.append(ac.Arc(start=end, center=center, angle=angle, normal=normal))
-        end = ac.Path.from_segments(segments[-1:]).vertices[-1]
+        end = ac.Path(segments=segments[-1:]).vertices[-1]
     return segments
 
 
 def assert_nearest(segments, queries, atol):
-    path = ac.Path.from_segments(segments)
+    path = ac.Path(segments=segments)
     projection = path.project(queries)
     expected = [brute_force(segments, p) for p in queries]
     np.testing.assert_allclose(projection.distance, expected, rtol=1e-12, atol=atol)
@@ -84,7 +84,7 @@ def assert_nearest(segments, queries, atol):
 def test_chains_of_lines_and_arcs(dimension, count):
     rng = np.random.default_rng(10 * count + dimension)
     segments = random_chain(rng, dimension, count, [0.1, 1.0])
-    path = ac.Path.from_segments(segments)
+    path = ac.Path(segments=segments)
     near = path(rng.random(60) * path.length) + 0.01 * rng.normal(size=(60, dimension))
     far = 5 * rng.normal(size=(60, dimension))
     assert_nearest(segments, np.concatenate([near, far, path.vertices]), 1e-13)
@@ -94,7 +94,7 @@ def test_chains_of_lines_and_arcs(dimension, count):
 def test_micro_segments_among_long_ones(dimension):
     rng = np.random.default_rng(dimension)
     segments = random_chain(rng, dimension, 60, [1e-7, 1e-6, 1e-5, 1.0])
-    path = ac.Path.from_segments(segments)
+    path = ac.Path(segments=segments)
     points = path(rng.random(100) * path.length)
     assert_nearest(segments, points + 1e-6 * rng.normal(size=points.shape), 1e-13)
 
@@ -106,7 +106,7 @@ def test_very_large_radius(radius):
     queries = np.stack([rng.uniform(-0.5, 1.5, 200), 0.2 * rng.normal(size=200)], axis=1)
     # The oracle measures from the far centre and loses digits there; the path must not.
     assert_nearest([arc], queries, 4e-16 * radius)
-    path = ac.Path.from_segments([arc])
+    path = ac.Path(segments=[arc])
     on = path(np.linspace(0, 1, 101))
     np.testing.assert_allclose(path.project(on).distance, 0, atol=4e-16)
 

@@ -143,7 +143,7 @@ def test_random_splines(seed, worst_ratios):
 @pytest.mark.parametrize("radius", [0.03, 0.1])
 def test_tool_acceleration_on_an_arc(arm, radius):
     arc = ac.Arc(start=(0.35 + radius, 0.2), center=(0.35, 0.2), angle=np.pi / 2)
-    path = ac.Path.from_segments([arc])
+    path = ac.Path(segments=[arc])
     joint_path = ac.trace(path, arm)
     limits = ac.Limits.only(tool_acceleration=0.3, joint_acceleration=[1.0, 1.5])
     s = np.unique(np.append(np.linspace(0, path.length, INTERVALS + 1), joint_path.breaks))

@@ -47,8 +47,8 @@ def test_joint_limits_are_not_planned_for_and_the_stretch_reports_the_demand(
 
 
 def test_segments_have_their_own_speeds(arm, limits):
-    path = ac.Path.from_segments(
-        [
+    path = ac.Path(
+        segments=[
             ac.Line(start=(0.3, 0.2), end=(0.36, 0.2), segment_limits=ac.SegmentLimits(speed=0.02)),
             ac.Line(start=(0.36, 0.2), end=(0.36, 0.28)),
             ac.Line(

@@ -194,7 +194,7 @@ def test_every_segment_has_its_own_assigned_velocity(arm):
         ac.Line(start=points[k], end=points[k + 1], segment_limits=ac.SegmentLimits(speed=x))
         for k, x in enumerate((0.02, 0.5))
     ]
-    path = ac.Path.from_segments(lines)
+    path = ac.Path(segments=lines)
     explanation = explained(path, arm, ac.Limits.only(tool_acceleration=ACCELERATION))[1]
     slow = next(x for x in explanation.bindings if x.limit == "assigned velocity")
     assert slow.s[1] == pytest.approx(0.04, abs=1e-9)

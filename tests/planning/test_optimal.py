@@ -168,7 +168,7 @@ def test_start_and_end_speeds(assert_within_limits, refuses):
 
 def circle():
     start, center = (0.35 + RADIUS, 0.2), (0.35, 0.2)
-    return ac.Path.from_segments([ac.Arc(start=start, center=center, angle=2 * np.pi)])
+    return ac.Path(segments=[ac.Arc(start=start, center=center, angle=2 * np.pi)])
 
 
 # (ds²/R)² + dds² = a² makes ds² = a R sin(2 s / R), up to sqrt(a R) an eighth of a turn on; the
@@ -250,7 +250,7 @@ def test_segments_have_their_own_speeds(arm, objective, limits, assert_within_li
         ac.Line(start=points[k], end=points[k + 1], segment_limits=ac.SegmentLimits(speed=v))
         for k, v in enumerate((0.03, 0.06, None))
     ]
-    path = ac.round_corners(ac.Path.from_segments(lines), tolerance=5e-3)
+    path = ac.round_corners(ac.Path(segments=lines), tolerance=5e-3)
     planned = assert_within_limits(ac.plan(path, arm, limits), limits, arm)
     s, speed = planned.s(planned.breaks), planned.s(planned.breaks, 1)
     segment = path.locate((s[:-1] + s[1:]) / 2)

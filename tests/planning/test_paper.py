@@ -180,7 +180,7 @@ def test_segments_have_their_own_speeds(arm, objective, limits):
         ac.Line(start=points[i], end=points[i + 1], segment_limits=ac.SegmentLimits(speed=x))
         for i, x in enumerate((0.03, 0.06, None))
     ]
-    rounded = ac.round_corners(ac.Path.from_segments(lines), tolerance=5e-3)
+    rounded = ac.round_corners(ac.Path(segments=lines), tolerance=5e-3)
     top = {}
     for x in ac.plan(rounded, arm, limits, ac.Paper(knots=600)).stretches:
         top[x.name] = max(top.get(x.name, 0.0), x.speed)
@@ -218,7 +218,7 @@ def test_corners_a_joint_cannot_take_and_arcs_at_the_ends_are_not_realizable(arm
     ring = ac.Arc(start=(0.4, 0.2), center=(0.3, 0.2), angle=2 * np.pi)
     for segments, s in (([arc, after], 0.0), ([before, arc], 0.05), ([ring], 0.0)):
         with pytest.raises(ac.NotRealizable) as caught:
-            ac.plan(ac.Path.from_segments(segments), arm, limits, ac.Paper())
+            ac.plan(ac.Path(segments=segments), arm, limits, ac.Paper())
         assert caught.value.s == pytest.approx(s)
         np.testing.assert_allclose(caught.value.point, (0.4, 0.2), atol=1e-12)
     with pytest.raises(ac.NotRealizable, match="On corner") as caught:

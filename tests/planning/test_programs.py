@@ -290,7 +290,7 @@ def test_contours_take_their_time_alone_and_leave_a_reserve_on_rapids_too():
 def test_errors_name_the_contour_or_the_rapid(refuses):
     far = Contour(path=Path.polyline([[0.5, 0.2], [0.6, 0.2]]), name="E7")
     over = Rapid(path=Path.polyline([[0.35, 0.25], [0.5, 0.5], [0.3, 0.1]]))
-    arc = Path.from_segments([Arc(start=[0.3, 0.2], center=[0.3, 0.22], angle=1.0)])
+    arc = Path(segments=[Arc(start=[0.3, 0.2], center=[0.3, 0.22], angle=1.0)])
     for moves, kind, words in (
         ((BEND, far), Unreachable, "contour E7:"),
         ((BEND, over, SQUARE), Unreachable, "rapid to contour 2:"),

@@ -19,7 +19,7 @@ BEND = Path.polyline([[0, 0], [0.05, 0], [0.05, 0.05]])
 
 
 def circle(x, y, radius, name="", layer=""):
-    path = Path.from_segments([Arc.circle((x + radius, y), (x, y))])
+    path = Path(segments=[Arc.circle((x + radius, y), (x, y))])
     return Contour(path=path, name=name, layer=layer)
 
 

@@ -38,7 +38,7 @@ def test_refuses_what_makes_no_program():
     drawn = program(contour(name="1", layer="a"), contour(name="2", layer="b"), source="x.dxf")
     events_beyond = (Event(name="laser", s=0.2),)
     across = ac.Arc(start=(0, 0, 0), center=(0.1, 0, 0), angle=1.0, normal=(0, 1, 0))
-    arcs = contour(ac.Path.from_segments([across]), name="line 7")
+    arcs = contour(ac.Path(segments=[across]), name="line 7")
     raised = program(contour(SPACE), arcs, source="x.ngc")
     rest = program(contour(), Rapid())
     refused(

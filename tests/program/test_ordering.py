@@ -20,7 +20,7 @@ SQUARE = Path.polyline([[0, 0], [0.1, 0], [0.1, 0.06], [0, 0.06], [0, 0]])
 
 
 def circle(x, y, radius, name=""):
-    return Contour(path=Path.from_segments([Arc.circle((x + radius, y), (x, y))]), name=name)
+    return Contour(path=Path(segments=[Arc.circle((x + radius, y), (x, y))]), name=name)
 
 
 def line(a, b, name="", **values):

@@ -16,7 +16,7 @@ CENTER = np.array([0.02, 0.03])
 
 def circle(radius, center=CENTER):
     start = (center[0] + radius, center[1])
-    return ac.Path.from_segments([ac.Arc.circle(start, center)])
+    return ac.Path(segments=[ac.Arc.circle(start, center)])
 
 
 HOLE, ISLAND = circle(0.01), circle(0.004)

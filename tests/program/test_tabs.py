@@ -10,7 +10,7 @@ from armcontour.geometry import Arc, Path
 from armcontour.program import Contour, Process, Program, Switch, Tabs, prepare
 
 SQUARE = Path.polyline([[0, 0], [0.1, 0], [0.1, 0.06], [0, 0.06], [0, 0]])
-CIRCLE = Path.from_segments([Arc.circle((0.05, 0.0), (0.0, 0.0))])
+CIRCLE = Path(segments=[Arc.circle((0.05, 0.0), (0.0, 0.0))])
 LASER = Switch(name="laser", on_lead=0.02, off_lead=0.01)
 TWO = Tabs(count=2, width=1e-3)
 

@@ -37,7 +37,7 @@ def random_path(rng, reach):
         return ac.Path.spline(points, tolerance=1e-5), size
     if shape == "arc":
         start, via, end = center + size * rng.uniform(-1, 1, (3, 3))
-        return ac.Path.from_segments([ac.Arc.through(start, via, end)]), size
+        return ac.Path(segments=[ac.Arc.through(start, via, end)]), size
     return ac.Path.polyline(points), size
 
 

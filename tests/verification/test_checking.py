@@ -118,7 +118,7 @@ def test_printed_digits_are_forgiven_and_no_more(arm):
 @pytest.mark.parametrize("jerk", [np.inf, 7.2])
 def test_exported_plans_at_their_limits_are_kept(arm, tmp_path, cycle, derivatives, jerk):
     limits = ac.Limits.only(joint_acceleration=0.72, joint_jerk=jerk, speed=0.15)
-    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=1.0)])
+    path = ac.Path(segments=[ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=1.0)])
     planned = ac.plan(path, arm, limits)
     for form in (CsvFormat(derivatives=derivatives), RosYamlFormat(derivatives=derivatives)):
         file = tmp_path / f"plan{ENDINGS[form.kind]}"
@@ -147,7 +147,7 @@ def test_digits_of_time_count_unless_the_samples_are_regular(arm):
 
 def circle(arm, speed, names):
     """The tool on a circle of 50 mm at uniform speed, every 2 ms."""
-    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=6.0)])
+    path = ac.Path(segments=[ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=6.0)])
     t = np.arange(0, path.length / speed, 2e-3)
     s = speed * t
     q = arm.joint_position(path(s))

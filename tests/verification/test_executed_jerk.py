@@ -65,7 +65,7 @@ def test_set_points_have_the_jerk_of_their_third_differences():
 
 
 def test_a_plan_with_a_limit_of_jerk_is_executed_with_it():
-    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=2.0)])
+    path = ac.Path(segments=[ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=2.0)])
     limits = ac.Limits(joint_acceleration=0.72, joint_jerk=7.2)
     planned = ac.plan(path, ARM, limits)
     servo = ac.ServoModel(kp=25.0, kv=150.0)

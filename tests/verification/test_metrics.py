@@ -44,8 +44,8 @@ def test_the_contour_error_is_signed_in_the_plane(arm):
 
 def test_overshoot_knows_the_segments_own_speeds(arm):
     slow = ac.SegmentLimits(speed=0.05)
-    path = ac.Path.from_segments(
-        [
+    path = ac.Path(
+        segments=[
             ac.Line(start=(0.30, 0.20), end=(0.35, 0.20)),
             ac.Line(start=(0.35, 0.20), end=(0.40, 0.20), segment_limits=slow),
         ]
@@ -130,9 +130,11 @@ FAST, SLOW, JOINT = 0.1, 0.02, 0.05
 
 def path(first=FAST, last=SLOW):
     ends = [(0.0, 0.0), (JOINT, 0.0), (0.1, 0.0)]
-    return ac.Path.from_segments(
-        ac.Line(start=a, end=b, segment_limits=ac.SegmentLimits(speed=v))
-        for a, b, v in zip(ends[:-1], ends[1:], (first, last), strict=True)
+    return ac.Path(
+        segments=[
+            ac.Line(start=a, end=b, segment_limits=ac.SegmentLimits(speed=v))
+            for a, b, v in zip(ends[:-1], ends[1:], (first, last), strict=True)
+        ]
     )
 
 

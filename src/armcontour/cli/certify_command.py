@@ -32,7 +32,7 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
 
         with search_progress("certifying") as progress:
             job = open_job(file, job_options, subprogress(progress, "reading"), options)
-            certificate = certify(job, options.run_name, progress=progress)
+            certificate = certify(job, run=options.run_name, progress=progress)
         if folder is not None:
             _write(certificate, folder)
     if options.as_json:

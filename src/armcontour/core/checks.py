@@ -9,7 +9,18 @@ from inspect import Parameter, signature
 from os import PathLike
 from pathlib import Path as FilePath
 from types import UnionType
-from typing import Any, ClassVar, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 import numpy.typing as npt
@@ -530,7 +541,7 @@ def raise_call_error(
         return
     takes = f"it takes {', '.join(slots)}."
     for name in keywords.keys() - slots.keys():
-        hint = suggest(name, slots, takes[:-1])
+        hint = _value_of_argument(function, slots, name) or suggest(name, slots, takes[:-1])
         raise InvalidInput(f"{user} has no argument {show(name)} ({hint}).")
     by_place = [x.name for x in slots.values() if x.kind is Parameter.POSITIONAL_OR_KEYWORD]
     if len(positional) > len(by_place):
@@ -544,6 +555,19 @@ def raise_call_error(
         x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
     ]
     raise_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
+
+
+def _value_of_argument(
+    function: Callable[..., Any], slots: Mapping[str, Parameter], name: str
+) -> str:
+    """Hint for the name of a value that an argument of a function contains; may be empty."""
+    hints = {} if function.__name__ == "__init__" else get_type_hints(function)
+    for argument, slot in slots.items():
+        kinds = [type(slot.default), hints.get(argument), *get_args(hints.get(argument))]
+        for kind in kinds:
+            if is_dataclass(kind) and name in _field_names(cast(type, kind)):
+                return f"write {argument}={cast(type, kind).__name__}({name}=...)"
+    return ""
 
 
 def kinds_of(annotation: Any) -> tuple[type, ...]:

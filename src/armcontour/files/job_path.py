@@ -212,17 +212,17 @@ def _segment_chain(start: list[float], models: list[SegmentModel]) -> Path:
         segments.append(_segment(point, segment, key_text(("path", "segments", i))))
         point = list(segment.to) if segment.to is not None else _end(segments)
     with error_context("path.segments"):
-        return Path.from_segments(segments)
+        return Path(segments=segments)
 
 
 def _end(segments: list[Line | Arc]) -> list[float]:
     """End point of the last segment [m], as a list of coordinates."""
     try:
-        (*_, end) = Path.from_segments(segments[-1:]).vertices.tolist()
+        (*_, end) = Path(segments=segments[-1:]).vertices.tolist()
     except InvalidInput:
         # Raise the error again, with the number of the segment in the whole path.
         with error_context("path.segments"):
-            (*_, end) = Path.from_segments(segments).vertices.tolist()
+            (*_, end) = Path(segments=segments).vertices.tolist()
     return list(end)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame, Pose, angle_between
-from armcontour.core.quantities import Factor, Tolerance
+from armcontour.core.quantities import Factor, Size, Tolerance
 from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
@@ -39,15 +39,16 @@ class Path(Checked):
     """A continuous chain of lines and arcs in the plane or in space, as a function of arc length.
 
     Rounding and smoothing insert transitions, along which the curvature changes. Splines consist of
-    transitions. Make a path with `polyline`, `spline` or `from_segments`.
+    transitions.
 
     >>> line = ac.Path.polyline([(0.0, 0.0), (0.3, 0.0), (0.3, 0.4)])
     >>> line.length, line(0.1), line(0.1, 1)
     (0.7, array([0.1, 0. ]), array([1., 0.]))
 
     Args:
-        segments: Table of the n lines, arcs and transitions, with columns that are properties of
-            the path.
+        segments: The lines and arcs in the order of travel, each of which starts at the end of the
+            previous one. The attribute is the table of the n segments, with columns that are
+            properties of the path.
         merged: Indices of the input points that are no vertices, because they repeat the previous
             one or because a repair of rounded coordinates replaced them.
         waypoints: Indices of the vertices at which the other input points are located; by default
@@ -59,7 +60,8 @@ class Path(Checked):
         breaks: Arc lengths of the ends of the segments, from 0 [m], (n + 1,).
 
     Raises:
-        InvalidInput: The columns have inconsistent shapes, or there is a gap between segments.
+        InvalidInput: A segment is not a Line or Arc, or there is a gap between segments; with the
+            index of the segment.
     """
 
     segments: Segments
@@ -67,6 +69,22 @@ class Path(Checked):
     waypoints: IntArray = field(default_factory=lambda: EVERY_VERTEX)
     orientation: Orientation | None = None
     breaks: FloatArray = field(init=False, repr=False)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            *,
+            segments: Segments | Iterable[Line | Arc],
+            merged: tuple[int, ...] = (),
+            waypoints: IntArray = EVERY_VERTEX,
+            orientation: Orientation | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.segments, Segments):
+            object.__setattr__(self, "segments", tabulate(self.segments))
+        Checked.__post_init__(self)
 
     def _check_together(self) -> None:
         object.__setattr__(self, "segments", self.segments.check())
@@ -109,16 +127,65 @@ class Path(Checked):
         )
 
     @classmethod
-    def from_segments(cls, segments: Iterable[Line | Arc]) -> Path:
-        """The path of lines and arcs, each of which starts at the end of the previous one.
+    def line(
+        cls,
+        start: Sequence[float],
+        end: Sequence[float],
+        *,
+        segment_limits: SegmentLimits = NO_LIMITS,
+    ) -> Path:
+        """The path of one straight line.
 
         Args:
-            segments: The lines and arcs, in the order of travel.
-
-        Raises:
-            InvalidInput: An item is not a Line or Arc, or there is a gap; with its index.
+            start: First point [m], 2 or 3 coordinates.
+            end: Last point [m].
+            segment_limits: Speed, corner error and tag of the line.
         """
-        return Path(segments=tabulate(segments))
+        return cls.polyline([start, end], segment_limits=segment_limits)
+
+    @classmethod
+    def arc(
+        cls,
+        start: Sequence[float],
+        end: Sequence[float],
+        *,
+        via: Sequence[float],
+        segment_limits: SegmentLimits = NO_LIMITS,
+    ) -> Path:
+        """The path of one circular arc through a third point; `Arc` has a centre and an angle.
+
+        Args:
+            start: First point [m], 2 or 3 coordinates.
+            end: Last point [m].
+            via: A point of the arc between its ends [m].
+            segment_limits: Speed, corner error and tag of the arc.
+        """
+        return cls(segments=[Arc.through(start, via, end, segment_limits=segment_limits)])
+
+    @classmethod
+    @checked
+    def circle(
+        cls,
+        center: Sequence[float],
+        radius: Size,
+        *,
+        segment_limits: SegmentLimits = NO_LIMITS,
+    ) -> Path:
+        """The counter-clockwise circle that starts on the +x side of its centre.
+
+        In space the z coordinate is constant; `Arc.circle` makes other circles.
+
+        Args:
+            center: Centre of the circle [m], 2 or 3 coordinates.
+            radius: Radius of the circle [m].
+            segment_limits: Speed, corner error and tag of the circle.
+        """
+        middle = checks.points("center of a circle", [center])[0]
+        start = middle + np.eye(len(middle))[0] * radius
+        normal = (0.0, 0.0, 1.0) if len(middle) == 3 else None
+        return cls(
+            segments=[Arc.circle(start, middle, normal=normal, segment_limits=segment_limits)]
+        )
 
     @classmethod
     @checked
@@ -466,6 +533,12 @@ class Path(Checked):
     def vertices(self) -> FloatArray:
         """Start point of the path and end points of all segments [m], (n + 1, dimension)."""
         return np.concatenate([self.starts, self.end[None]])
+
+    @property
+    def start(self) -> FloatArray:
+        """First point [m], (dimension,)."""
+        start: FloatArray = self.starts[0]
+        return start
 
     @property
     def end(self) -> FloatArray:

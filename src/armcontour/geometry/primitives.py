@@ -59,7 +59,7 @@ class Line:
     """A straight segment from `start` to `end` [m].
 
     >>> line = ac.Line((0.30, 0.20), (0.33, 0.20))
-    >>> round(ac.Path.from_segments([line]).length, 6)
+    >>> round(ac.Path(segments=[line]).length, 6)
     0.03
 
     Args:
@@ -79,7 +79,7 @@ class Arc:
     """A circular segment from `start` around `center` [m].
 
     >>> quarter = ac.Arc((1.0, 0.0), (0.0, 0.0), np.pi / 2)
-    >>> round(ac.Path.from_segments([quarter]).length, 3)
+    >>> round(ac.Path(segments=[quarter]).length, 3)
     1.571
 
     Args:

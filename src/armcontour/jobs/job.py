@@ -323,7 +323,7 @@ class Job(Checked):
 
     Args:
         name: Short name.
-        title: Title for reports.
+        title: Title for reports; the name by default.
         arm: The arm.
         path: The objective path, or a program of several contours.
         process: Leads, overlaps and events that are added to the contours.
@@ -346,7 +346,7 @@ class Job(Checked):
     """
 
     name: Name
-    title: Annotated[str, Named(LONGEST_TITLE)]
+    title: Annotated[str, Named(LONGEST_TITLE)] = ""
     arm: Arm
     path: Path | Program
     servo: ServoModel
@@ -362,6 +362,8 @@ class Job(Checked):
     program: Program = field(init=False)
 
     def __post_init__(self) -> None:
+        if not self.title:
+            object.__setattr__(self, "title", self.name)
         if self.plant_servo is None:
             object.__setattr__(self, "plant_servo", self.servo)
         Checked.__post_init__(self)

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from importlib import import_module
 from itertools import accumulate
 from typing import Any
 
@@ -223,6 +224,35 @@ class Trajectory(Checked):
 
     _repr_html_ = to_html
     figure = draw
+
+    @property
+    def t(self) -> FloatArray:
+        """Times of `q`, `dq` and `ddq`, one per cycle of 4 ms [s], (n,)."""
+        return self.sample(DEFAULT_CYCLE).t
+
+    @property
+    def q(self) -> FloatArray:
+        """Joint positions at the times `t` [rad], (n, dof); `sample` has other cycles."""
+        return self.sample(DEFAULT_CYCLE).q
+
+    @property
+    def dq(self) -> FloatArray:
+        """Joint velocities at the times `t` [rad/s], (n, dof)."""
+        return self.sample(DEFAULT_CYCLE).dq
+
+    @property
+    def ddq(self) -> FloatArray:
+        """Joint accelerations at the times `t` [rad/s²], (n, dof)."""
+        return self.sample(DEFAULT_CYCLE).ddq
+
+    def explain(self) -> Any:
+        """The limit that determines the speed, as by `armcontour.explain`.
+
+        Raises:
+            InvalidInput: The trajectory has no arm, or was planned by another method.
+        """
+        # Imported by name, because planning imports trajectories.
+        return import_module("armcontour.planning.explanation").explain(self)
 
     def to_dict(self, cycle: float = DEFAULT_CYCLE) -> dict[str, FloatArray]:
         """Samples as named columns for `pandas.DataFrame`.
@@ -642,6 +672,14 @@ class Trajectory(Checked):
                 f"from the end of law {k}, so the trajectory has no single arc length. Use the "
                 "motions along its paths separately."
             )
+
+
+def arm_of(motion: Any, arm: Any = None) -> Any:
+    """The arm if it is given, otherwise that of a trajectory or an execution."""
+    chosen = getattr(motion, "arm", None) if arm is None else arm
+    if chosen is None:
+        raise InvalidInput(f"This {type(motion).__name__} has no arm. Give it the argument arm.")
+    return chosen
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
-from armcontour.motion import Method, PathLaw, Trajectory
+from armcontour.motion import Method, PathLaw, Trajectory, arm_of
 from armcontour.planning.constraints import Constraint, IntervalEnds
 from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.optimal import assigned_speeds
@@ -249,7 +249,7 @@ class Explanation(Result):
 @checked
 def explain(
     trajectory: Trajectory,
-    arm: Arm | Any,
+    arm: Arm | Any | None = None,
     limits: Limits | None = None,
     *,
     constraints: Sequence[Constraint] = (),
@@ -261,14 +261,15 @@ def explain(
 
     Args:
         trajectory: The plan.
-        arm: The arm that the plan was made for, or any object with its `dof` and `limits`.
+        arm: The arm that the plan was made for, or any object with its `dof` and `limits`; by
+            default the arm of the plan.
         limits: Limits that replace those of the plan, which include its reserve.
         constraints: Additional constraints that the plan was made for.
 
     Raises:
         InvalidInput: The trajectory is not a plan of the method "optimal" or "shaped".
     """
-    reduced = trajectory.limits
+    arm, reduced = arm_of(trajectory, arm), trajectory.limits
     if reduced is not None:
         reduced = with_reserve(reduced, trajectory.reserve)
     bounds = resolve_limits("explain", arm, limits, reduced)

@@ -27,8 +27,8 @@ SAMPLES, LARGE = 65, 0.02
 @overload
 def round_corners(
     path: Path,
-    *,
     tolerance: npt.ArrayLike | None = None,
+    *,
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
@@ -37,8 +37,8 @@ def round_corners(
 @overload
 def round_corners(
     path: Program,
-    *,
     tolerance: npt.ArrayLike | Callable[[Path], npt.ArrayLike] | None = None,
+    *,
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
@@ -47,8 +47,8 @@ def round_corners(
 @checked
 def round_corners(
     path: Path | Program,
-    *,
     tolerance: npt.ArrayLike | Callable[[Path], npt.ArrayLike] | None = None,
+    *,
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,

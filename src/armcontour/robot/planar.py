@@ -74,8 +74,8 @@ class PlanarTwoLink(ChainArm):
 
     Args:
         name: Name of the arm, for messages and reports.
-        base: Distance L0 of the first joint from the origin, along x [m].
         links: Link lengths L1, L2 [m].
+        base: Distance L0 of the first joint from the origin, along x [m].
         limits: Limits of the arm's joints and tool.
         source: Where the data of the arm come from.
         joint_names: Names of the two joints.
@@ -95,8 +95,8 @@ class PlanarTwoLink(ChainArm):
         self,
         *,
         name: str,
-        base: Length,
         links: tuple[Size, Size],
+        base: Length = 0.0,
         limits: Limits,
         source: str = "",
         joint_names: tuple[Name, Name] = ("joint 1", "joint 2"),

@@ -114,6 +114,12 @@ class Evaluation(Result, Checked):
     contours: tuple[ErrorProfile, ...] = ()
     judged: EvaluationInputs | None = field(default=None, repr=False)
 
+    @property
+    def off_drawing(self) -> float | None:
+        """Largest distance between tool and objective path, both ways [m]; None if unknown."""
+        errors = (self.objective_error, self.objective_coverage_error)
+        return max((x.max for x in errors if x is not None), default=None)
+
     def to_data(self) -> Data:
         """Result rows, errors first."""
         names = ("joint", "contour", "point", "rounding", "overshoot")

@@ -20,7 +20,7 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.core.sampling import check_samples
 from armcontour.geometry import Path
-from armcontour.motion import Trajectory
+from armcontour.motion import Trajectory, arm_of
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits, SerialArm, resolve_limits
 from armcontour.robot.limit_use import Use
@@ -216,7 +216,7 @@ class Check(Result):
 @checked
 def check(
     samples: TimeSamples | TimeLaw,
-    arm: Arm,
+    arm: Arm | None = None,
     limits: Limits | None = None,
     path: Path | Program | None = None,
     *,
@@ -255,7 +255,7 @@ def check(
         samples: An object with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
             `law(t, order, side=...)` with orders up to 2, and 3 for jerk, with `duration` and
             `breaks`.
-        arm: The arm.
+        arm: The arm; by default that of a `Trajectory`.
         limits: Limits instead of those of the plan, or of the arm if the samples are no plan.
         path: The path that the tool should follow, or the planned program. If you specify the
             objective path, a rounded or shaped motion is compared with the objective path.
@@ -275,6 +275,7 @@ def check(
         InvalidInput: The samples are not a trajectory of this arm; the message has the row,
             numbered from 1.
     """
+    arm = arm_of(samples, arm)
     program = (
         None if path is None else Program.from_path(path, "check compares with a Path or a Program")
     )

@@ -29,7 +29,7 @@ def pieces(points=SQUARE, names="abcdefghij"):
 
 def arc(angle=np.pi):
     """An arc of radius 50 mm from the origin."""
-    return ac.Path.from_segments([ac.Arc(start=(0, 0), center=(0, 0.05), angle=angle)])
+    return ac.Path(segments=[ac.Arc(start=(0, 0), center=(0, 0.05), angle=angle)])
 
 
 def chained(given_, tolerance=TOLERANCE):
@@ -80,7 +80,7 @@ def test_contours_are_in_the_order_of_their_first_pieces_and_layers_stay_apart()
     summary = [(x.name, x.layer, len(x.path)) for x in contours]
     assert summary == [("c", "0", 3), ("x", "other", 1), ("y", "0", 1)]
     # A piece that stays alone keeps its path. The line ends where the closed circle starts.
-    circle = ac.Path.from_segments([ac.Arc.circle((1, 0), (0, 0))])
+    circle = ac.Path(segments=[ac.Arc.circle((1, 0), (0, 0))])
     given_ = [piece(circle, "circle"), line((1, 0), (3, 0), "line")]
     contours, _ = chain_pieces(given_, TOLERANCE)
     assert [(x.path, x.closed) for x in contours] == [(circle, True), (given_[1].path, False)]
@@ -204,13 +204,13 @@ def test_short_contours_are_left_out_and_segments_keep_their_demands():
     # Closed contours, too, by their extent.
     speck = 1e-7 * np.array([[0, 0], [30, 5], [0, 9], [9, 30], [25, 0], [0, 0]])
     for path in (
-        ac.Path.from_segments([ac.Arc.circle((4.9e-6, 0), (0, 0))]),
+        ac.Path(segments=[ac.Arc.circle((4.9e-6, 0), (0, 0))]),
         ac.Path.polyline(speck),
         ac.Path.polyline([(0, 0), (6e-6, 0), (0, 0)]),
     ):
         contours, (note,) = chain_pieces([*pieces(), piece(path, "speck")], TOLERANCE)
         assert len(contours) == 1 and note.endswith(": speck.")
-    chained([piece(ac.Path.from_segments([ac.Arc.circle((6e-6, 0), (0, 0))]), "dot")])
+    chained([piece(ac.Path(segments=[ac.Arc.circle((6e-6, 0), (0, 0))]), "dot")])
 
     # Demands and tags go with their segments.
     def limited_line(start, end, speed, tag):

@@ -77,7 +77,7 @@ def test_cubic_and_quintic_controllers_run_the_same_curve_through_all_set_points
 
 @pytest.fixture(scope="module")
 def smooth():
-    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=1.0)])
+    path = ac.Path(segments=[ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=1.0)])
     return ac.plan(path, ac.load_arm("pmk3s"), ac.Limits(joint_acceleration=0.72, joint_jerk=JERK))
 
 

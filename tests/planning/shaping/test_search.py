@@ -114,7 +114,7 @@ def case(request):
         ac.Line(start=corners[k], end=corners[k + 1], segment_limits=ac.SegmentLimits(speed=v))
         for k, v in enumerate((0.3, 0.1, None))
     ]
-    objective, configuration, start = ac.Path.from_segments(lines), "positive", None
+    objective, configuration, start = ac.Path(segments=lines), "positive", None
     if arm.dimension == 3:
         objective = objective.oriented(DOWN)
         configuration, start = None, ac.trace(objective, arm)(0.0)

@@ -247,7 +247,7 @@ def test_refusals(ur5e, refuses):
     # One that was to be rounded is not told to be rounded.
     begin, turn = (0.4, 0, 0.2), (0.4 + 0.1 * np.sin(1), 0.1 - 0.1 * np.cos(1), 0.2)
     arc = ac.Arc(start=begin, center=(0.4, 0.1, 0.2), angle=1.0, normal=(0, 0, 1))
-    lifted = ac.Path.from_segments([arc, ac.Line(start=turn, end=(0.5, 0, 0.3))])
+    lifted = ac.Path(segments=[arc, ac.Line(start=turn, end=(0.5, 0, 0.3))])
     lifted = lifted.following_tangent([0, 0, 1])
     lifted = ac.round_corners(lifted, tolerance=1e-3, angular_tolerance=0.1)
     parallel = {
@@ -282,7 +282,7 @@ def test_sharp_corners_are_stops_and_corners_beside_arcs_are_rounded(ur5e):
     assert np.abs(before - after).max() > 0.1
     line = ac.Line(start=(0.4, -0.1, 0.2), end=(0.5, -0.1, 0.2))
     arc = ac.Arc.through((0.5, -0.1, 0.2), (0.57, -0.08, 0.2), (0.6, 0.0, 0.2))
-    path = ac.Path.from_segments([line, arc]).following_tangent((0, 0, 1))
+    path = ac.Path(segments=[line, arc]).following_tangent((0, 0, 1))
     rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.02)
     assert len(ac.trace(rounded, ur5e).stops) == 0
     with pytest.raises(ac.InvalidInput, match="at a sharp corner: round the corner"):
@@ -292,8 +292,8 @@ def test_sharp_corners_are_stops_and_corners_beside_arcs_are_rounded(ur5e):
 def test_a_weld_seam_round_a_tube_needs_the_turn_about_the_tool_axis(ur5e):
     arm = ur5e.with_tool(TORCH)
     center, up = np.array([0.45, 0.0, 0.35]), np.array([0.0, 0.0, 1.0])
-    seam = ac.Path.from_segments(
-        [ac.Arc.circle(start=center + 0.08 * up, center=center, normal=(0, 1, 0))]
+    seam = ac.Path(
+        segments=[ac.Arc.circle(start=center + 0.08 * up, center=center, normal=(0, 1, 0))]
     )
     with pytest.raises(ac.Unreachable, match="out of reach") as caught:
         ac.trace(seam.following_tangent(up), arm)

@@ -11,7 +11,7 @@ BRANCHES = {"positive": 1, "negative": -1}
 
 def circle(center, radius, phase=0.0):
     start = np.add(center, (radius * np.cos(phase), radius * np.sin(phase)))
-    return ac.Path.from_segments([ac.Arc(start=start, center=center, angle=2 * np.pi)])
+    return ac.Path(segments=[ac.Arc(start=start, center=center, angle=2 * np.pi)])
 
 
 PATHS = {
@@ -75,7 +75,7 @@ def test_corners_are_two_sided_and_the_turn_of_an_arc_jumps_in_the_second_deriva
 def test_full_turns_are_unwrapped(arm, configuration):
     for turns in (1, -1, 3):
         angle, start = np.sign(turns) * 2 * np.pi, np.add(BASE, (0.3, 0.0))
-        path = ac.Path.from_segments([ac.Arc(start=start, center=BASE, angle=angle)] * abs(turns))
+        path = ac.Path(segments=[ac.Arc(start=start, center=BASE, angle=angle)] * abs(turns))
         traced = ac.trace(path, arm, configuration=configuration)
         # Joint angles count clockwise: one circle about the base turns joint 1, leaves joint 2.
         moved = traced(path.length) - traced(0.0)

@@ -26,9 +26,11 @@ ENDS, SPEEDS = [0.300, 0.312, 0.318, 0.330], [0.15, 0.02, 0.10]
 
 
 def job_of_own_speeds(method):
-    path = ac.Path.from_segments(
-        ac.Line(start=(a, 0.2), end=(b, 0.2), segment_limits=ac.SegmentLimits(speed=v))
-        for a, b, v in zip(ENDS[:-1], ENDS[1:], SPEEDS, strict=True)
+    path = ac.Path(
+        segments=[
+            ac.Line(start=(a, 0.2), end=(b, 0.2), segment_limits=ac.SegmentLimits(speed=v))
+            for a, b, v in zip(ENDS[:-1], ENDS[1:], SPEEDS, strict=True)
+        ]
     )
     return replace(parse_job(JOB.format(method=method, servo="2 mm")), path=path)
 

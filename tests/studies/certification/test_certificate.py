@@ -283,8 +283,9 @@ def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
     line_job = parse_job(LINE)
     two = replace(line_job, runs=(line_job.runs[0], replace(line_job.runs[0], name="second")))
 
-    def certify(*jobs, **of_goal):
-        ac.certify(*jobs, goal=CertificateGoal(servo_error=2e-6, **of_goal), progress=pytest.fail)
+    def certify(job, run=None, **of_goal):
+        goal = CertificateGoal(servo_error=2e-6, **of_goal)
+        ac.certify(job, run=run, goal=goal, progress=pytest.fail)
 
     for call, words in (
         (partial(ac.certify, line_job), "tolerance"),

@@ -17,13 +17,15 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.goal import CertificateGoal
-from armcontour.jobs.job import ARC, FREE, Job, Run, build_plant, choose_run
+from armcontour.jobs.job import ARC, FREE, Job, Rounding, Run, build_plant, choose_run
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.motion import Method
 from armcontour.planning import Optimal, check_jerk_support
-from armcontour.program import contour_called
+from armcontour.program import Program, contour_called
+from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant, simulate
 from armcontour.studies.certification.box import execute_box
 from armcontour.studies.certification.certificate import (
@@ -68,13 +70,16 @@ Proven = tuple[ProgramTrial, list[MoveSearch]]
 
 @checked
 def certify(
-    job: Job,
-    run: str | None = None,
+    job: Job | Path | Program,
+    arm: Arm | None = None,
+    servo: ServoModel | None = None,
+    limits: Limits | None = None,
     *,
+    run: str | None = None,
     goal: CertificateGoal | None = None,
     progress: Progress | None = None,
 ) -> Certificate:
-    """Find the fastest plan of a job whose execution stays within its tolerance.
+    """Find the fastest plan whose execution stays within a tolerance.
 
     The plan has optimal timing, which is derated where required, and the compensation, cycle and
     limits of the run. The certificate is valid only for the job's independent servos. An experiment
@@ -83,11 +88,17 @@ def certify(
     >>> certificate = ac.certify(ac.read_job("job.yaml"))
     >>> certificate.evaluation.contour_error.max < 0.1e-3
     True
+    >>> ac.certify(path, arm, servo, limits, goal=ac.CertificateGoal(servo_error=0.1e-3)).kept
+    True
 
     Args:
-        job: The job.
+        job: The job; or a path or a program, which then needs an arm, a servo and a goal.
+        arm: The arm of the path.
+        servo: The servo of the arm.
+        limits: Limits that replace those of the arm.
         run: Name of the run; by default that of the goal.
-        goal: The goal; by default the certificate of the job.
+        goal: The goal; by default the certificate of the job. The corners of a path are rounded
+            within its tolerance.
         progress: Called with a named step before every trial.
 
     Raises:
@@ -96,6 +107,10 @@ def certify(
             remedies.
         ArmContourError: Tracing, planning or execution fails.
     """
+    if not isinstance(job, Job):
+        job = _job_of(job, arm, servo, limits, goal)
+    elif (arm, servo, limits) != (None, None, None):
+        raise InvalidInput("A job has an arm, a servo and limits. Remove these arguments.")
     goal = goal_of(job) if goal is None else goal
     chosen = run_of(job, goal.run if run is None else run)
     if chosen.duration is not None:
@@ -140,6 +155,24 @@ def certify(
         assert refusal is not None
         raise refusal
     return _make_certificate(*best, durations if FREE in durations else {}, plant)
+
+
+def _job_of(
+    path: Path | Program,
+    arm: Arm | None,
+    servo: ServoModel | None,
+    limits: Limits | None,
+    goal: CertificateGoal | None,
+) -> Job:
+    """Job with one run of optimal timing, whose corners are rounded within the goal."""
+    if arm is None or servo is None or goal is None:
+        raise InvalidInput(
+            "A certificate of a path requires an arm, a servo and a goal: certify(path, arm, "
+            "servo, goal=CertificateGoal(tolerance=1e-3))."
+        )
+    rounding = None if goal.tolerance is None else Rounding(tolerance=goal.tolerance)
+    run = Run(name="optimal", limits=resolve_limits("certify", arm, limits), rounding=rounding)
+    return Job(name="path", arm=arm, path=path, servo=servo, runs=(run,))
 
 
 def goal_of(job: Job, **overrides: Any) -> CertificateGoal:

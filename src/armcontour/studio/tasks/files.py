@@ -56,7 +56,7 @@ def certify(request: Request) -> PageFrame:
             "Certify."
         )
     goal = goal_of(request.whole_job, **request.options)
-    certificate = certify(request.whole_job, request.run, goal=goal, progress=request.progress)
+    certificate = certify(request.whole_job, run=request.run, goal=goal, progress=request.progress)
     request.progress(Step(("writing",)))
     data = certificate.to_data()
     header = {

@@ -17,7 +17,7 @@ from armcontour.core.render import Result, figure, number
 from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 from armcontour.core.sampling import interpolate
 from armcontour.core.text import clock, list_some, short_repr
-from armcontour.motion import Execution, JointPath, Trajectory
+from armcontour.motion import Execution, JointPath, Trajectory, arm_of
 from armcontour.motion.derivative_bounds import joint_travel, largest_accelerations
 from armcontour.robot import Arm
 from armcontour.robot.scene import LeftOut, Scene
@@ -250,7 +250,7 @@ Motion: TypeAlias = Trajectory | Execution | JointPath
 @checked
 def check_clearance(
     motion: Motion,
-    arm: Arm,
+    arm: Arm | None = None,
     scene: Scene | None = None,
     *,
     resolution: float = 1e-3,
@@ -266,14 +266,15 @@ def check_clearance(
 
     Args:
         motion: A planned or an executed motion, or a joint path, with arc length instead of time.
-        arm: The arm, with the shapes of its links.
+        arm: The arm, with the shapes of its links; by default the arm of the motion.
         scene: Obstacles and margins; by default none, with the default margins.
         resolution: Accuracy of the smallest distance of every kind of pair [m].
 
     Raises:
         InvalidInput: The shapes of the arm are unknown, or the scene is invalid.
     """
-    return Cell(arm, Scene() if scene is None else scene).check(motion, resolution=resolution)
+    cell = Cell(arm_of(motion, arm), Scene() if scene is None else scene)
+    return cell.check(motion, resolution=resolution)
 
 
 class Cell:
