@@ -106,15 +106,17 @@ def _limits_and_path(
 ) -> tuple[Limits, Program | None, float | None, float | None]:
     """Limits, path, and allowed deviations of position [m] and orientation [rad] from the path."""
     from armcontour.core.errors import InvalidInput
-    from armcontour.files import read_limits
-    from armcontour.jobs import prepare_and_round
 
     path, limits = None, arm.limits
     if job is not None:
+        from armcontour.jobs import prepare_and_round
+
         run = _run(job, options.run_name, limited=options.limits is None)
         path, limits = prepare_and_round(job, run)[1], run.limits
     if options.limits is None:
         return limits, path, None, None
+    from armcontour.files import read_limits
+
     limits, deviation, angle = read_limits(options.limits, arm)
     if path is None and (deviation, angle) != (None, None):
         raise InvalidInput(

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from armcontour._version import __version__
-from armcontour.control.identification import Estimate, Identification
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import Angle, Length
@@ -17,6 +16,9 @@ from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import MappingKeys, SpecifiedKeys, read_keys
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
+
+if TYPE_CHECKING:
+    from armcontour.control.identification import Estimate, Identification
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import NoReturn
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
@@ -45,6 +44,8 @@ def renew_positions(log: Log) -> tuple[Log, tuple[str, ...]]:
     joints = np.flatnonzero(repeated.any(axis=0))
     if not len(joints):
         return log, ()
+    from scipy.interpolate import CubicSpline
+
     rows = np.concatenate([log.command, q], axis=1)
     same = np.append(False, (np.diff(rows, axis=0) == 0).all(axis=1))
     kept = ~(same & repeated.any(axis=1))

@@ -152,8 +152,6 @@ def _record_angular_speed(
 
 def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: list[Column]) -> None:
     """Record mean tool accelerations normal to the motion."""
-    from scipy.ndimage import maximum_filter1d
-
     order = 3 - len(tool)
     if tally.limits.centripetal_acceleration is None or len(log.t) <= order:
         return
@@ -173,7 +171,8 @@ def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: li
     turned = np.minimum(1.0, sine + velocity_error / np.maximum(slowest, SLOWEST))
     middle = np.maximum(np.linalg.norm(before + after, axis=1), SLOWEST)
     along = np.abs(np.einsum("ij,ij->i", mean, before + after)) / middle
-    along = maximum_filter1d(along + error, 3, mode="nearest")
+    padded = np.pad(along + error, 1, mode="edge")
+    along = np.maximum.reduce([padded[:-2], padded[1:-1], padded[2:]])
     value, bound = across(before + after, mean), error + turned * along
     # Where the direction turns further, the whole acceleration may be normal to the motion.
     sharp = ~moving & (slowest > SLOWEST + velocity_error)
