@@ -69,9 +69,7 @@ def refused(command_in):
             arguments = arguments.split() if isinstance(arguments, str) else arguments
             ended = command_in(folder, *begin, *arguments)
             missing = [x for x in words if x not in " ".join(ended.errors.split())]
-            # A command may first report which file it reads.
-            error_lines = [x for x in ended.errors.splitlines() if not x.startswith("reading: ")]
-            sentence = len(error_lines) == 1 and error_lines[0].startswith("Error: ")
+            sentence = ended.errors.count("\n") == 1 and ended.errors.startswith("Error: ")
             if ended.code not in codes or missing or not sentence:
                 unclear.append((arguments, ended, missing))
             if sorted(folder.rglob("*")) != before:

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.console import Console
+from armcontour.cli.console import print_lines, show_table
 from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOptions) -> int:
     """Certify a job, print and write the certificate; return 1 if it is not kept, else 0."""
     from armcontour.cli.inputs import open_job
-    from armcontour.cli.progress_bars import search_progress
+    from armcontour.cli.progress_bars import show_progress
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder, certificate_json
 
@@ -30,7 +30,7 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
     ):
         from armcontour.studies.certification import certify
 
-        with search_progress("certifying") as progress:
+        with show_progress("certifying") as progress:
             job = open_job(file, job_options, subprogress(progress, "reading"), options)
             certificate = certify(job, run=options.run_name, progress=progress)
         if folder is not None:
@@ -60,16 +60,12 @@ def _print_certificate(certificate: Certificate, report: FilePath | None) -> Non
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE
 
-    console, data = Console(), certificate.to_data()
-    for line in text(data).splitlines():
-        console.print(line)
+    data = certificate.to_data()
+    print_lines(*text(data).splitlines())
     header, *rows = compare(certificate.comparison, TABLE)
-    console.show_table(["", *header[1:]], rows)
-    for line in (*data.notes, *certificate.result.remarks):
-        console.print(line)
-    for line in data.warnings:
-        console.print(f"Warning: {line}")
-    for line in certificate.job.arm.notes:
-        console.print(f"Note: {line}")
+    show_table(["", *header[1:]], rows)
+    print_lines(*data.notes, *certificate.result.remarks)
+    print_lines(*(f"Warning: {x}" for x in data.warnings))
+    print_lines(*(f"Note: {x}" for x in certificate.job.arm.notes))
     if report is not None:
-        console.print(f"Report: {report.resolve().as_uri()}")
+        print_lines(f"Report: {report.resolve().as_uri()}")

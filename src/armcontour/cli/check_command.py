@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.cli.console import Console
+from armcontour.cli.console import show_data
 from armcontour.core.text import clock, digits, joint_label, list_some, show
 
 if TYPE_CHECKING:
@@ -71,9 +71,9 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
             remarks.append(f"{clearance.sentence} {evenly}")
             remarks += filter(None, [clearance.below_base])
         remarks += [f"Note: {note}" for note in arm.notes]
-        Console().show(replace(data, notes=(*data.notes, *remarks)))
+        show_data(replace(data, notes=(*data.notes, *remarks)))
         if commands is not None:
-            Console().show(commands.to_data())
+            show_data(commands.to_data())
     verdicts = [result.verdict, *([] if commands is None else [commands.verdict])]
     touches = clearance is not None and not clearance.satisfied
     return EXIT_CODES["violated" if touches else max(verdicts, key=VERDICTS.index)]

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from collections.abc import Callable, Sequence
 from copy import copy
-from enum import Enum
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -46,21 +44,10 @@ JobOrDrawing = Annotated[
         "waypoints (.csv), with --cell.",
     ),
 ]
-# Width of the output of the command `arms` [characters].
-WIDTH = 100
 PACKAGE = FilePath(__file__).parents[1]
 # Topics under which the help lists the commands.
 RUN, PREPARE, JUDGE = "Plan and run", "Look, place, prepare", "Check and certify"
 ROBOT, INSTALLED = "With the robot", "About this installation"
-
-
-class Kind(Enum):
-    """Sets of functions that the command `compile` can compile."""
-
-    all = "all"
-    usual = "usual"
-    plane = "plane"
-    space = "space"
 
 
 app = typer.Typer(
@@ -101,7 +88,8 @@ def _command(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Decorator that registers a command, with its topic and an example in the help."""
     epilog = f"\b\nExample:\n  armcontour {example}"
-    return app.command(name, cls=Command, rich_help_panel=topic, epilog=epilog)
+    register = app.command(name, cls=Command, rich_help_panel=topic, epilog=epilog)
+    return lambda command: register(grouped(command))
 
 
 def _version(value: bool) -> None:
@@ -125,7 +113,6 @@ def _common(
 
 
 @_command(RUN, "run gasket.dxf --cell ur5e --out gasket --export urscript")
-@grouped
 def run(
     job: JobOrDrawing,
     out: Out,
@@ -165,7 +152,6 @@ def demo(out: Out = FilePath("demo"), force: Force = False) -> None:
 
 
 @_command(RUN, "studio gasket.dxf --cell ur5e")
-@grouped
 def studio(
     options: StudioOptions,
     job: Annotated[
@@ -183,7 +169,6 @@ def studio(
 
 
 @_command(PREPARE, "show gasket.dxf --layer CUT")
-@grouped
 def show(
     drawing: Annotated[
         FilePath,
@@ -201,7 +186,6 @@ def show(
 
 
 @_command(JUDGE, "check motion.csv --arm ur5e --noise '0.05 mrad'")
-@grouped
 def check(
     trajectory: Annotated[
         FilePath, typer.Argument(help="Time-stamped joint trajectory: CSV, or YAML of ROS.")
@@ -218,7 +202,6 @@ def check(
 
 
 @_command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate")
-@grouped
 def certify(
     job: JobOrDrawing,
     job_options: JobOptions,
@@ -231,7 +214,6 @@ def certify(
 
 
 @_command(PREPARE, "place gasket.dxf --cell ur5e --x '-300 mm .. 300 mm, 25' --out place")
-@grouped
 def place(
     job: JobOrDrawing,
     out: Out,
@@ -248,7 +230,6 @@ def place(
 
 
 @_command(RUN, "batch job.yaml --over 'corners.tolerance=[0.1 mm, 1 mm]' --out results")
-@grouped
 def batch(
     job: JobOrDrawing,
     out: Annotated[
@@ -270,7 +251,6 @@ def batch(
 
 
 @_command(ROBOT, "export gasket gasket.script")
-@grouped
 def export(
     result: Annotated[
         FilePath, typer.Argument(help="Folder of a result, of `run`, `certify` or `learn`.")
@@ -287,7 +267,6 @@ def export(
 
 
 @_command(ROBOT, "identify shake.csv --out servo")
-@grouped
 def identify(
     logs: Annotated[
         list[FilePath],
@@ -308,7 +287,6 @@ def identify(
 
 
 @_command(ROBOT, "learn job.yaml --set-points result --log robot.csv --out next")
-@grouped
 def learn(
     job: JobOrDrawing,
     options: LearnOptions,
@@ -325,7 +303,6 @@ def learn(
 
 
 @_command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")
-@grouped
 def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> None:
     """Play a run on a robot controller and record it; the robot moves only with --execute."""
     from armcontour.cli.play_command import play_file
@@ -336,6 +313,7 @@ def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> No
 @_command(PREPARE, "arms")
 def arms() -> None:
     """List the built-in arms with their sources and assumed parameters."""
+    from armcontour.cli.console import print_lines
     from armcontour.files.robots.loading import arm_names, load_arm
 
     for name in arm_names():
@@ -343,13 +321,10 @@ def arms() -> None:
         chain = arm.chain
         heavy = chain is not None and chain.masses is not None
         masses = "known" if heavy else "not known"
-        typer.echo(f"{name}: {arm.name}, {arm.dof} joints, masses {masses}")
-        notes = [f"source: {arm.source}"]
+        print_lines(f"{name}: {arm.name}, {arm.dof} joints, masses {masses}")
+        print_lines(f"    source: {arm.source}")
         if chain is not None and chain.assumed:
-            notes.append(f"assumed: {chain.assumed}")
-        for note in notes:
-            lines = textwrap.wrap(note, WIDTH, initial_indent="    ", subsequent_indent="        ")
-            typer.echo("\n".join(lines))
+            print_lines(f"    assumed: {chain.assumed}")
 
 
 @_command(PREPARE, "init ur5e --out cell.yaml")
@@ -364,7 +339,7 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Replace a file of that name.")] = False,
 ) -> None:
     """Write a built-in cell as a job file to edit, with arm, limits, servo and comments."""
-    from armcontour.cli.console import Console
+    from armcontour.cli.console import print_lines
     from armcontour.core import staging
     from armcontour.core.errors import InvalidInput
     from armcontour.files.cell import YAML, cell_text
@@ -381,7 +356,7 @@ def init(
         staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
     except OSError as error:
         raise staging.unwritable(file, error) from None
-    Console().print(
+    print_lines(
         f"{file} is a copy of the cell {cell}. Set its arm, its servo and the position of the "
         f"drawing. Then use: armcontour run DRAWING --cell {file} --out FOLDER"
     )
@@ -390,27 +365,26 @@ def init(
 @_command(INSTALLED, "compile usual", name="compile")
 def compile_functions(
     kind: Annotated[
-        Kind,
+        Literal["all", "usual", "plane", "space"],
         typer.Argument(
             help="Functions to compile: all, or those of usual runs in the plane, in space, or "
             "both (usual)."
         ),
-    ] = Kind.all,
+    ] = "all",
 ) -> None:
     """Compile functions now that are otherwise compiled at first use, to avoid later waiting."""
-    from armcontour.cli.console import Console
-    from armcontour.cli.progress_bars import share_progress
+    from armcontour.cli.console import print_lines
+    from armcontour.cli.progress_bars import show_progress
     from armcontour.core.compilation import compile_kernels
 
-    with share_progress() as progress:
-        compiled = compile_kernels(kind.value, progress)
-    console = Console()
-    console.print(
+    with show_progress() as progress:
+        compiled = compile_kernels(kind, progress)
+    print_lines(
         f"{compiled.functions} functions are compiled, {compiled.compiled} of them now. They are "
         f"stored in {compiled.folder}."
     )
     if not os.environ.get("NUMBA_CACHE_DIR") and PACKAGE not in compiled.folder.parents:
-        console.print(
+        print_lines(
             f"Note: only your own programs use these files, because the folder {PACKAGE} is not "
             "writable. Other users compile their own files. To share the files, set "
             "NUMBA_CACHE_DIR to a folder that all users can write to, now and whenever armcontour "

@@ -1,4 +1,4 @@
-"""Output on the terminal: tables and lines.
+"""Output on the terminal: lines and tables.
 
 `to_line` makes all text printable, because names come from files of users.
 """
@@ -6,76 +6,48 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
+
+import typer
 
 from armcontour.core.text import to_line
 
 if TYPE_CHECKING:
     from armcontour.core.result import Data
 
-# Width of output that does not go to a terminal [characters].
+# Width of tables that do not go to a terminal [characters].
 WIDTH = 120
 # Maximum length of names that are not wrapped in a table [characters].
 USUAL_NAME = 24
 
 
-class Console:
-    """Printer on the standard output, as wide as the terminal."""
-
-    def __init__(self) -> None:
-        from rich.console import Console as Rich
-
-        self._rich = Rich()
-        if not self._rich.is_terminal:
-            self._rich = Rich(width=WIDTH)
-
-    def show_table(
-        self,
-        headings: Sequence[str],
-        rows: Iterable[Sequence[str]],
-        *,
-        title: str | None = None,
-        left_aligned: Collection[int] = (0,),
-        whole: Collection[int] = (0,),
-    ) -> None:
-        """Print a table; columns of `whole` are wrapped only if texts exceed USUAL_NAME."""
-        from rich.markup import escape
-        from rich.table import Table
-
-        shown = None if title is None else escape(to_line(title))
-        table = Table(title=shown, title_justify="left")
-        lines = [[to_line(x) for x in row] for row in rows]
-        for i, heading in enumerate(headings):
-            # Long names are wrapped instead of truncated; names up to USUAL_NAME stay on one line.
-            justify: Literal["left", "right"] = "left" if i in left_aligned else "right"
-            usual = i in whole and max((len(x[i]) for x in lines), default=0) <= USUAL_NAME
-            table.add_column(escape(heading), justify=justify, overflow="fold", no_wrap=usual)
-        for row in lines:
-            table.add_row(*(escape(x) for x in row))
-        self._rich.print(table)
-
-    def show(self, data: Data) -> None:
-        """Print the values, tables and notes of a result."""
-        from armcontour.core.render import text
-
-        for line in text(data).splitlines():
-            self.print(line)
-        for note in data.notes:
-            self.print(note)
-
-    def print(self, text: str) -> None:
-        """Print a line without markup; the terminal wraps it."""
-        self._rich.print(to_line(text), soft_wrap=True, highlight=False, markup=False)
+def print_lines(*texts: str, err: bool = False) -> None:
+    """Print lines to the standard output or error; the terminal wraps them."""
+    for text in texts:
+        typer.echo(to_line(text), err=err)
 
 
-def print_line(text: str) -> None:
-    """Print a line without loading the library `rich`, which takes 0.1 s."""
-    sys.stdout.write(f"{to_line(text)}\n")
-    sys.stdout.flush()
+def show_data(data: Data) -> None:
+    """Print the values, tables and notes of a result."""
+    from armcontour.core.render import text
+
+    print_lines(*text(data).splitlines(), *data.notes)
 
 
-def show_notes(notes: Iterable[str]) -> None:
-    """Print notes about input files to the standard error."""
-    for note in notes:
-        sys.stderr.write(f"Note: {to_line(note)}\n")
+def show_table(
+    headings: Sequence[str], rows: Sequence[Sequence[str]], title: str | None = None, names: int = 1
+) -> None:
+    """Print a table; texts of the first columns (`names`) are wrapped only above USUAL_NAME."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=title and Text(to_line(title)), title_justify="left")
+    for k, heading in enumerate(headings):
+        is_usual = k < names and max((len(x[k]) for x in rows), default=0) <= USUAL_NAME
+        side: Literal["left", "right"] = "right" if k else "left"
+        table.add_column(Text(to_line(heading)), justify=side, overflow="fold", no_wrap=is_usual)
+    for row in rows:
+        table.add_row(*(Text(to_line(x)) for x in row))
+    Console(width=None if sys.stdout.isatty() else WIDTH).print(table)

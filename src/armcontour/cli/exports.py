@@ -172,7 +172,7 @@ def _describe_jumps(table: SetPointTable, result: RunResult) -> Sequence[str]:
 
 def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions) -> None:
     """Export a run of an earlier result to a file, and print a summary."""
-    from armcontour.cli.console import Console
+    from armcontour.cli.console import print_lines
     from armcontour.cli.inputs import name_options, read_patch
     from armcontour.core.errors import InvalidInput
     from armcontour.core.render import figure
@@ -222,14 +222,13 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
             f"{file} already exists. Choose another name, or add --force to replace it."
         )
     write_destination(file, lambda path: format.write(table, path))
-    for sentence in format.describe(table):
-        Console().print(f"Warning: {capitalise(sentence)}")
+    print_lines(*(f"Warning: {capitalise(x)}" for x in format.describe(table)))
     label = REFERENCE if options.reference else SET_POINTS
     if run.analog:
-        Console().print(
+        print_lines(
             f"The analog outputs {', '.join(run.analog)} are not exported, because a stored result "
             "does not contain their values. Export them with armcontour run."
         )
     motion = figure(duration_row(table.duration))
     size = _size(table, file.stat().st_size)
-    Console().print(f"Exported {label} of run {run.name}: {size}, {motion}: {file}")
+    print_lines(f"Exported {label} of run {run.name}: {size}, {motion}: {file}")

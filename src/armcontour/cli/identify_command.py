@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.console import Console, show_notes
+from armcontour.cli.console import print_lines, show_data
 
 if TYPE_CHECKING:
     from armcontour.cli.options import IdentifyOptions
@@ -24,7 +24,7 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     """Identify servos, print the result, and return the exit code."""
     from armcontour.cli.check_command import named_arm
     from armcontour.cli.play_command import refuse_without_controller
-    from armcontour.cli.progress_bars import search_progress
+    from armcontour.cli.progress_bars import show_progress
     from armcontour.control.identification import ServoFit, identify
     from armcontour.core.checks import raise_if
     from armcontour.core.render import plain
@@ -41,7 +41,7 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     unseen = [_read(log, options) for log in options.validate or []]
     fitting = ServoFit(model=options.model, kinematics=arm, **_shared_options(options))
     samples = [_read(log, options) for log in logs]
-    with search_progress("identifying") as progress:
+    with show_progress("identifying") as progress:
         fit = identify(samples, fitting, progress=progress)
     predictions = [fit.predict(log) for log in unseen]
     printed = predictions or [fit.predict(log) for log in fit.logs if arm is not None]
@@ -80,8 +80,8 @@ def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
         if command.as_json:
             print(data_json(result.to_data()), end="")
         else:
-            Console().show(result.to_data())
-            Console().print(f"Stopped: {STOPPED_EARLY}" if result.stopped else DRY)
+            show_data(result.to_data())
+            print_lines(f"Stopped: {STOPPED_EARLY}" if result.stopped else DRY)
         return STOPPED if result.stopped else DONE
     files = {f"{name}.csv": log_text(log) for name, log in result.logs.items()}
     remark = ""
@@ -119,7 +119,7 @@ def _read(log: FilePath, command: IdentifyOptions) -> Log:
         end=end,
         columns=command.columns,
     )
-    show_notes(content.notes)
+    print_lines(*(f"Note: {x}" for x in content.notes), err=True)
     return content
 
 
@@ -153,8 +153,7 @@ def _conclude(
     if options.as_json:
         print(data_json(page), end="")
     else:
-        console = Console()
         for y in (data, *(further or [])):
-            console.show(y)
+            show_data(y)
         if options.out is not None:
-            console.print(f"Written to {options.out}: {', '.join([*files, 'report.html'])}{remark}")
+            print_lines(f"Written to {options.out}: {', '.join([*files, 'report.html'])}{remark}")

@@ -111,7 +111,6 @@ def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *group
 def find_file(file: FilePath, cell: str | None) -> FilePath:
     """File of a job or drawing; checks that a drawing has a cell, and that a job has none."""
     from armcontour.core.errors import InvalidInput
-    from armcontour.files.cell import cell_names
     from armcontour.files.drawings.endings import find_reader
 
     if is_job(file):
@@ -125,6 +124,8 @@ def find_file(file: FilePath, cell: str | None) -> FilePath:
     # This error is more helpful than the error about a missing cell.
     find_reader(file)
     if cell is None:
+        from armcontour.files.cell import cell_names
+
         raise InvalidInput(
             f"{file.name} is a drawing, which requires a cell. Specify it with --cell: one of "
             f"{', '.join(cell_names())}, or a job file."

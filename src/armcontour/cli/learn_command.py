@@ -6,9 +6,9 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import Console, show_notes
+from armcontour.cli.console import print_lines, show_data
 from armcontour.cli.inputs import open_job, read_window
-from armcontour.cli.progress_bars import search_progress
+from armcontour.cli.progress_bars import show_progress
 from armcontour.core.progress import Progress, Step, subprogress
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -
     window = read_window(options.start, options.end)
     assert options.out is not None
     with ResultFolder(options.out, force=options.force) as folder:
-        with search_progress("learning") as progress:
+        with show_progress("learning") as progress:
             study = _learn_from_log(file, job_options, options, window, progress)
         write_study(study, folder)
     if options.as_json:
@@ -75,7 +75,7 @@ def _learn_from_log(
         window=window,
         columns=options.columns,
     )
-    show_notes(log.notes)
+    print_lines(*(f"Note: {x}" for x in log.notes), err=True)
     lesson = learn_logs(job, plan, [log], set_points=set_points, progress=progress)
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 
@@ -100,15 +100,14 @@ def write_study(study: LearningStudy, folder: ResultFolder) -> None:
 
 def _print_study(study: LearningStudy, out: FilePath) -> None:
     """Print the errors of the runs, the next step, and the written files."""
-    console, name = Console(), study.plan.run.name
-    console.print(f"{study.job.title}, run {name}: error of the tool")
-    console.show(study.result)
-    for note in study.job.arm.notes:
-        console.print(f"Note: {note}")
-    console.print(f"Set-points of the next run: {out / name / 'set_points.csv'}")
+    name = study.plan.run.name
+    print_lines(f"{study.job.title}, run {name}: error of the tool")
+    show_data(study.result)
+    print_lines(*(f"Note: {x}" for x in study.job.arm.notes))
+    print_lines(f"Set-points of the next run: {out / name / 'set_points.csv'}")
     if not study.lesson.finished:
-        console.print(
+        print_lines(
             "Next: execute these set-points, then use learn with the new log and --set-points "
             f"{out}."
         )
-    console.print(f"Report: {(out / 'report.html').resolve().as_uri()}")
+    print_lines(f"Report: {(out / 'report.html').resolve().as_uri()}")

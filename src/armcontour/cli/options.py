@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import inspect
 import json
-import re
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
 from pathlib import Path as FilePath
-from typing import Annotated, Any, TypeAlias, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeAlias, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
-from typer.models import OptionInfo
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import describe_fields
@@ -25,32 +23,52 @@ SHORT: dict[str, dict[str, Any]] = {
     for x in json.loads(FilePath(__file__).with_name("job_options.json").read_text("utf-8"))
 }
 KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
-POSITION = "Cell and position of the drawing"
+DRAWING = ("Drawing", "G-code")
+POSITION, SPEED = "Cell and position of the drawing", "Speed, corners and start"
 FILES, POINTS = "Files for robot controllers", "Points of these files"
-# Topics in the help, with the names of their options; other options are listed under "Options".
-TOPICS: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("Drawing", "G-code"), ()),
-    POSITION: ("cell",),
-    "Speed, corners and start": ("sets",),
-    "Certificate": (),
-    "Log and files of numbers": ("log", "set_points", "start", "end", "columns",
-                                 "interpolation"),
-    "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
-                         "reserve", "band"),
-    "Arm": ("arm",),
-    **dict.fromkeys((FILES, POINTS), ()),
-    "Processes": ("workers",),
-    "Results": ("out", "force", "open_page", "as_json"),
-}  # fmt: skip
-for _name, _row in SHORT.items():
-    TOPICS[_row["topic"]] += (_name,)
-# Words with which the help replaces the names of Python types.
-WORDS = {"str": "text", "int": "number", "float": "number", "path": "file"}
-_TYPE = re.compile(r"<(?:list\[)?(str|int|float|path)\]?(?: range)?>", re.IGNORECASE)
+LOGS, CONTROLLER = "Log and files of numbers", "Robot controller"
+# Panels of the help, by option; other options are in the panel "Options".
+PANELS = {
+    **{name: row["topic"] for name, row in SHORT.items()},
+    "cell": POSITION,
+    "sets": SPEED,
+    **dict.fromkeys(("log", "set_points", "start", "end", "columns", "interpolation"), LOGS),
+    **dict.fromkeys(("on", "address", "hal", "drives", "execute", "speed_factor"), CONTROLLER),
+    **dict.fromkeys(("runs", "reserve", "band"), CONTROLLER),
+    "arm": "Arm",
+    "workers": "Processes",
+    **dict.fromkeys(("out", "force", "open_page", "as_json"), "Results"),
+}
+
+
+def _write_panels(self: Any, ctx: Any, formatter: Any) -> None:
+    """Write arguments, options and commands of a help text in panels."""
+    # Typer itself writes panels only with the library `rich`, which doubles the time of the help,
+    # truncates long options in narrow terminals and removes units in square brackets as markup.
+    panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+    for x in self.get_params(ctx):
+        if (record := x.get_help_record(ctx)) is not None:
+            panel = "Options" if isinstance(x, TyperOption) else "Arguments"
+            panels.setdefault(PANELS.get(x.name, panel), []).append(record)
+    for name, called in getattr(self, "commands", {}).items():
+        row = f"{name:<8}", called.get_short_help_str(200)
+        panels.setdefault(called.rich_help_panel, []).append(row)
+    for title, rows in panels.items():
+        if rows:
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
+
+class CommandGroup(TyperGroup):
+    """Group of commands whose help has panels."""
+
+    format_options = _write_panels
 
 
 class Command(TyperCommand):
-    """Command whose help lists the options by topic, and that refuses repeated options."""
+    """Command whose help has panels, and that refuses repeated options."""
+
+    format_options = _write_panels
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the arguments; refuse an option with one value that is specified several times."""
@@ -62,154 +80,100 @@ class Command(TyperCommand):
                 raise InvalidInput(f"{name} has one value, but is specified {times} times.")
         return super().parse_args(ctx, args)
 
-    def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write sections for the arguments, for options without a topic, and for each topic."""
-        topics = {name: topic for topic, names in TOPICS.items() for name in names}
-        sections: dict[str, list[tuple[str, str]]] = {
-            x: [] for x in ("Arguments", "Options", *TOPICS)
-        }
-        order = list(topics)
-        for parameter in sorted(
-            self.get_params(ctx), key=lambda x: order.index(x.name) if x.name in topics else -1
-        ):
-            record = parameter.get_help_record(ctx)
-            if record is not None:
-                form = _TYPE.sub(lambda found: f"<{WORDS[found[1].lower()]}>", record[0])
-                topic = topics.get(parameter.name or "", "Options")
-                if parameter.param_type_name == "argument":
-                    name, _, kind = form.partition(" ")
-                    topic, form = "Arguments", f"{name.upper()} {kind}".strip()
-                sections[topic].append((form, record[1]))
-        _write_sections(sections, formatter)
-
-    def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Names of arguments in capitals, without the braces that some versions of typer add."""
-        pieces = super().collect_usage_pieces(ctx)
-        return [x.replace("...}...", "...").strip("{}").upper() for x in pieces]
-
-
-class CommandGroup(TyperGroup):
-    """Group of commands whose help lists them by topic (`rich_help_panel`)."""
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write a section with the commands of each topic."""
-        sections: dict[str, list[tuple[str, str]]] = {}
-        for name, command in self.commands.items():
-            rows = sections.setdefault(getattr(command, "rich_help_panel", None) or "Commands", [])
-            rows.append((f"{name:<8}", command.get_short_help_str(200)))
-        _write_sections(sections, formatter)
-
-
-def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) -> None:
-    """Write the non-empty sections to a help text."""
-    for title, rows in sections.items():
-        if rows:
-            with formatter.section(title):
-                formatter.write_dl(rows)
-
-
-@dataclass(frozen=True, slots=True)
-class Keys:
-    """Annotation of a mapping field that contains the options (of `SHORT`) of some topics."""
-
-    topics: tuple[str, ...]
-
-    @property
-    def options(self) -> list[str]:
-        """Names of the options of the topics."""
-        return [name for name, x in SHORT.items() if x["topic"] in self.topics]
-
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """Decorate a command so that the fields of its dataclass parameters become options."""
     hints = get_type_hints(command, include_extras=True)
-    groups = {k: x for k, x in hints.items() if isinstance(x, type) and is_dataclass(x)}
+    groups = {name: options_of(x) for name, x in hints.items() if is_dataclass(x)}
 
     @wraps(command)
     def call(**options: Any) -> Any:
         for name, group in groups.items():
-            options[name] = group(
-                **{
-                    x: {y: options.pop(y) for y in keys.options} if keys else options.pop(x)
-                    for x, (_, _, keys) in _fields_of(group).items()
-                }
-            )
+            values = {x: options.pop(x) for x in group}
+            keys = {x: values.pop(x) for x in SHORT if x in values}
+            options[name] = hints[name](**values, **({"keys": keys} if keys else {}))
         return command(**options)
 
-    parameters: list[inspect.Parameter] = []
-    for parameter in inspect.signature(command).parameters.values():
-        group = groups.get(parameter.name)
-        declared = (
-            {parameter.name: (hints[parameter.name], parameter.default)}
-            if group is None
-            else options_of(group)
-        )
-        parameters += [
-            inspect.Parameter(
-                name, inspect.Parameter.KEYWORD_ONLY, annotation=hint, default=default
-            )
-            for name, (hint, default) in declared.items()
+    declared: dict[str, tuple[Any, Any]] = {}
+    for name, parameter in inspect.signature(command).parameters.items():
+        declared |= groups.get(name, {name: (hints[name], parameter.default)})
+    call.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            inspect.Parameter(x, inspect.Parameter.KEYWORD_ONLY, annotation=hint, default=default)
+            for x, (hint, default) in declared.items()
         ]
-    call.__annotations__ = {x.name: x.annotation for x in parameters}
-    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    )
     return call
 
 
-def options_of(group: type) -> dict[str, tuple[Any, Any]]:
+def options_of(group: Any) -> dict[str, tuple[Any, Any]]:
     """Annotation for typer and default of each option of a dataclass, by name."""
-    texts, defaults = describe_fields(group), inspect.signature(group).parameters
+    texts, hints = describe_fields(group), get_type_hints(group, include_extras=True)
     options: dict[str, tuple[Any, Any]] = {}
-    for name, (kind, named, keys) in _fields_of(group).items():
-        if keys is None:
-            option = copy(named or typer.Option(f"--{name.replace('_', '-')}"))
-            option.help = option.help or texts[name]
-            options[name] = (Annotated[kind, option], defaults[name].default)
+    for x in fields(group):
+        hint, default = hints[x.name], inspect.signature(group).parameters[x.name].default
+        if x.name != "keys":
+            option = typer.Option(f"--{x.name.replace('_', '-')}")
+            if get_origin(hint) is Annotated:
+                hint, option = hint.__origin__, copy(hint.__metadata__[0])
+            option.help = option.help or texts[x.name]
+            options[x.name] = Annotated[hint, option], default
             continue
-        for short in keys.options:
-            row = SHORT[short]
-            option = typer.Option(row["option"], help=row["help"], min=row["least"])
-            options[short] = (Annotated[KINDS[row["kind"]] | None, option], None)
+        for name, row in SHORT.items():
+            if row["topic"] in hint.__metadata__:
+                kind = KINDS[row["kind"]]
+                option = typer.Option(row["option"], help=row["help"], min=row["least"])
+                options[name] = Annotated[kind | None, option], None
     return options
-
-
-def _fields_of(group: type) -> dict[str, tuple[Any, OptionInfo | None, Keys | None]]:
-    """Type of each field of a dataclass, its typer option or None, and its `Keys` or None."""
-    fields: dict[str, Any] = {}
-    for name, hint in get_type_hints(group, include_extras=True).items():
-        kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-        one = [next((x for x in marks if isinstance(x, y)), None) for y in (OptionInfo, Keys)]
-        fields[name] = (kind, *one)
-    return fields
 
 
 Set: TypeAlias = dict[str, Any]
 Text: TypeAlias = str | None
 Texts: TypeAlias = list[str] | None
 File: TypeAlias = FilePath | None
-Flag: TypeAlias = bool | None
 Out = Annotated[FilePath, typer.Option("--out", "-o", help="Folder for the results.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace a file of that name.")]
-CellOfDrawing = Annotated[
-    str | None,
-    typer.Option(
-        "--cell",
-        help="Cell for a drawing: a built-in cell (fr3, panda, pmk3s, ur10e, ur5e), or a job "
-        "file without a path.",
-    ),
-]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
-Workers = Annotated[
-    int | None,
-    typer.Option(
-        "--workers",
-        min=0,
-        max=1000,
-        help="Number of processes on this machine; by default one per processor. 0 uses only this "
-        "process.",
-    ),
-]
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellOptions:
+    """Options for the cell of a drawing.
+
+    Args:
+        cell: Cell for a drawing: a built-in cell (fr3, panda, pmk3s, ur10e, ur5e), or a job file
+            without a path.
+    """
+
+    cell: Text = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkerOptions:
+    """Options for processes.
+
+    Args:
+        workers: Number of processes on this machine; by default one per processor. 0 uses only this
+            process.
+    """
+
+    workers: Annotated[int | None, typer.Option("--workers", min=0, max=1000)] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultOptions:
+    """Options for a run of a job and its result.
+
+    Args:
+        out: Folder for the results; by default none is written.
+    """
+
+    run_name: Name = None
+    out: Annotated[File, typer.Option("--out", "-o")] = None
+    force: Force = False
+    as_json: AsJson = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,11 +195,11 @@ class RunOptions:
 class DrawingOptions:
     """Options for reading a drawing."""
 
-    keys: Annotated[Set, Keys(("Drawing", "G-code"))]
+    keys: Annotated[Set, *DRAWING]
 
 
 @dataclass(frozen=True, kw_only=True)
-class JobOptions:
+class JobOptions(CellOptions):
     """Options that replace values of a job, and that place a drawing.
 
     Args:
@@ -243,13 +207,12 @@ class JobOptions:
             runs.fast.timing.reserve=2%; may be repeated.
     """
 
-    keys: Annotated[Set, Keys(("Drawing", "G-code", POSITION, "Speed, corners and start"))]
-    cell: CellOfDrawing = None
+    keys: Annotated[Set, *DRAWING, POSITION, SPEED]
     sets: Annotated[Texts, typer.Option("--set")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudioOptions:
+class StudioOptions(CellOptions):
     """Options of the command `studio`.
 
     Args:
@@ -257,7 +220,6 @@ class StudioOptions:
         port: Port on this machine; 0 for any.
     """
 
-    cell: CellOfDrawing = None
     open_page: Annotated[bool, typer.Option("--open/--no-open")] = True
     port: Annotated[int, typer.Option("--port", min=0, max=65535)] = 0
 
@@ -291,7 +253,7 @@ class WindowOptions(LogOptions):
 class ExportOptions:
     """Options for exports of every run."""
 
-    keys: Annotated[Set, Keys((FILES, POINTS))]
+    keys: Annotated[Set, FILES, POINTS]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -305,7 +267,7 @@ class StoredExportOptions:
             determined by its extension.
     """
 
-    keys: Annotated[Set, Keys((POINTS,))]
+    keys: Annotated[Set, POINTS]
     run_name: Annotated[Text, typer.Option("--run")] = None
     reference: bool = False
     format: Text = None
@@ -361,7 +323,7 @@ class ControllerOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyOptions(ControllerOptions, WindowOptions):
+class IdentifyOptions(ControllerOptions, WindowOptions, ResultOptions):
     """Options of the command `identify`.
 
     Args:
@@ -371,7 +333,6 @@ class IdentifyOptions(ControllerOptions, WindowOptions):
         sets: With --on, any key of the job with its value; may be repeated.
         arm: Arm with whose tool the errors are also reported: as for check.
         drive_cycle: Cycle of the drives' loops; by default continuous.
-        out: Folder for servo file and report; by default none is written.
         model: Model of the servo: auto, second or first.
         interpolation: Command between set-points: linear or step; by default determined from
             the log.
@@ -379,36 +340,24 @@ class IdentifyOptions(ControllerOptions, WindowOptions):
     """
 
     on: Text = None
-    run_name: Name = None
     reserve: str = "20 %"
     sets: Annotated[Texts, typer.Option("--set")] = None
     arm: Text = None
     drive_cycle: Text = None
-    out: Annotated[File, typer.Option("--out", "-o")] = None
     model: str = "auto"
     interpolation: Text = None
     validate: list[FilePath] | None = None
-    force: Force = False
-    as_json: AsJson = False
 
 
 @dataclass(frozen=True, kw_only=True)
-class CertifyOptions:
-    """Options of the command `certify`.
+class CertifyOptions(ResultOptions):
+    """Options of the command `certify`."""
 
-    Args:
-        out: Folder for the certificate; by default none is written.
-    """
-
-    keys: Annotated[Set, Keys(("Certificate",))]
-    run_name: Name = None
-    out: Annotated[File, typer.Option("--out", "-o")] = None
-    force: Force = False
-    as_json: AsJson = False
+    keys: Annotated[Set, "Certificate"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlaceOptions:
+class PlaceOptions(WorkerOptions):
     """Options of the command `place`.
 
     Args:
@@ -424,13 +373,12 @@ class PlaceOptions:
     z: Text = None
     yaw: Text = None
     move: str = "part"
-    workers: Workers = None
     run_name: Name = None
     force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
-class LearnOptions(ControllerOptions, WindowOptions):
+class LearnOptions(ControllerOptions, WindowOptions, ResultOptions):
     """Options of the command `learn`.
 
     Args:
@@ -451,16 +399,12 @@ class LearnOptions(ControllerOptions, WindowOptions):
     runs: Annotated[int, typer.Option("--runs", min=1)] = 4
     reserve: str = "20 %"
     band: Text = None
-    run_name: Name = None
     set_points: File = None
     log: File = None
-    out: Annotated[File, typer.Option("--out", "-o")] = None
-    force: Force = False
-    as_json: AsJson = False
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlayOptions(ControllerOptions):
+class PlayOptions(ControllerOptions, ResultOptions):
     """Options of the command `play`.
 
     Args:
@@ -475,17 +419,13 @@ class PlayOptions(ControllerOptions):
     """
 
     on: str
-    run_name: Name = None
     speed_factor: str = "10 %"
     band: Text = None
     set_points: File = None
-    out: Annotated[File, typer.Option("--out", "-o")] = None
-    force: Force = False
-    as_json: AsJson = False
 
 
 @dataclass(frozen=True, kw_only=True)
-class BatchOptions:
+class BatchOptions(WorkerOptions):
     """Options of the command `batch`.
 
     Args:
@@ -494,4 +434,3 @@ class BatchOptions:
     """
 
     over: Annotated[list[str], typer.Option("--over")]
-    workers: Workers = None

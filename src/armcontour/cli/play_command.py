@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from armcontour.cli.console import Console
+from armcontour.cli.console import print_lines, show_data
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interrupts import on_interrupt
-from armcontour.cli.progress_bars import search_progress
+from armcontour.cli.progress_bars import show_progress
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.progress import subprogress
 
@@ -54,7 +54,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
         if options.out is None
         else ResultFolder(options.out, force=options.force) as folder
     ):
-        with search_progress("playing") as progress:
+        with show_progress("playing") as progress:
             job = open_job(file, job_options, subprogress(progress, "reading"))
             controller = controller_of(job, options.on, options)
             job, plan = plan_played(job, options.run_name, speed_factor, progress=progress)
@@ -72,7 +72,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
             played = play_once(Player(controller, False, stop.is_set, progress))
         if options.execute:
             confirm(played)
-            with on_interrupt(stop.set), search_progress("playing") as progress:
+            with on_interrupt(stop.set), show_progress("playing") as progress:
                 played = play_once(Player(controller, True, stop.is_set, progress))
         if folder is not None:
             _write(played, folder)
@@ -155,11 +155,10 @@ def _write(played: Played, folder: ResultFolder) -> None:
 
 def _print_played(played: Played, options: PlayOptions) -> None:
     """Print the result of a played run or of a dry run."""
-    console = Console()
-    console.show(played.to_data())
+    show_data(played.to_data())
     if not options.execute:
-        console.print(DRY)
+        print_lines(DRY)
     elif played.record is None and not played.approach:
-        console.print("Stopped before the motion.")
+        print_lines("Stopped before the motion.")
     elif options.out is not None:
-        console.print(f"Log: {options.out / 'log.csv'}")
+        print_lines(f"Log: {options.out / 'log.csv'}")

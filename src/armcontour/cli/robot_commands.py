@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.console import Console
+from armcontour.cli.console import print_lines, show_data
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interrupts import on_interrupt
 from armcontour.cli.options import JobOptions
@@ -20,7 +20,7 @@ from armcontour.cli.play_command import (
     controller_of,
     refuse_without_terminal,
 )
-from armcontour.cli.progress_bars import search_progress
+from armcontour.cli.progress_bars import show_progress
 from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def identify_robot(
     reserve, stop = read_option("--reserve", options.reserve, Reserve), threading.Event()
     assert reserve is not None
     job_options = JobOptions(keys={}, sets=options.sets)
-    with search_progress("identifying") as progress:
+    with show_progress("identifying") as progress:
         job = open_job(file, job_options, subprogress(progress, "reading"))
         controller = controller_of(job, options.on, options)
         identify_once = partial(
@@ -70,7 +70,7 @@ def identify_robot(
     if not options.execute:
         return result
     confirm(result.played["run"])
-    with search_progress("identifying") as progress, on_interrupt(stop.set):
+    with show_progress("identifying") as progress, on_interrupt(stop.set):
         return identify_once(execute=True, progress=progress)
 
 
@@ -91,7 +91,7 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
     band = read_option("--band", options.band, AngularDistance)
     assert options.on is not None and reserve is not None
     stop = threading.Event()
-    with search_progress("learning") as progress:
+    with show_progress("learning") as progress:
         job = open_job(file, job_options, subprogress(progress, "reading"))
         controller = controller_of(job, options.on, options)
         learner = RobotLearner(
@@ -107,7 +107,7 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
         dry = learner.rehearse() if options.execute and learner.goes_on else None
     if dry is not None:
         confirm(dry)
-    with search_progress("learning") as progress, on_interrupt(stop.set):
+    with show_progress("learning") as progress, on_interrupt(stop.set):
         learner.player = dataclasses.replace(learner.player, progress=progress)
         while learner.goes_on:
             _run_next(learner, options)
@@ -167,16 +167,15 @@ def _write(result: RobotLearning, folder: ResultFolder) -> None:
 
 def _print_learning(result: RobotLearning, file: FilePath, options: LearnOptions) -> None:
     """Print the results of the runs, and the command that plays the best set-points."""
-    console = Console()
     if result.study is None:
-        console.show(result.to_data())
-        console.print(DRY if not options.execute else "Stopped before anything was learned.")
+        show_data(result.to_data())
+        print_lines(DRY if not options.execute else "Stopped before anything was learned.")
         return
-    console.show(result.study.result)
+    show_data(result.study.result)
     if not options.execute:
-        console.print(DRY)
+        print_lines(DRY)
     elif result.ended:
-        console.print(f"Ended: {result.ended}.")
+        print_lines(f"Ended: {result.ended}.")
     if options.out is None:
         return
     run = result.plan.run
@@ -185,10 +184,10 @@ def _print_learning(result: RobotLearning, file: FilePath, options: LearnOptions
         for name in ("address", "hal", "drives")
         if (value := getattr(options, name)) is not None
     )
-    console.print(f"Set-points of the best run: {options.out / run.name / 'set_points.csv'}")
+    print_lines(f"Set-points of the best run: {options.out / run.name / 'set_points.csv'}")
     reserve = f"runs.{run.name}.timing.reserve='{run.timing.reserve * 100:g} %'"
-    console.print(
+    print_lines(
         f"Play them: armcontour play {file} --on {options.on}{robot} --speed-factor '100 %' "
         f"--run {run.name} --set {reserve} --set-points {options.out}"
     )
-    console.print(f"Report: {(options.out / 'report.html').resolve().as_uri()}")
+    print_lines(f"Report: {(options.out / 'report.html').resolve().as_uri()}")

@@ -8,10 +8,10 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import Console
+from armcontour.cli.console import print_lines, show_table
 from armcontour.cli.exports import refuse_outputs, write_exports
 from armcontour.cli.inputs import library_file
-from armcontour.cli.progress_bars import search_progress
+from armcontour.cli.progress_bars import show_progress
 from armcontour.core.progress import Progress, Step, subprogress
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def run_demo(out: FilePath, *, force: bool) -> None:
 
     with (
         ResultFolder(out, force=force, replaces="demo") as folder,
-        search_progress("running") as progress,
+        show_progress("running") as progress,
     ):
         jobs = {"": _compared_runs(), "plate/": read_job(library_file("plate.yaml"))}
         with compile_for_run(None, progress):
@@ -61,7 +61,7 @@ def run_demo(out: FilePath, *, force: bool) -> None:
 def _show_report(out: FilePath) -> None:
     """Print the address of a report."""
     report = (out / "report.html").resolve()
-    Console().print(f"Report: {report.as_uri()}")
+    print_lines(f"Report: {report.as_uri()}")
 
 
 def built_in_job() -> Job:
@@ -92,7 +92,7 @@ def run_job(
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
 
-    with ResultFolder(out, force=force) as folder, search_progress("running") as progress:
+    with ResultFolder(out, force=force) as folder, show_progress("running") as progress:
         job = read(subprogress(progress, "reading"))
         if job.export.formats:
             # Exports are tested before the run, so that invalid options are rejected at once.
@@ -121,7 +121,7 @@ def run_job(
     if simulate:
         _show_report(out)
     else:
-        Console().print(f"The run was not simulated. Set-points: {out.resolve()}")
+        print_lines(f"The run was not simulated. Set-points: {out.resolve()}")
     # Runs that are not kept may be there for comparison with a run that is kept.
     verdicts = {x.kept for x in study.runs.values()}
     return int(False in verdicts and True not in verdicts)
@@ -154,26 +154,21 @@ def _print_results(study: JobResult, notes: Sequence[str]) -> None:
     from armcontour.jobs.job_result import unknown_notes
     from armcontour.jobs.plan_quantities import assumed_numbers
 
-    console, job, runs = Console(), study.job, study.figures
+    job, runs = study.job, study.figures
     title = f"{job.title}, simulated with {job.plant_servo}" if study.simulated else job.title
     if len(runs) == 1:
-        console.print(title)
-        for line in text(next(iter(runs.values()))).splitlines():
-            console.print(line)
+        print_lines(title, *text(next(iter(runs.values()))).splitlines())
     else:
         header, *rows = compare(runs)
-        console.show_table(header, rows, title=title)
+        show_table(header, rows, title=title)
         for data in runs.values():
-            console.print(verdict(data))
+            print_lines(verdict(data))
             for table in (y for y in data.tables if y.level == VERDICT):
-                for line in lay_out("", cells(table)).splitlines()[1:]:
-                    console.print(line)
+                print_lines(*lay_out("", cells(table)).splitlines()[1:])
     lines = [x for result in study.runs.values() for x in result.remarks]
     lines += [*(f"Warning: {x}" for x in warnings_of(study.runs.values())), *notes]
     lines += [f"Note: {x}" for x in job.arm.notes]
     has_experiment = any(x.run.experiment is not None for x in study.runs.values())
     if has_experiment and (assumed := assumed_numbers(job.arm)):
         lines.append(f"Masses: {assumed}")
-    lines += unknown_notes(study)
-    for line in lines:
-        console.print(line)
+    print_lines(*lines, *unknown_notes(study))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.cli.console import Console
+from armcontour.cli.console import print_lines, show_table
 
 if TYPE_CHECKING:
     from armcontour.cli.options import DrawingOptions
@@ -18,29 +18,27 @@ if TYPE_CHECKING:
 
 def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
     """Print size, layers and notes of a drawing."""
-    from armcontour.cli.progress_bars import search_progress
+    from armcontour.cli.progress_bars import show_progress
 
-    with search_progress("reading") as progress:
+    with show_progress("reading") as progress:
         program = _read_drawing(file, drawing, progress)
     data = _describe(program)
     if as_json:
         print(json.dumps(data, indent=2))
         return
-    console = Console()
     low, high = np.array(data["extent"]) * 1e3
     # The size in z is omitted if it is rounded to zero.
     sides = [x for k, x in enumerate(high - low) if k < 2 or x >= 5e-3]
     size, corner = " x ".join(f"{x:.2f}" for x in sides), ", ".join(f"{x:z.2f}" for x in low)
-    console.print(f"{file.name}: {size} mm from {corner} mm")
-    console.show_table(
+    print_lines(f"{file.name}: {size} mm from {corner} mm")
+    show_table(
         ["layer", "contours", "closed", "length [mm]"],
         [
             (layer or "-", str(x["contours"]), str(x["closed"]), f"{x['length'] * 1e3:.2f}")
             for layer, x in data["layers"].items()
         ],
     )
-    for note in program.notes:
-        console.print(f"Note: {note}")
+    print_lines(*(f"Note: {x}" for x in program.notes))
 
 
 def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -> Program:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import print_line
+from armcontour.cli.console import print_lines
 
 if TYPE_CHECKING:
     from armcontour.cli.options import StudioOptions
@@ -37,29 +37,15 @@ def open_studio(file: FilePath | None, options: StudioOptions) -> None:
 
 def _check(file: FilePath | None, options: StudioOptions) -> None:
     """Raise InvalidInput for invalid files and options, before slow imports."""
-    from armcontour.cli.inputs import is_job
+    from armcontour.cli.inputs import find_file, is_job
     from armcontour.core.errors import InvalidInput
     from armcontour.core.file_access import LARGE, read_bytes
-    from armcontour.files.drawings.endings import find_reader
 
-    if file is None:
-        if options.cell is not None:
-            raise InvalidInput("--cell requires a drawing. Specify a drawing, or remove --cell.")
-        return
-    job = is_job(file)
-    if job and options.cell is not None:
-        raise InvalidInput(
-            f"--cell is only allowed with a drawing, but {file.name} is a job, which has its own "
-            "arm. Remove --cell."
-        )
-    if not job:
-        find_reader(file)
-    if not job and options.cell is None:
-        raise InvalidInput(
-            f"{file.name} is a drawing, which requires a cell. Specify it with --cell: a built-in "
-            "cell such as ur5e, or a job file."
-        )
-    read_bytes(file, "job file" if job else "drawing", maximum=LARGE)
+    if file is not None:
+        kind = "job file" if is_job(file) else "drawing"
+        read_bytes(find_file(file, options.cell), kind, maximum=LARGE)
+    elif options.cell is not None:
+        raise InvalidInput("--cell requires a drawing. Specify a drawing, or remove --cell.")
 
 
 def _session(
@@ -73,8 +59,8 @@ def _session(
 
 def _announce(address: str, open_page: bool) -> None:
     """Print the address of the page, and open the page in a browser."""
-    print_line(f"Studio: {address}")
-    print_line("Do not share the address, because it contains a key. Ctrl+C ends the Studio.")
+    print_lines(f"Studio: {address}")
+    print_lines("Do not share the address, because it contains a key. Ctrl+C ends the Studio.")
     if open_page:
         import threading
         import webbrowser

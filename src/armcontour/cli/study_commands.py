@@ -6,7 +6,7 @@ import re
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import Console
+from armcontour.cli.console import print_lines, show_table
 from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def place_file(
 ) -> int:
     """Plan all places, print and write results; returns 1 if no place is feasible, else 0."""
     from armcontour.cli.inputs import open_job
-    from armcontour.cli.progress_bars import share_progress
+    from armcontour.cli.progress_bars import show_progress
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder, placement_csv
     from armcontour.files.result_folder import data_json
@@ -38,7 +38,7 @@ def place_file(
     with ResultFolder(out, force=options.force) as folder:
         from armcontour.report import render_placement
 
-        with share_progress() as progress:
+        with show_progress() as progress:
             job = open_job(file, job_options, subprogress(progress, "reading"))
             placement = place(
                 job,
@@ -58,14 +58,11 @@ def place_file(
                 notes.append(str(error))
         data = placement.to_data([*folder.files, "summary.json"])
         folder.write("summary.json", data_json(data))
-    console, report = Console(), (out / "report.html").resolve()
-    for line in str(placement).splitlines():
-        console.print(line)
-    for note in notes:
-        console.print(f"Note: {note}")
+    report = (out / "report.html").resolve()
+    print_lines(*str(placement).splitlines(), *(f"Note: {x}" for x in notes))
     if JOB in folder.files:
-        console.print(f"Job: {out / JOB}")
-    console.print(f"Report: {report.as_uri()}")
+        print_lines(f"Job: {out / JOB}")
+    print_lines(f"Report: {report.as_uri()}")
     return int(placement.best is None)
 
 
@@ -110,7 +107,7 @@ def batch_file(
 ) -> int:
     """Run all jobs, print and write their results; returns the exit code, 1 if some jobs failed."""
     from armcontour.cli.inputs import find_file, name_options, read_patch
-    from armcontour.cli.progress_bars import share_progress
+    from armcontour.cli.progress_bars import show_progress
     from armcontour.core import staging
     from armcontour.core.errors import InvalidInput, error_context
     from armcontour.files import parse_set
@@ -125,7 +122,7 @@ def batch_file(
             if not isinstance(values, list) or not values:
                 raise InvalidInput(f"{text} has no list. Write 'KEY=[VALUE, VALUE]'.")
         over[keys] = values
-    with share_progress() as progress, name_options(names):
+    with show_progress() as progress, name_options(names):
         result = batch(
             find_file(file, job_options.cell),
             over,
@@ -134,7 +131,7 @@ def batch_file(
             workers=options.workers,
             progress=progress,
         )
-    header, *rows = table = result.cells()
+    header, *rows = cells = result.cells()
     counts = ", ".join(f"{n} {status}" for status, n in result.counts.items())
     errors = [x.error for x in result.rows]
     if any(errors):
@@ -142,11 +139,6 @@ def batch_file(
     page = render_table(f"Batch of {result.title}", counts, header, rows)
     report = (out / "report.html").resolve()
     staging.write_atomically(report, lambda x: x.write_text(page, encoding="utf-8"))
-    console, (header, *rows) = Console(), table
-    whole = range(1 + len(over))
-    console.show_table(header, rows, title=f"{result.title}: {counts}", whole=whole)
-    for line in result.errors():
-        console.print(line)
-    console.print(f"Table: {out / 'results.csv'}")
-    console.print(f"Report: {report.as_uri()}")
+    show_table(cells[0], cells[1:], title=f"{result.title}: {counts}", names=1 + len(over))
+    print_lines(*result.errors(), f"Table: {out / 'results.csv'}", f"Report: {report.as_uri()}")
     return int(FAILED in result.counts)
