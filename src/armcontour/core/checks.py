@@ -97,6 +97,15 @@ def _is_frozen(array: npt.NDArray[Any]) -> bool:
     return array.dtype == np.float64 and flags.owndata and not flags.writeable
 
 
+def freeze(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Read-only copy of an array; the array itself if it is read-only and owns its data."""
+    if array.flags.owndata and not array.flags.writeable:
+        return array
+    copy = np.array(array)
+    copy.setflags(write=False)
+    return copy
+
+
 def freeze_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Read-only copy of an array, of the same type."""
     copy = array.copy()
@@ -140,6 +149,23 @@ def _restore(kind: Any, values: list[Any], frozen: list[int], others: dict[str, 
 def _field_names(kind: type) -> tuple[str, ...]:
     """Names of the fields of a dataclass; empty for other classes."""
     return tuple(x.name for x in fields(kind)) if is_dataclass(kind) else ()
+
+
+class Frozen(Value):
+    """Base of frozen dataclasses that only this package makes: arrays become read-only."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        kind: Any = type(self)
+        for name in _field_names(kind):
+            values = getattr(self, name, None)
+            if type(values) is np.ndarray:
+                object.__setattr__(self, name, freeze(values))
+        self._check_together()
+
+    def _check_together(self) -> None:
+        """Check combinations of fields, or compute fields; called after arrays are read-only."""
 
 
 def pack_state(values: Mapping[str, Any]) -> State:

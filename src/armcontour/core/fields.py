@@ -30,7 +30,7 @@ from typing import (
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import Value
+from armcontour.core.checks import Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import AtLeast, Axes, Choice, Named, Quantity
 from armcontour.core.text import capitalise, shorten, show
@@ -49,7 +49,7 @@ ANY_SHAPE = (Axes(...),)
 FEW = 16
 
 
-class Checked(Value):
+class Checked(Frozen):
     """Base of dataclasses whose fields are checked, converted and made read-only by annotation."""
 
     __slots__ = ()
@@ -57,9 +57,6 @@ class Checked(Value):
     def __post_init__(self) -> None:
         check(self)
         self._check_together()
-
-    def _check_together(self) -> None:
-        """Check combinations of fields, or compute fields; called after all fields are checked."""
 
 
 class Options(Checked):
@@ -404,7 +401,7 @@ def _freeze_array(value: Any, kind: Any, who: str, unit: str) -> Any:
         return checks.frozen_array(value, who, unit)
     array = checks.indices(who, value) if kind is np.intp else value
     checks.raise_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
-    return array if array.flags.owndata and not array.flags.writeable else checks.freeze_copy(array)
+    return checks.freeze(array)
 
 
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
 from armcontour.core.file_access import LARGE, read_text, refuse_ending
 from armcontour.core.sampling import LARGEST, check_samples, check_time_range, describe_bursts
 from armcontour.core.text import count_noun, show
@@ -127,7 +126,7 @@ FEW_SAMPLES = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrajectoryFile(Checked):
+class TrajectoryFile(Frozen):
     """Joint motion of a file, in SI units."""
 
     source: str  # Name of the file, for messages

@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray, IntArray, ObjectArray
+from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray, ObjectArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import checked
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, short_repr
 from armcontour.geometry.line_corners import (
@@ -71,7 +71,7 @@ ORIENTATION = "tool orientation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Corners(Checked):
+class Corners(Frozen):
     """The n corners of an objective path in path order, and the arcs that replace them.
 
     Args:

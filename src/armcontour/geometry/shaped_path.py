@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
 from armcontour.core.quintics import evaluate
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, short_repr
@@ -28,7 +27,7 @@ ARCS, PARABOLAS, STOPS = "arcs", "parabolas", "stops"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ShapingOutcome(Checked):
+class ShapingOutcome(Frozen):
     """Result of the search for the shape of a path.
 
     Args:
@@ -64,7 +63,7 @@ class ShapingOutcome(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SmoothCurve(Checked):
+class SmoothCurve(Frozen):
     """A curve of quintics over arc length, which a chain of arcs follows closely.
 
     Its curvature varies along each quintic, and jumps between quintics only where the shape has a

@@ -31,9 +31,8 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
 from armcontour.geometry.path import Path
 from armcontour.geometry.projection import pack_segments, pad_to_space
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
@@ -74,7 +73,7 @@ class Proof:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tube(Checked):
+class Tube(Frozen):
     """All points within a tolerance of an objective path, piece by piece.
 
     Args:

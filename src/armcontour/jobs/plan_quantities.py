@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
-from armcontour.core.fields import Checked
+from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.render import number, number_range
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Trajectory
@@ -131,7 +130,7 @@ SAMPLES = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Torques(Checked):
+class Torques(Frozen):
     """Drive torques over time."""
 
     t: FloatArray  # Times [s], (n,)

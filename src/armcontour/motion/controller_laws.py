@@ -13,9 +13,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import checked
 from armcontour.core.quantities import Choice, Frequency
 from armcontour.core.quintics import evaluate, quintic, solve_banded
 from armcontour.motion.execution import check_cycle
@@ -51,7 +51,7 @@ class InterpolatedLaw(Law):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CommandCurve(Checked):
+class CommandCurve(Frozen):
     """The curve, through or near points, from which a controller takes its commands.
 
     Args:

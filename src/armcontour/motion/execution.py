@@ -8,7 +8,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Axes, Quantity, Time
@@ -270,7 +270,7 @@ def check_cycle(cycle: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LimitCost(Checked):
+class LimitCost(Frozen):
     """Cost of command limits: the changes of the set-points that the limits require.
 
     Args:

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.kernels import (
@@ -28,7 +28,7 @@ from armcontour.robot import Arm
 HALVINGS = 50
 
 
-class Law(Checked, ABC):
+class Law(Frozen, ABC):
     """Joint positions over time, from 0 to the last break; smooth between breaks.
 
     Attributes:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
@@ -53,7 +53,7 @@ class Method(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LawPhase(Checked):
+class LawPhase(Frozen):
     """A part of a trajectory that was planned by one rule.
 
     Args:
@@ -123,7 +123,7 @@ class TimedEvent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Samples(Checked):
+class Samples(Frozen):
     """A trajectory sampled at regular times.
 
     Args:

@@ -8,9 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
 from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
 from armcontour.motion.kernels import value_and_slopes
@@ -28,7 +27,7 @@ AT_REST = 1e-9
 
 
 @dataclass(frozen=True)
-class Grid(Checked):
+class Grid(Frozen):
     """Intervals of a joint path, each inside one of its polynomial pieces."""
 
     joint_path: JointPath

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
@@ -166,7 +165,7 @@ class Equations(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Response(Checked):
+class Response(Frozen):
     """The closed loop, linearized around a motion: `M x'' + D x' + K x = G u`.
 
     x is the deviation of the joints, u the deviation of the command at the drives. The joints are

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.fields import Checked
+from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.core.sampling import integrate
@@ -82,7 +81,7 @@ def error_rows(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ErrorProfile(Result, Checked):
+class ErrorProfile(Result, Frozen):
     """An error over time: a distance [m], or an angle [rad].
 
     Between the contours of a program all columns except `t` are NaN.

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, Value
+from armcontour.core.checks import FloatArray, Frozen, Value
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, Data, Row, Table
@@ -38,7 +38,7 @@ NEAR = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evaluation(Result, Checked):
+class Evaluation(Result, Frozen):
     """Errors, speeds and use of limits of an execution.
 
     Args:

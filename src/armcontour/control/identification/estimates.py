@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from armcontour.control.identification.least_squares import allowed_deviation
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number_range
 from armcontour.core.result import Data, Row, Table
 from armcontour.core.text import short_repr
@@ -103,7 +102,7 @@ class Estimate(Result):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Estimates(Result, Checked):
+class Estimates(Result, Frozen):
     """Base of results with estimates, which are also attributes, such as `kp`.
 
     Args:

@@ -8,9 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.errors import ExecutionError
-from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
@@ -107,7 +106,7 @@ class Budget(Result):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Uncertified(Result, Checked):
+class Uncertified(Result, Frozen):
     """The fastest plan with the same limits and compensation, without derating.
 
     Args:
