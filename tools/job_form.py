@@ -21,6 +21,7 @@ from armcontour.files.job_text_edits import Keys
 from armcontour.files.patch import MERGED
 from armcontour.files.robots.loading import arm_names
 from armcontour.jobs.exports import ENDINGS
+from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.studio.description import settings, usual_ranges
 
 # Topics of short options in the help of commands, by the first key of the option's key path.
@@ -71,8 +72,7 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
 # key path.
 GROUPS = {
     "Speed": (
-        *("limits.speed", "limits.tool_acceleration", "limits.centripetal_acceleration"),
-        *("limits.angular_speed", "limits.angular_acceleration"),
+        *(f"limits.{name}" for name in TOOL_LIMITS),
         *("process.rapid_speed", "process.approach_speed"),
     ),
     "Corners": ("corners", "accuracy"),

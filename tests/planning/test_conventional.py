@@ -236,7 +236,7 @@ def test_refusals(arm, refuses):
     np.testing.assert_allclose(ratios, [[0, 0.7], [0, 0], [0, 0.3]], rtol=1e-12)
     without = States(arm, states.columns[:3])
     refuses(lambda: without.measure("joint_jerk"), ac.InvalidInput, "states with dddq")
-    for name in ("sped", "joint_lower"):
+    for name in ("sped", "joint_range"):
         refuses(lambda x=name: states.measure(x), ac.InvalidInput, repr(name))
     refuses(lambda: states.measure("angular_speed"), ac.InvalidInput, "a point without")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from armcontour.motion import JointPath, Log, SetPoints
 from armcontour.planning import plan
 from armcontour.planning.options import Optimal
 from armcontour.robot import Limits, resolve_limits
+from armcontour.robot.limits import LIMITS
 
 # Default speed factor, and largest speed factor of the motion to the start.
 SLOW = 0.1
@@ -47,12 +49,6 @@ TURN = 2 * np.pi
 ROUNDING = 1e-6
 # Maximum number of attempts to play a motion that late set-points disturb.
 ATTEMPTS = 3
-# Exponents of the speed factor with which limits are scaled; torques and ranges do not change.
-POWERS = {
-    "speed": 1, "joint_velocity": 1, "angular_speed": 1,
-    "joint_acceleration": 2, "tool_acceleration": 2, "centripetal_acceleration": 2,
-    "angular_acceleration": 2, "joint_jerk": 3,
-}  # fmt: skip
 
 
 @checks.explain_calls
@@ -285,7 +281,8 @@ class Player:
         """Ratio of the acceleration of set-points to the limits of each joint at full speed."""
         q = np.pad(points.q, ((2, 2), (0, 0)), mode="edge")
         demand = np.diff(q, 2, axis=0) / points.cycle**2
-        limits = _scaled(limits_of(job, planned), 1 / speed_factor)
+        limits = limits_of(job, planned)
+        limits = limits.replace(**_scaled(limits, 1 / speed_factor))
         low, high = limits.acceleration_bounds(job.arm.dof)
         use = np.maximum(demand / low, demand / high)
         i, j = divmod(int(use.argmax()), job.arm.dof)
@@ -359,7 +356,8 @@ class Player:
     def _move_to_start(self, played: Played, start: FloatArray) -> None:
         """Move in joint space to the first set-point, again if set-points were late."""
         controller, job = self.controller, played.job
-        limits = _scaled(limits_of(job, played.plan), min(SLOW / played.speed_factor, 1.0))
+        limits = limits_of(job, played.plan)
+        limits = limits.replace(**_scaled(limits, min(SLOW / played.speed_factor, 1.0)))
         for _ in range(ATTEMPTS):
             approach = approach_of(job, limits, controller.position(), start, controller.cycle)
             record = self._stream(approach)
@@ -382,19 +380,17 @@ def limits_of(job: Job, planned: RunResult) -> Limits:
 def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:
     """The run with limits for a speed factor, and with a minimum reserve."""
     limits = _scaled(resolve_limits("play", job.arm, chosen.limits), factor)
-    changed = {x: getattr(limits, x) for x in POWERS if getattr(limits, x) is not None}
     timing = replace(chosen.timing, reserve=max(chosen.timing.reserve, reserve))
-    return replace(chosen, limits=chosen.limits.replace(**changed), timing=timing)
+    return replace(chosen, limits=chosen.limits.replace(**limits), timing=timing)
 
 
-def _scaled(limits: Limits, factor: float) -> Limits:
-    """Limits scaled by a speed factor."""
-    changed = {
-        name: np.multiply(getattr(limits, name), factor**power)
-        for name, power in POWERS.items()
-        if getattr(limits, name) is not None
+def _scaled(limits: Limits, factor: float) -> dict[str, Any]:
+    """Values of limits, scaled by a speed factor; without torques and ranges, which are fixed."""
+    return {
+        name: np.multiply(value, factor**x.power)
+        for name, x in LIMITS.items()
+        if x.power and (value := getattr(limits, name)) is not None
     }
-    return limits.replace(**changed)
 
 
 def approach_of(

@@ -24,6 +24,7 @@ from armcontour.jobs.job import Job, choose_run
 from armcontour.motion import JointPath, Log, PathLaw, Trajectory
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import States
+from armcontour.robot.limits import JOINT_LIMITS, LIMITS
 
 # Default reserve of the run, so that commanded accelerations do not saturate.
 GENTLE = 0.2
@@ -42,11 +43,6 @@ STEP = 2e-3
 # Maximum number of amplitudes that are tried near an obstacle or limit, each half of the previous
 # one.
 HALVINGS = 4
-# Joint limits: first those whose use is proportional to the amplitude, then the others.
-OF_JOINTS = (
-    *("joint_velocity", "joint_acceleration", "joint_jerk"),
-    *("joint_lower", "joint_upper", "joint_torque"),
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -183,8 +179,8 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
         j = int(np.ptp(columns[0], axis=0).argmin())
         raise ControllerRefused(f"Joint {j + 1} starts at the end of its range.", joint=j)
     # Scale each joint by its own limits first, then all joints by the limits of the tool.
-    tool = limits.replace(**dict.fromkeys(OF_JOINTS))
-    for some in (*(Limits.only(**{x: getattr(limits, x)}) for x in OF_JOINTS[:3]), tool):
+    of_joints = (x for x in JOINT_LIMITS if LIMITS[x].power)
+    for some in (*(Limits.only(**{x: getattr(limits, x)}) for x in of_joints), limits.of_tool):
         states = States(job.arm, [columns[0] + start, *columns[1:]])
         for use in states.uses(some):
             ratio = use.ratio.max(axis=0)

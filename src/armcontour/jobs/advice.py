@@ -20,6 +20,7 @@ from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
 from armcontour.jobs.verdict import (
+    ASSIGNED,
     EXPECTED,
     Errors,
     judge,
@@ -28,8 +29,8 @@ from armcontour.jobs.verdict import (
     worst_contour,
 )
 from armcontour.motion import Method
-from armcontour.planning.explanation import DWELLS, NAMES, RAPIDS
-from armcontour.robot.limits import UNITS
+from armcontour.planning.explanation import DWELLS, RAPIDS
+from armcontour.robot.limits import LIMITS
 from armcontour.verification import evaluate
 
 # Maximum number of listed changes, and of groups of changes that are tried to save time.
@@ -173,8 +174,8 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         yield from (
             [y] for y in _raised_limit(job, run, part.kind, joints.get(part.name), part.of_time)
         )
-    yield from ([x] for x in _faster_weave(job, result, kinds.get(NAMES["speed"], 0.0)))
-    free = [NAMES["speed"], RAPIDS, DWELLS]
+    yield from ([x] for x in _faster_weave(job, result, kinds.get(ASSIGNED, 0.0)))
+    free = [ASSIGNED, RAPIDS, DWELLS]
     cornering = 1 - sum(kinds.get(x, 0.0) for x in free)
     yield from ([x] for x in _wider_corners(job, result, cornering))
     if run.timing.reserve > LEAST_RESERVE:
@@ -216,15 +217,12 @@ def _raised_limit(
     job: Job, run: Run, kind: str, joint: int | None, share: float
 ) -> Iterator[_Candidate]:
     """Yield a candidate with an increased limit; of joint limits, only that of `joint` changes."""
-    fields = {name: x for x, name in NAMES.items()}
-    name = fields.get(kind)
-    value = None if name is None else getattr(run.limits, name)
-    if name is None or value is None:
+    record = next((x for x in LIMITS.values() if x.label == kind), None)
+    value = None if record is None else getattr(run.limits, record.name)
+    if record is None or value is None:
         return
     # Estimated saving: time is proportional to 1 / speed, or to 1 / sqrt(acceleration).
-    expected_saving = share * (
-        1 - (1 / LIMIT_FACTOR if "speed" in name or "velocity" in name else LIMIT_FACTOR**-0.5)
-    )
+    expected_saving = share * (1 - LIMIT_FACTOR ** (-1 / record.order))
     words, condition = f"the {kind}", IF_PROCESS
     raised = np.array(value, dtype=np.float64)
     bounds = raised.reshape(raised.size if joint is None else len(raised), -1)
@@ -234,10 +232,12 @@ def _raised_limit(
     if joint is not None:
         words, condition = f"joint {joint + 1} {kind}", IF_DRIVE
     yield _Candidate(
-        label=f"Raise {words} {_describe_change(old, float(np.abs(limit).min()), UNITS[name])}",
-        edits=((f"limits.{name}", raised.tolist()),),
+        label=f"Raise {words} {_describe_change(old, float(np.abs(limit).min()), record.unit)}",
+        edits=((f"limits.{record.name}", raised.tolist()),),
         job=job,
-        run=replace(run, limits=run.limits.replace(**{name: raised if raised.ndim else limit[0]})),
+        run=replace(
+            run, limits=run.limits.replace(**{record.name: raised if raised.ndim else limit[0]})
+        ),
         expected_saving=expected_saving,
         condition=condition,
     )

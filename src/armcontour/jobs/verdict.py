@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from armcontour.core.render import number
 from armcontour.core.result import JUDGED, VERDICT, Row
+from armcontour.robot.limits import LIMITS
 
 if TYPE_CHECKING:
     from armcontour.jobs.job import Experiment, Run
@@ -22,7 +23,7 @@ Errors: TypeAlias = Mapping[str, Sequence[float]]
 # Default of the allowed contour error, as a share of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1
 # Name of the assigned velocity in explanations.
-ASSIGNED = "assigned velocity"
+ASSIGNED = LIMITS["speed"].label
 # Relative excess of a limit that is ignored as a rounding error.
 ROUNDING = 1e-9
 

@@ -16,12 +16,11 @@ from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.motion import Method, PathLaw, Trajectory, arm_of
-from armcontour.planning.constraints import Constraint, IntervalEnds
+from armcontour.planning.constraints import CONSTRAINTS, Constraint, IntervalEnds, assigned_speeds
 from armcontour.planning.law_checks import with_reserve
-from armcontour.planning.optimal import assigned_speeds
 from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
-from armcontour.robot.limits import JOINT_LIMITS
+from armcontour.robot.limits import LIMITS
 
 # A limit is active on an interval if its used share is at least this. Margins of the planner may
 # use the remainder. Below this share, the plan is in transition between two limits.
@@ -42,17 +41,6 @@ BETWEEN = "between two limits"
 # Labels of the time outside contours, by kind of move
 RAPIDS, DWELLS = "rapids between contours", "dwells"
 IDLE = {"rapid": RAPIDS, "dwell": DWELLS}
-# Labels of limits. If the used shares of two limits are equal, the first limit in this order is
-# active.
-NAMES = {
-    **{f"joint_{x}": x for x in ("torque", "velocity", "acceleration")},
-    "speed": "assigned velocity",
-    "centripetal_acceleration": "centripetal acceleration",
-    "tool_acceleration": "tool acceleration",
-    "angular_speed": "angular speed",
-    "angular_acceleration": "angular acceleration",
-    "joint_jerk": "jerk",
-}
 # Fields of `_LawExplanation` that are summed over contours: lengths and times.
 SUMMED = ("with_assigned", "reached")
 
@@ -332,7 +320,8 @@ def _explain_law(
     names: list[tuple[str, int | None]] = []
     used: list[FloatArray] = []
     reached = np.zeros(len(grid), dtype=bool)
-    for limit, name in NAMES.items():
+    # If the used shares of two limits are equal, the first limit is active.
+    for limit in (*(x for kind in CONSTRAINTS for x in kind.serves), "joint_jerk"):
         if limit == "speed" and np.isfinite(assigned).any():
             speed, _ = ends.states.measure("speed")
             used.append((speed.reshape(-1, 2).max(axis=1) / assigned)[:, None])
@@ -341,8 +330,8 @@ def _explain_law(
             used.append(ends.largest_use(limit, bounds))
         else:
             continue
-        joints = range(arm.dof) if limit in JOINT_LIMITS else (None,)
-        names += [(name, x) for x in joints]
+        joints = range(arm.dof) if LIMITS[limit].kind == "joint" else (None,)
+        names += [(LIMITS[limit].label, x) for x in joints]
     # A limit of the run that is used up, too, is the cause, not a slightly stricter constraint.
     free = np.concatenate(used, axis=1).max(axis=1) < ACTIVE
     for constraint in constraints:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
@@ -13,17 +13,13 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath, Law, LawAlongPath, PathLaw, Rates
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
-from armcontour.robot.limits import UNITS
+from armcontour.robot.limits import LIMITS
 
 # Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
 # less than 1e-4 below the true peak.
 PEAK_SAMPLES = 33
 # Rounding error by which a law may exceed a limit, as a share of the limit
 ROUNDING = 1e-6
-# Words that follow a unit in messages if the unit alone is ambiguous, by field of `Limits`
-UNIT_SUFFIXES = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
-# Limits that a reserve reduces.
-RESERVED = ("joint_acceleration", "joint_torque")
 # Limits that errors of `raise_too_fast` name.
 START, END = "start speed", "end speed"
 
@@ -34,8 +30,8 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
         return limits
     reduced = {
         name: (1 - reserve) * value
-        for name in RESERVED
-        if (value := getattr(limits, name)) is not None
+        for name, limit in LIMITS.items()
+        if limit.reserved and (value := getattr(limits, name)) is not None
     }
     return limits.replace(**reduced) if reduced else limits
 
@@ -103,15 +99,19 @@ def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
 def check_limits(
     laws: Sequence[LawAlongPath],
     arm: Arm,
-    limits: Limits,  # Limits; named limits that are None are not checked
-    names: Sequence[str],  # Fields of `Limits` to check
+    limits: Limits,
     *,
+    ignored: Collection[str],  # Fields of `Limits` that are not checked
     location: str,  # First words of the error message; the arc length follows
     t: float,  # Start time of the first law [s]
     remedy: str,  # Last sentence of the error message, without a period
 ) -> None:
-    """Raise NotRealizable if a law exceeds one of the named limits at a sample."""
-    limited = [name for name in names if getattr(limits, name) is not None]
+    """Raise NotRealizable if a law exceeds a limit at a sample; joint ranges are not checked."""
+    limited = [
+        name
+        for name, x in LIMITS.items()
+        if x.order and name not in ignored and getattr(limits, name) is not None
+    ]
     start = t
     for law in laws if limited else ():
         states = law_states(law, arm)
@@ -124,11 +124,13 @@ def check_limits(
             joint = int(index[1]) if len(index) == 2 else None
             needed, limit = use.value[index], np.broadcast_to(use.limit, ratio.shape)[index]
             subject = "the tool" if joint is None else f"joint {joint + 1}"
+            unit = f"{LIMITS[name].unit}"
+            turning = " of turning" if LIMITS[name].kind == "rotation" else ""
             intervals, times = sample_times(law)
             s = float(law.path_position(intervals[index[0]], times[index[0]]))
             raise NotRealizable(
-                f"{location}, at {s:.4g} m, {subject} would need {needed:.4g} {UNITS[name]}"
-                f"{UNIT_SUFFIXES.get(name, '')}, but its limit is {limit:.4g} {UNITS[name]}. "
+                f"{location}, at {s:.4g} m, {subject} would need {needed:.4g} {unit}{turning}"
+                f", but its limit is {limit:.4g} {unit}. "
                 f"{remedy}.",
                 s=s,
                 t=start + float(times[index[0]]),

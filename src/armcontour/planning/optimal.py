@@ -19,19 +19,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
-from armcontour.planning.constraints import (
-    AngularAcceleration,
-    AngularSpeed,
-    CentripetalAcceleration,
-    Constraint,
-    JointMotion,
-    JointTorque,
-    OnGrid,
-    ToolAcceleration,
-    ToolMetric,
-    ToolSpeed,
-    limits_on,
-)
+from armcontour.planning.constraints import CONSTRAINTS, Constraint, OnGrid, limits_on
 from armcontour.planning.law_checks import END, START, raise_too_fast
 from armcontour.planning.options import FASTEST, Optimal, Task
 from armcontour.planning.path_grid import (
@@ -48,7 +36,7 @@ from armcontour.planning.topp.limit_forms import GridLimits
 from armcontour.planning.topp.losses import estimate_losses
 from armcontour.planning.vanishing import reparametrize, rests_at_breaks
 from armcontour.robot import Arm, Limits
-from armcontour.robot.limits import TOOL_LIMITS, or_unlimited
+from armcontour.robot.limits import or_unlimited
 
 # The grid is refined while the margin for maxima inside intervals exceeds the share LARGEST_MARGIN
 # of a limit, at most MAX_REFINEMENTS times. The share grows by the factor MARGIN_GROWTH with each
@@ -121,51 +109,8 @@ def plan_optimal(
 
 def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
     """Make the constraints of the planner from the limits of an arm and a path."""
-    active: list[Constraint] = []
-    # The planner requires the rows with viscous friction first.
-    if limits.joint_torque is not None:
-        active.append(JointTorque(arm, limits.joint_torque))
-    dof = joint_path.dof
-    velocity = None if limits.joint_velocity is None else limits.velocity_bounds(dof)
-    acceleration = None if limits.joint_acceleration is None else limits.acceleration_bounds(dof)
-    if velocity is not None or acceleration is not None:
-        active.append(JointMotion(velocity, acceleration))
-    speed = assigned_speeds(joint_path, limits)
-    if joint_path.tool_path is None:
-        return active
-    assigned = bool(np.isfinite(speed).any())
-    if assigned or limits.centripetal_acceleration is not None:
-        metric = ToolMetric.measure(joint_path, arm)
-        if assigned:
-            active.append(ToolSpeed(speed, metric))
-        if limits.centripetal_acceleration is not None:
-            active.append(CentripetalAcceleration(limits.centripetal_acceleration, metric))
-    if limits.tool_acceleration is not None:
-        active.append(ToolAcceleration(limits.tool_acceleration, arm))
-    if limits.angular_speed is not None:
-        active.append(AngularSpeed(limits.angular_speed, arm))
-    if limits.angular_acceleration is not None:
-        active.append(AngularAcceleration(limits.angular_acceleration, arm))
-    return active
-
-
-def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,)."""
-    path, breaks = joint_path.tool_path, joint_path.breaks
-    if path is None:
-        tool = [x for x in TOOL_LIMITS if getattr(limits, x) is not None]
-        if tool:
-            raise InvalidInput(
-                "Limits of the tool need a tool path, but this joint path has none: plan a Path "
-                "or a traced joint path, or lift the limits with "
-                f"limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
-            )
-        return np.full(len(breaks) - 1, np.inf)
-    speed = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
-    speed = np.where(np.isnan(speed), np.inf, speed)
-    if len(speed) == 1:
-        return np.repeat(speed, len(breaks) - 1)
-    return np.asarray(speed[path.locate((breaks[:-1] + breaks[1:]) / 2)])
+    constraints = (x.of(joint_path, arm, limits) for x in CONSTRAINTS)
+    return [x for x in constraints if x is not None]
 
 
 def time_optimal(

@@ -28,14 +28,10 @@ from armcontour.robot import Arm, Limits
 
 # A lap next to a rest is divided into this many parts, because the speed changes much in it.
 PARTS_AT_REST = 10
-# Limits that are checked on every part, because the method does not guarantee them.
-CHECKED = (
-    "joint_velocity",
-    "joint_acceleration",
-    "joint_torque",
-    "angular_speed",
-    "angular_acceleration",
-)
+# Limits that the method guarantees; all others are checked on every part.
+GUARANTEED = ("speed", "centripetal_acceleration")
+# Limits that the conventional method ignores.
+IGNORED = (*GUARANTEED, "joint_velocity", "joint_acceleration", "tool_acceleration")
 
 
 @dataclass(slots=True)
@@ -221,7 +217,7 @@ def _check_part(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPh
         part.laws,
         arm,
         limits,
-        CHECKED,
+        ignored=GUARANTEED,
         location=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m "
         "along the path",
         t=start,
@@ -249,7 +245,7 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
         [law],
         arm,
         limits,
-        ("joint_torque", "angular_speed", "angular_acceleration"),
+        ignored=IGNORED,
         location="At uniform speed along the path",
         t=0.0,
         remedy="Reduce the assigned velocity, or plan by the method optimal",

@@ -17,12 +17,7 @@ from armcontour.core.errors import NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Time
 from armcontour.motion import JointPath, Law, PathLaw, Trajectory
-from armcontour.planning.constraints import (
-    AngularAcceleration,
-    Constraint,
-    OnGrid,
-    ToolAcceleration,
-)
+from armcontour.planning.constraints import CONSTRAINTS, Constraint, OnGrid
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
 from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.optimal import plan_optimal
@@ -167,12 +162,9 @@ class _PlanSpeed(Constraint):
 
 def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[float, Law] | None:
     """Delay 0 and the fastest stop, on the shortest feasible part of a path; None if infeasible."""
-    constraints: list[Constraint] = [_PlanSpeed()]
-    if limits.tool_acceleration is not None:
-        constraints.append(ToolAcceleration(limits.tool_acceleration, arm))
-    if limits.angular_acceleration is not None:
-        constraints.append(AngularAcceleration(limits.angular_acceleration, arm))
-    options = Optimal(constraints=tuple(constraints), start_speed=1.0, intervals=INTERVALS)
+    braking = (x.of(joint_path, arm, limits) for x in CONSTRAINTS if x.brakes)
+    constraints = (_PlanSpeed(), *(x for x in braking if x is not None))
+    options = Optimal(constraints=constraints, start_speed=1.0, intervals=INTERVALS)
     law, low, high = None, 0, len(joint_path.breaks) - 1
     while high - low > 1:
         middle = (low + high) // 2

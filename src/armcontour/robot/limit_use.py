@@ -14,7 +14,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.robot.arm import Arm
-from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
+from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, LIMITS, Limit, Limits
 from armcontour.robot.serial import SerialArm
 
 # Below this tool speed [m/s] the direction of motion is not defined, so the centripetal
@@ -135,15 +135,16 @@ class States:
         """Values of the quantity that a limit applies to, and bounds on their errors."""
         # The values are in the unit of the limit, (n, dof) of joints or (n,) of the tool. Joint
         # values are signed, except for torques.
-        if name not in QUANTITIES:
+        if name not in LIMITS:
             raise InvalidInput(
-                f"The use of {name!r} is undefined: it must be one of {', '.join(QUANTITIES)}."
+                f"The use of {name!r} is undefined: it must be one of {', '.join(LIMITS)}."
             )
-        order, measure = QUANTITIES[name]
-        if order >= len(self.columns):
-            raise InvalidInput(f"The use of {name} requires states with {ORDERS[order]}.")
+        limit = LIMITS[name]
+        if limit.order >= len(self.columns):
+            raise InvalidInput(f"The use of {name} requires states with {ORDERS[limit.order]}.")
         if name not in self._measured:
-            self._measured[name] = measure(self)
+            value = limit.rate(self) if limit.rate else self._derivative(limit)
+            self._measured[name] = value
         return self._measured[name]
 
     def use(self, name: str, limits: Limits) -> Use:
@@ -152,18 +153,14 @@ class States:
 
     def uses(self, limits: Limits) -> Iterator[Use]:
         """Yield the use of every specified limit that can be evaluated for these states and arm."""
-        for name in JOINT_RANGE:
-            use = use_of(name, limits, self.q, self.errors[0] if self.errors else 0.0)
-            if np.isfinite(use.limit).any():
-                yield use
-        for name, (order, _) in QUANTITIES.items():
-            if getattr(limits, name) is None or order >= len(self.columns):
-                continue
-            if name == "joint_torque" and not self.arm.has_bodies:
-                continue
-            if name.startswith("angular") and not isinstance(self.arm, SerialArm):
-                continue
-            yield self.use(name, limits)
+        for name, limit in LIMITS.items():
+            if (
+                getattr(limits, name) is not None
+                and limit.order < len(self.columns)
+                and (self.arm.has_bodies or not limit.needs_bodies)
+                and (limit.kind != "rotation" or isinstance(self.arm, SerialArm))
+            ):
+                yield self.use(name, limits)
 
     @cached_property
     def _tool_motion(self) -> tuple[FloatArray, FloatArray]:
@@ -204,6 +201,53 @@ class States:
                 moved[:, joint] += errors[joint]
                 yield function(*columns[:k], moved, *columns[k + 1 :]) - value
 
+    def _derivative(self, limit: Limit) -> Bounded:
+        """Derivatives of the joint positions, or norms of those of the tool pose."""
+        order, arm = limit.order, self.arm
+        if limit.kind == "joint":
+            known = order < len(self.errors)
+            return self.columns[order], self.errors[order] if known else np.zeros(1)
+        if limit.kind == "rotation":
+            tool = require_orientation(arm)
+            function = angular(tool.tool_twist if order == 1 else tool.tool_twist_rate)
+            vectors = function(*self.columns[: order + 1])
+        else:
+            # Both orders share one evaluation of the kinematics.
+            function = arm.tool_velocity if order == 1 else arm.tool_acceleration
+            vectors = self.tool_velocity if order == 1 else self.tool_acceleration
+        return length(vectors), self.spread(function, vectors, order)
+
+    def torque(self) -> Bounded:
+        """Absolute joint torques [N m]; at rest dry friction takes its most favourable value."""
+        drive, chain = self.arm.torque(self.q, self.dq, self.ddq), self.arm.chain
+        assert chain is not None and chain.coulomb is not None
+        dry = chain.coulomb
+
+        def without_dry(q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+            return np.asarray(self.arm.torque(q, dq, ddq) - dry * np.sign(dq))
+
+        others = drive - dry * np.sign(self.dq)
+        error = np.zeros_like(drive)
+        for change in self.changes(without_dry, others, 2):
+            error += np.abs(change)
+        helped = np.maximum(np.abs(others) - dry, 0.0)
+        value = np.where(np.abs(self.dq) <= STILL, helped, np.abs(drive))
+        if self.errors:
+            # If a joint may be at rest, the required torque may be as small as the torque at rest.
+            still = np.abs(self.dq) <= STILL + self.errors[1]
+            error += np.where(still, np.maximum(value - helped, 0.0), 0.0)
+        return value, error
+
+    def centripetal(self) -> Bounded:
+        """Tool accelerations normal to the motion, (n,), and bounds on their errors."""
+        speed, speed_error = self.measure("speed")
+        size, error = self.measure("tool_acceleration")
+        # An error of the direction of motion turns part of the tangential acceleration into normal
+        # acceleration.
+        turned = size * np.minimum(1.0, speed_error / np.maximum(speed, SLOWEST))
+        value = across(self.tool_velocity, self.tool_acceleration)
+        return value, np.where(speed > SLOWEST, error + turned, 0.0)
+
 
 def require_orientation(arm: Arm) -> SerialArm:
     """Return the arm if its tool has an orientation; otherwise raise an error."""
@@ -231,79 +275,3 @@ def across(velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
 def length(vectors: FloatArray) -> FloatArray:
     """Lengths of vectors, (n,)."""
     return np.asarray(np.linalg.norm(vectors, axis=1))
-
-
-def _joints(states: States, order: int) -> Bounded:
-    """Signed joint positions or their derivatives, (n, dof), and bounds on their errors."""
-    return states.columns[order], states.errors[order] if order < len(states.errors) else np.zeros(
-        1
-    )
-
-
-def _torque(states: States) -> Bounded:
-    """Absolute joint torques [N m]; at rest dry friction takes its most favourable value."""
-    drive, chain = states.arm.torque(states.q, states.dq, states.ddq), states.arm.chain
-    assert chain is not None and chain.coulomb is not None
-    dry = chain.coulomb
-
-    def without_dry(q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        return np.asarray(states.arm.torque(q, dq, ddq) - dry * np.sign(dq))
-
-    others = drive - dry * np.sign(states.dq)
-    error = np.zeros_like(drive)
-    for change in states.changes(without_dry, others, 2):
-        error += np.abs(change)
-    helped = np.maximum(np.abs(others) - dry, 0.0)
-    value = np.where(np.abs(states.dq) <= STILL, helped, np.abs(drive))
-    if states.errors:
-        # If a joint may be at rest, the required torque may be as small as the torque at rest.
-        still = np.abs(states.dq) <= STILL + states.errors[1]
-        error += np.where(still, np.maximum(value - helped, 0.0), 0.0)
-    return value, error
-
-
-def _vector(states: States, function: Quantity, order: int) -> Bounded:
-    """Norms of tool vectors, (n,), and bounds on their errors."""
-    vectors, error = states.bounded(function, order)
-    return length(vectors), error
-
-
-def _tool_motion(states: States, order: int) -> Bounded:
-    """Tool speeds or norms of tool accelerations, which share one evaluation of the kinematics."""
-    vectors = states.tool_velocity if order == 1 else states.tool_acceleration
-    function = states.arm.tool_velocity if order == 1 else states.arm.tool_acceleration
-    return length(vectors), states.spread(function, vectors, order)
-
-
-def _centripetal(states: States) -> Bounded:
-    """Tool accelerations normal to the motion, (n,), and bounds on their errors."""
-    (speed, speed_error), (size, error) = (
-        states.measure("speed"),
-        states.measure("tool_acceleration"),
-    )
-    # An error of the direction of motion turns part of the tangential acceleration into normal
-    # acceleration.
-    turned = size * np.minimum(1.0, speed_error / np.maximum(speed, SLOWEST))
-    value = across(states.tool_velocity, states.tool_acceleration)
-    return value, np.where(speed > SLOWEST, error + turned, 0.0)
-
-
-# For each limit: number of time derivatives of q that its quantity needs, and function that
-# evaluates the quantity.
-QUANTITIES: dict[str, tuple[int, Callable[[States], Bounded]]] = {
-    "joint_torque": (2, _torque),
-    "angular_speed": (
-        1,
-        lambda x: _vector(x, angular(require_orientation(x.arm).tool_twist), 1),
-    ),
-    "angular_acceleration": (
-        2,
-        lambda x: _vector(x, angular(require_orientation(x.arm).tool_twist_rate), 2),
-    ),
-    "joint_jerk": (3, lambda x: _joints(x, 3)),
-    "joint_velocity": (1, lambda x: _joints(x, 1)),
-    "joint_acceleration": (2, lambda x: _joints(x, 2)),
-    "speed": (1, lambda x: _tool_motion(x, 1)),
-    "tool_acceleration": (2, lambda x: _tool_motion(x, 2)),
-    "centripetal_acceleration": (2, _centripetal),
-}

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, Any
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from operator import methodcaller
+from typing import Annotated, Any, Literal, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked, quantities
+from armcontour.core.fields import Checked, checked, parts_of
 from armcontour.core.quantities import (
     About,
     AccelerationLimit,
@@ -27,13 +28,40 @@ from armcontour.core.quantities import (
     JointRanges,
     JointTorques,
     JointVelocities,
+    Quantity,
     SpeedLimit,
 )
 from armcontour.core.text import digits, format_table, short_repr, to_html
 
 JOINT_RANGE = ("joint_lower", "joint_upper")
-# Limits of joints that may differ between the two directions.
-DIRECTED = ("joint_velocity", "joint_acceleration")
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Record of a limit, in the annotation of its field of `Limits`.
+
+    Planner, stops, check, certificate, explanation, player and reports read the record. The
+    constraint of the planner names the field (`planning/constraints/`).
+    """
+
+    # Without `rate`, the derivative `order` of the joint positions is limited, or the norm of this
+    # derivative of the tool position, or of the orientation.
+    kind: Literal["joint", "tool", "rotation"]
+    order: int  # Number of time derivatives of the joint positions that the quantity requires
+    label: str  # Name in messages and explanations
+    _: KW_ONLY
+    power: int | None = None  # Exponent of the speed factor in the limit; by default `order`
+    # Function of `limit_use.States` that returns values of the quantity and bounds on their errors
+    rate: Callable[[Any], tuple[FloatArray, FloatArray]] | None = None
+    needs_bodies: bool = False  # True if the quantity requires the masses of the arm
+    reserved: bool = False  # True if the reserve of a plan reduces the limit
+    name: str = ""  # Name of the field
+    quantity: Quantity = Quantity("")  # Quantity of the field
+
+    @property
+    def unit(self) -> str:
+        """Unit for messages."""
+        return self.quantity.words
 
 
 @checks.explain_calls
@@ -70,17 +98,46 @@ class Limits(Checked):
         InvalidInput: A limit is not positive, bounds do not include zero, or a range is empty.
     """
 
-    joint_acceleration: Annotated[JointAccelerations | None, About(usual=(1e-2, 100.0))] = None
-    joint_velocity: Annotated[JointVelocities | None, About(usual=(1e-2, 10.0))] = None
-    joint_torque: JointTorques | None = None
-    joint_jerk: Annotated[JointJerks | None, About(usual=(1.0, 1e4))] = None
-    joint_lower: JointRanges | None = None
-    joint_upper: JointRanges | None = None
-    speed: Annotated[SpeedLimit | None, About("--speed", usual=(1e-3, 2.0))] = None
-    tool_acceleration: Annotated[AccelerationLimit | None, About(usual=(1e-2, 50.0))] = None
-    centripetal_acceleration: Annotated[AccelerationLimit | None, About(usual=(1e-2, 20.0))] = None
-    angular_speed: AngularSpeedLimit | None = None
-    angular_acceleration: AngularAccelerationLimit | None = None
+    joint_acceleration: Annotated[
+        JointAccelerations | None,
+        Limit("joint", 2, "acceleration", reserved=True),
+        About(usual=(1e-2, 100.0)),
+    ] = None
+    joint_velocity: Annotated[
+        JointVelocities | None, Limit("joint", 1, "velocity"), About(usual=(1e-2, 10.0))
+    ] = None
+    joint_torque: Annotated[
+        JointTorques | None,
+        Limit(
+            *("joint", 2, "torque"),
+            power=0,
+            rate=methodcaller("torque"),
+            needs_bodies=True,
+            reserved=True,
+        ),
+    ] = None
+    joint_jerk: Annotated[JointJerks | None, Limit("joint", 3, "jerk"), About(usual=(1.0, 1e4))] = (
+        None
+    )
+    joint_lower: Annotated[JointRanges | None, Limit("joint", 0, "range")] = None
+    joint_upper: Annotated[JointRanges | None, Limit("joint", 0, "range")] = None
+    speed: Annotated[
+        SpeedLimit | None,
+        Limit("tool", 1, "assigned velocity"),
+        About("--speed", usual=(1e-3, 2.0)),
+    ] = None
+    tool_acceleration: Annotated[
+        AccelerationLimit | None, Limit("tool", 2, "tool acceleration"), About(usual=(1e-2, 50.0))
+    ] = None
+    centripetal_acceleration: Annotated[
+        AccelerationLimit | None,
+        Limit("tool", 2, "centripetal acceleration", rate=methodcaller("centripetal")),
+        About(usual=(1e-2, 20.0)),
+    ] = None
+    angular_speed: Annotated[AngularSpeedLimit | None, Limit("rotation", 1, "angular speed")] = None
+    angular_acceleration: Annotated[
+        AngularAccelerationLimit | None, Limit("rotation", 2, "angular acceleration")
+    ] = None
     lifted: frozenset[str] = field(default=frozenset(), init=False)
 
     def _check_together(self) -> None:
@@ -260,7 +317,7 @@ class Limits(Checked):
     @checked
     def bounds(
         self,
-        name: Annotated[str, Choice((*DIRECTED, "joint_torque", "joint_jerk"))],
+        name: Annotated[str, Choice(JOINT_LIMITS)],
         dof: Annotated[int, AtLeast(1)],
     ) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bounds of a joint limit; infinite without a limit.
@@ -312,12 +369,26 @@ class Limits(Checked):
         return values is None or values.ndim < 2 or bool((values[:, 0] == -values[:, 1]).all())
 
 
-# Unit of each limit; units of the limits with values per joint; names of the tool limits; names of
-# the joint limits without the ranges.
-UNITS = {name: x.words for name, x in quantities(Limits).items()}
-JOINT_VALUES = {name: unit for name, unit in UNITS.items() if name.startswith("joint_")}
+def _read_records() -> dict[str, Limit]:
+    """Records of the limits by name, from the annotations of the fields."""
+    records = {}
+    for name, hint in get_type_hints(Limits, include_extras=True).items():
+        parts = list(parts_of(hint))
+        for limit in (x for x in parts if isinstance(x, Limit)):
+            (quantity,) = (x for x in parts if isinstance(x, Quantity))
+            power = limit.order if limit.power is None else limit.power
+            records[name] = dataclasses.replace(limit, name=name, quantity=quantity, power=power)
+    return records
+
+
+# Records of all limits; units of all limits and of those with values per joint; names of the tool
+# limits; names of the joint limits without the ranges, and of those with two directions.
+LIMITS = _read_records()
+UNITS = {name: x.unit for name, x in LIMITS.items()}
+JOINT_VALUES = {name: x.unit for name, x in LIMITS.items() if x.kind == "joint"}
 TOOL_LIMITS = tuple(x for x in UNITS if x not in JOINT_VALUES)
 JOINT_LIMITS = tuple(x for x in JOINT_VALUES if x not in JOINT_RANGE)
+DIRECTED = tuple(x for x in JOINT_LIMITS if LIMITS[x].quantity.bounds)
 
 
 def _is_unlimited(values: float | FloatArray) -> bool:

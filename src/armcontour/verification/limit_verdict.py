@@ -17,7 +17,7 @@ from armcontour.geometry import Path
 from armcontour.motion import Trajectory
 from armcontour.robot import Arm, Limits, SerialArm
 from armcontour.robot.limit_use import STILL, States, Use, use_of
-from armcontour.robot.limits import JOINT_RANGE
+from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, LIMITS
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
 from armcontour.verification.error_profile import maximize_smooth, smallest_angles
 
@@ -375,9 +375,9 @@ def _record_steps(
     q = law(t)
     jump = np.abs(q - law(t, side="left"))
     tally.record(Use("position_step", jump, POSITION_STEP), t, q)
-    limits = tally.limits
-    derived = (limits.joint_acceleration, limits.joint_torque, limits.joint_jerk)
-    if any(x is not None for x in derived):
+    # These limits of joints apply to derivatives of velocities.
+    derived = (name for name in JOINT_LIMITS if LIMITS[name].order > 1)
+    if any(getattr(tally.limits, name) is not None for name in derived):
         jump = np.abs(law(t, 1) - law(t, 1, side="left"))
         tally.record(Use("velocity_step", jump, velocity_step), t, q)
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.robot import Limits, SerialArm
-from armcontour.robot.limit_use import SLOWEST, States, across, angular, length
-from armcontour.robot.limits import DIRECTED, JOINT_LIMITS
+from armcontour.robot.limit_use import SLOWEST, Quantity, States, across, angular, length
+from armcontour.robot.limits import DIRECTED, JOINT_LIMITS, LIMITS
 from armcontour.verification.limit_verdict import LimitUseAccumulator
 
 # Fractions of a sample interval at which the distance of the cubic from the path is computed.
@@ -109,31 +109,30 @@ def _mean_rows(
     log: SampledMotion, states: States, limits: Limits
 ) -> tuple[list[tuple[str, Column, int]], list[Column], list[Column]]:
     """Rates to check (limit, column, difference order); columns of the joints and of the tool."""
-    # Velocities follow from positions, accelerations from velocities if available, and jerks from
-    # the highest derivative. The columns of the tool are positions, and velocities if joint
-    # velocities are known.
+    # A limited derivative follows from the highest known derivative below it. The columns of the
+    # tool are positions, and velocities if joint velocities are known.
     arm = states.arm
     joints = {
         order: (x, np.tile(log.errors[order], (len(log.t), 1)))
         for order, x in enumerate((log.q, log.dq, log.ddq))
         if x is not None
     }
-    bounds = [states.bounded(arm.tool_position, 0)]
+    vectors: dict[tuple[str, int], Quantity] = {("tool", 0): arm.tool_position}
     if log.dq is not None:
-        bounds.append(states.bounded(arm.tool_velocity, 1))
-    tool = [(values, off[:, None]) for values, off in bounds]
-    base, last = 0 if log.dq is None else 1, max(joints)
-    rows = [
-        ("joint_velocity", joints[0], 1),
-        ("joint_acceleration", joints[base], 2 - base),
-        ("joint_jerk", joints[last], 3 - last),
-        ("speed", tool[0], 1),
-        ("tool_acceleration", tool[base], 2 - base),
-    ]
-    if base and limits.angular_acceleration is not None and isinstance(arm, SerialArm):
-        rate, error = states.bounded(angular(arm.tool_twist), 1)
-        rows.append(("angular_acceleration", (rate, error[:, None]), 1))
-    return [x for x in rows if getattr(limits, x[0]) is not None], list(joints.values()), tool
+        vectors["tool", 1] = arm.tool_velocity
+        if limits.angular_acceleration is not None and isinstance(arm, SerialArm):
+            vectors["rotation", 1] = angular(arm.tool_twist)
+    known: dict[str, dict[int, Column]] = {"joint": joints, "tool": {}, "rotation": {}}
+    for (kind, order), function in vectors.items():
+        values, error = states.bounded(function, order)
+        known[kind][order] = values, error[:, None]
+    rows = []
+    for name, limit in LIMITS.items():
+        columns = {order: x for order, x in known[limit.kind].items() if order < limit.order}
+        if columns and limit.rate is None and getattr(limits, name) is not None:
+            order = max(columns)
+            rows.append((name, columns[order], limit.order - order))
+    return rows, list(joints.values()), list(known["tool"].values())
 
 
 def _record_angular_speed(

@@ -1,6 +1,7 @@
 """Constraints of the optimal planner: one subclass of `Constraint` for each kind of limit."""
 
 from armcontour.planning.constraints.constraint import (
+    CONSTRAINTS,
     Constraint,
     IntervalEnds,
     SecondOrder,
@@ -8,20 +9,14 @@ from armcontour.planning.constraints.constraint import (
 )
 from armcontour.planning.constraints.joint_limits import JointMotion, JointTorque
 from armcontour.planning.constraints.tool_limits import (
-    AngularAcceleration,
-    AngularSpeed,
-    CentripetalAcceleration,
     RapidSpeed,
-    ToolAcceleration,
-    ToolMetric,
-    ToolSpeed,
+    ToolConstraint,
+    assigned_speeds,
 )
 from armcontour.planning.topp.on_grid import OnGrid
 
 __all__ = [
-    "AngularAcceleration",
-    "AngularSpeed",
-    "CentripetalAcceleration",
+    "CONSTRAINTS",
     "Constraint",
     "IntervalEnds",
     "JointMotion",
@@ -29,8 +24,7 @@ __all__ = [
     "OnGrid",
     "RapidSpeed",
     "SecondOrder",
-    "ToolAcceleration",
-    "ToolMetric",
-    "ToolSpeed",
+    "ToolConstraint",
+    "assigned_speeds",
     "limits_on",
 ]

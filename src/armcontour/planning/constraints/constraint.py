@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +19,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import checked
-from armcontour.motion import PathLaw
+from armcontour.motion import JointPath, PathLaw
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import (
     HIGH,
@@ -37,7 +38,7 @@ from armcontour.planning.topp.limit_forms import (
 from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
-from armcontour.robot.limits import UNITS
+from armcontour.robot.limits import LIMITS
 
 # Times of the samples of an interval as shares of its duration, (5, 1)
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
@@ -91,7 +92,7 @@ class IntervalEnds:
         # The jerk `q''' ds³ + 3 q'' ds dds + q' s'''` can be largest inside an interval, so it is
         # sampled.
         n = len(self.grid)
-        if name != "joint_jerk":
+        if LIMITS[name].order < 3:
             ratio = self.states.use(name, limits).ratio.reshape(n, 2, -1)
             return np.asarray(ratio.max(axis=1))
         inside = States(self.arm, self.law.motion(*self.places, 3))
@@ -102,11 +103,24 @@ class IntervalEnds:
 class Constraint:
     """One limit along a path; this base class limits nothing."""
 
+    # Fields of `Limits`, for which the planner makes this constraint by `of`
+    serves: ClassVar[tuple[str, ...]] = ()
     name = ""  # Name in messages, such as "acceleration"
-    limit_name = ""  # Name of the field of `Limits` that sets the limit, for messages
     limit: float | FloatArray = np.inf  # Largest value; one number, or one per joint
     joints = False  # True if each joint has its own limit; explanations then name the joint
     curved = False  # True if the limit has a term in sqrt(x), viscous friction
+    brakes = False  # True if a limit of the tool also restricts the path acceleration
+
+    def __init_subclass__(cls) -> None:
+        """Register the class for the limits that it serves."""
+        if "serves" in vars(cls):
+            CONSTRAINTS.append(cls)
+            cls.name = LIMITS[cls.serves[0]].label if len(cls.serves) == 1 else ""
+
+    @classmethod
+    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> Constraint | None:
+        """Make the constraint of the limits that it serves; None if there are none."""
+        return None
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
         """Forms of the limit on a grid, see `topp.limit_forms`; none in this base class."""
@@ -151,6 +165,11 @@ def limits_on(path: OnGrid, active: Sequence[Constraint]) -> GridLimits:
     return combine_forms(
         [check_form(form, n, x.name) for x in active for form in x.discretize(path)], n
     )
+
+
+# Classes of constraints of `Limits`. The order is that of the planner, which requires the rows with
+# viscous friction first. An explanation prefers the first of two limits with equal shares.
+CONSTRAINTS: list[type[Constraint]] = []
 
 
 Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
@@ -220,7 +239,7 @@ def check_rest(
     allowed = float(high[row] if needed > high[row] else low[row])
     joint = int(row) if constraint.joints else None
     who = constraint.name if joint is None else f"joint {joint + 1} {constraint.name}"
-    unit = f" {UNITS[constraint.limit_name]}" if constraint.limit_name in UNITS else ""
+    unit = "".join(f" {LIMITS[x].unit}" for x in constraint.serves)
     raise NotRealizable(
         f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit in "
         f"this plan, less any reserve, is {allowed:.4g}{unit}. The arm cannot {cannot} there: "

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from armcontour.core.checks import FloatArray, kernel_array
+from armcontour.motion import JointPath
 from armcontour.planning.constraints.constraint import Constraint, check_rest
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import (
@@ -23,11 +24,60 @@ from armcontour.planning.topp.limit_forms import (
     LinearRows,
 )
 from armcontour.planning.topp.on_grid import ROUNDING, OnGrid
-from armcontour.robot import Arm
+from armcontour.robot import Arm, Limits
+
+
+class JointTorque(Constraint):
+    """`|a u + b x + c + viscous q' sqrt(x) + coulomb sign(q')| <= limit` for every joint."""
+
+    serves = ("joint_torque",)
+    limit: FloatArray  # Largest torques [N m], (dof,)
+    joints = True
+
+    def __init__(self, arm: Arm, limit: FloatArray) -> None:
+        self.dynamics = arm.dynamics
+        self.limit = np.array(limit)
+        chain = self.dynamics.chain
+        self.viscous, self.coulomb = np.array(chain.viscous), np.array(chain.coulomb)
+        self.curved = bool(self.viscous.any())
+
+    @classmethod
+    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointTorque | None:
+        """Make the constraint of the torques; None if they are not limited."""
+        return None if limits.joint_torque is None else cls(arm, limits.joint_torque)
+
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
+        """Rows of the torques, with limits less dry friction, and any form of viscous friction."""
+        terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
+        rows = path.rows(terms, *bounds)
+        weight = path.at_ends(terms[2])
+        check_rest(path.grid, self, weight, bounds)
+        if not (self.curved or self.coulomb.any()):
+            return (rows,)
+        (first, _), (third, _) = path.derivatives
+        bulge = path.grid.width[:, None] ** 2 / 8 * third
+        size = np.abs(first)
+        largest = size.max(axis=1) + bulge
+        one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > bulge)
+        sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
+        dry = np.where(largest > 0, self.coulomb, 0.0)
+        # If a joint may reverse, dry friction counts against both limits.
+        above, below = np.where(one_way, sign, 1.0) * dry, np.where(one_way, sign, -1.0) * dry
+        creeping = weight + np.where(weight > 0, above[:, None], below[:, None])
+        when = "in the slowest motion, with friction"
+        check_rest(path.grid, self, creeping, bounds, when=when, cannot="move")
+        rows.ends[..., LOW] -= below[:, None]
+        rows.ends[..., HIGH] -= above[:, None]
+        if not self.curved:
+            return (rows,)
+        within = np.stack([self.viscous * largest, self.viscous * bulge, sign], axis=2)
+        return rows, Friction(self.viscous * first, within)
 
 
 class JointMotion(Constraint):
     """Bounds of the velocities `q' ds` and accelerations `q' dds + q'' ds²` of every joint."""
+
+    serves = ("joint_velocity", "joint_acceleration")
 
     def __init__(
         self,
@@ -40,6 +90,16 @@ class JointMotion(Constraint):
         none = np.empty((2, 0))
         self.velocity = none if velocity is None else np.stack(velocity)
         self.low, self.high = none if acceleration is None else map(kernel_array, acceleration)
+
+    @classmethod
+    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointMotion | None:
+        """Make the constraint of velocities and accelerations; None if neither is limited."""
+        bounds = (
+            None if getattr(limits, name) is None else limits.bounds(name, joint_path.dof)
+            for name in cls.serves
+        )
+        velocity, acceleration = bounds
+        return cls(velocity, acceleration) if velocity or acceleration else None
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of accelerations on each interval [rad/s²], (n, joints) each."""
@@ -78,46 +138,3 @@ class JointMotion(Constraint):
         rise[..., BY_X] = w**2 / 8 * fourth + ROUNDING / w * q1
         rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
         return LinearRows(ends, rise)
-
-
-class JointTorque(Constraint):
-    """`|a u + b x + c + viscous q' sqrt(x) + coulomb sign(q')| <= limit` for every joint."""
-
-    name = "torque"
-    limit_name = "joint_torque"
-    limit: FloatArray  # Largest torques [N m], (dof,)
-    joints = True
-
-    def __init__(self, arm: Arm, limit: FloatArray) -> None:
-        self.dynamics = arm.dynamics
-        self.limit = np.array(limit)
-        chain = self.dynamics.chain
-        self.viscous, self.coulomb = np.array(chain.viscous), np.array(chain.coulomb)
-        self.curved = bool(self.viscous.any())
-
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Rows of the torques, with limits less dry friction, and any form of viscous friction."""
-        terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
-        rows = path.rows(terms, *bounds)
-        weight = path.at_ends(terms[2])
-        check_rest(path.grid, self, weight, bounds)
-        if not (self.curved or self.coulomb.any()):
-            return (rows,)
-        (first, _), (third, _) = path.derivatives
-        bulge = path.grid.width[:, None] ** 2 / 8 * third
-        size = np.abs(first)
-        largest = size.max(axis=1) + bulge
-        one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > bulge)
-        sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
-        dry = np.where(largest > 0, self.coulomb, 0.0)
-        # If a joint may reverse, dry friction counts against both limits.
-        above, below = np.where(one_way, sign, 1.0) * dry, np.where(one_way, sign, -1.0) * dry
-        creeping = weight + np.where(weight > 0, above[:, None], below[:, None])
-        when = "in the slowest motion, with friction"
-        check_rest(path.grid, self, creeping, bounds, when=when, cannot="move")
-        rows.ends[..., LOW] -= below[:, None]
-        rows.ends[..., HIGH] -= above[:, None]
-        if not self.curved:
-            return (rows,)
-        within = np.stack([self.viscous * largest, self.viscous * bulge, sign], axis=2)
-        return rows, Friction(self.viscous * first, within)

@@ -13,13 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
 from armcontour.motion import JointPath
 from armcontour.planning.constraints.constraint import Constraint
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.topp.on_grid import OnGrid
-from armcontour.robot import Arm
+from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import require_orientation
+from armcontour.robot.limits import TOOL_LIMITS
 
 # Positions of the samples on a piece of the joint path, as shares of its length, (9, 1)
 PIECE_SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
@@ -106,31 +108,82 @@ def _speed_and_acceleration(
     return speed, along, np.sqrt(np.einsum("ij,ij->i", across, across))
 
 
-class ToolSpeed(Constraint):
-    """Limit `tool speed <= assigned velocity`."""
+def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
+    """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,)."""
+    path, breaks = joint_path.tool_path, joint_path.breaks
+    if path is None:
+        tool = [x for x in TOOL_LIMITS if getattr(limits, x) is not None]
+        if tool:
+            raise InvalidInput(
+                "Limits of the tool need a tool path, but this joint path has none: plan a Path "
+                "or a traced joint path, or lift the limits with "
+                f"limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
+            )
+        return np.full(len(breaks) - 1, np.inf)
+    speed = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
+    speed = np.where(np.isnan(speed), np.inf, speed)
+    if len(speed) == 1:
+        return np.repeat(speed, len(breaks) - 1)
+    return np.asarray(speed[path.locate((breaks[:-1] + breaks[1:]) / 2)])
 
-    name = "assigned velocity"
 
-    def __init__(self, speed: FloatArray, metric: ToolMetric) -> None:
-        # `speed`: assigned velocity on each piece of the joint path [m/s], (pieces,); `metric`:
-        # tool motion at ds = 1.
-        self._ceiling: FloatArray = (speed / metric.speed) ** 2
+class ToolPace(Constraint):
+    """Limits of ds²: `tool speed <= assigned velocity`, and `curvature ds² <= limit`.
+
+    The second limit is that of the centripetal acceleration, which the paper uses in corners.
+    """
+
+    serves = ("speed", "centripetal_acceleration")
+
+    def __init__(
+        self, metric: ToolMetric, speed: FloatArray | None, centripetal: float | None
+    ) -> None:
+        # `metric`: tool motion at ds = 1; `speed`: assigned velocity on each piece of the joint
+        # path [m/s], (pieces,); `centripetal`: largest centripetal acceleration [m/s²].
+        self._metric, self._centripetal = metric, centripetal
+        self._ceiling = None if speed is None else (speed / metric.speed) ** 2
+
+    @classmethod
+    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> ToolPace | None:
+        """Make the constraint of assigned velocities and centripetal acceleration, if any."""
+        speed, centripetal = assigned_speeds(joint_path, limits), limits.centripetal_acceleration
+        assigned = speed if np.isfinite(speed).any() else None
+        if assigned is None and centripetal is None:
+            return None
+        return cls(ToolMetric.measure(joint_path, arm), assigned, centripetal)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Upper bound of ds² on each interval, the same as on its piece of the joint path."""
-        ceiling = np.empty((len(path), 2))
-        ceiling[:] = self._ceiling[path.grid.piece, None]
-        return (Ceiling(ceiling),)
+        """Upper bounds of ds² at both interval ends; ds² stays below the chord between them."""
+        if self._ceiling is not None:
+            ceiling = np.empty((len(path), 2))
+            ceiling[:] = self._ceiling[path.grid.piece, None]
+            yield Ceiling(ceiling)
+        if self._centripetal is not None:
+            with np.errstate(divide="ignore"):
+                curved = self._centripetal / self._metric.curvature_on(path.grid)
+            yield Ceiling(np.ascontiguousarray(curved.T))
 
 
-class RapidSpeed(Constraint):
-    """Limit `tool speed <= limit` along a joint path without a tool path."""
+class ToolConstraint(Constraint):
+    """Base of constraints with one limit of the tool, which is a number."""
 
-    name = "rapid speed"
+    brakes = True
+    limit: float
 
     def __init__(self, limit: float, arm: Arm) -> None:
-        # `limit`: largest tool speed [m/s].
-        self.limit, self._arm = limit, arm
+        self.limit, self.arm = limit, arm
+
+    @classmethod
+    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> Constraint | None:
+        """Make the constraint of the limit; None without a limit."""
+        limit = getattr(limits, cls.serves[0])
+        return None if limit is None else cls(limit, arm)
+
+
+class RapidSpeed(ToolConstraint):
+    """Limit `tool speed <= limit` [m/s] along a joint path without a tool path."""
+
+    name = "rapid speed"
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
         """Upper bound of ds² on each interval, from samples of the tool speed."""
@@ -138,73 +191,46 @@ class RapidSpeed(Constraint):
         grid = path.grid
         s = grid.s[:-1] + INTERVAL_SAMPLES * grid.width
         pieces = np.broadcast_to(grid.piece, s.shape)
-        speed = _measure(grid.joint_path, self._arm, pieces, s)[0]
+        speed = _measure(grid.joint_path, self.arm, pieces, s)[0]
         bound = 2 * speed.max(axis=0) - speed.min(axis=0)
         with np.errstate(divide="ignore"):
             ceiling = (self.limit / bound) ** 2
         return (Ceiling(np.stack([ceiling, ceiling], axis=1)),)
 
 
-class CentripetalAcceleration(Constraint):
-    """Limit `curvature ds² <= limit`, which the paper uses in corners."""
+class ToolAcceleration(ToolConstraint):
+    """Limit `|p' dds + p'' ds²| <= limit` of the acceleration of the tool position p [m/s²]."""
 
-    name = "centripetal acceleration"
-
-    def __init__(self, limit: float, metric: ToolMetric) -> None:
-        # `limit`: largest centripetal acceleration [m/s²]; `metric`: tool motion at ds = 1.
-        self.limit, self.metric = limit, metric
-
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Upper bounds of ds² at both interval ends; ds² stays below the chord between them."""
-        with np.errstate(divide="ignore"):
-            ceiling = self.limit / self.metric.curvature_on(path.grid)
-        return (Ceiling(np.ascontiguousarray(ceiling.T)),)
-
-
-class ToolAcceleration(Constraint):
-    """Limit `|p' dds + p'' ds²| <= limit` of the acceleration of the tool position p."""
-
-    name = "tool acceleration"
-    limit: float  # Largest length of the acceleration vector [m/s²]
-
-    def __init__(self, limit: float, arm: Arm) -> None:
-        self.limit, self._arm = limit, arm
+    serves = ("tool_acceleration",)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
         """Vectors in a frame that turns with the motion, in which they are constant on circles."""
-        speed, along, across = _speed_and_acceleration(*self._arm.tool_motion(*path.motion))
+        speed, along, across = _speed_and_acceleration(*self.arm.tool_motion(*path.motion))
         first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
         return (path.round(first, second, self.limit),)
 
 
-class AngularSpeed(Constraint):
-    """Limit `|w|² ds² <= limit²`, where w is the angular velocity of the tool at ds = 1."""
+class AngularSpeed(ToolConstraint):
+    """Limit `|w|² ds² <= limit²`, where w is the angular velocity of the tool at ds = 1 [rad/m]."""
 
-    name = "angular speed"
-
-    def __init__(self, limit: float, arm: Arm) -> None:
-        # `limit`: largest angular speed of the tool [rad/s].
-        self.limit, self._tool = limit, require_orientation(arm)
+    serves = ("angular_speed",)
+    brakes = False
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
         """Square of the angular speed at ds = 1, divided by the square of the limit."""
         q, first, _ = path.motion
-        w = self._tool.tool_twist(q, first)[:, 3:]
+        w = require_orientation(self.arm).tool_twist(q, first)[:, 3:]
         return (path.square(np.einsum("ij,ij->i", w, w) / self.limit**2),)
 
 
-class AngularAcceleration(Constraint):
+class AngularAcceleration(ToolConstraint):
     """Limit `|w dds + w' ds²| <= limit`, where w is the angular velocity of the tool at ds = 1."""
 
-    name = "angular acceleration"
-    limit: float  # Largest length of the angular acceleration vector [rad/s²]
-
-    def __init__(self, limit: float, arm: Arm) -> None:
-        self.limit, self._tool = limit, require_orientation(arm)
+    serves = ("angular_acceleration",)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
         """Angular velocity at ds = 1 and its derivative in s, as vectors."""
-        q, first, second = path.motion
-        w = self._tool.tool_twist(q, first)[:, 3:]
-        rate = self._tool.tool_twist_rate(q, first, second)[:, 3:]
+        (q, first, second), tool = path.motion, require_orientation(self.arm)
+        w = tool.tool_twist(q, first)[:, 3:]
+        rate = tool.tool_twist_rate(q, first, second)[:, 3:]
         return (path.round(w, rate, self.limit),)

@@ -9,10 +9,11 @@ from armcontour.core.result import Data, Row
 from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.jobs import JobResult, RunResult, warnings_of
 from armcontour.jobs.plan_quantities import assumed_numbers
-from armcontour.planning.explanation import BETWEEN, NAMES
+from armcontour.planning.explanation import BETWEEN
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
 from armcontour.report.style import few
+from armcontour.robot.limits import LIMITS
 
 # Names of the values for tiles; the first three known values are shown.
 TILES = ("duration", "off_drawing", "time_limit", "speed")
@@ -27,7 +28,7 @@ COLUMNS = {
 EXPERIMENT_PREFIX = "experiment."
 # Maximum number of time shares on the first screen, and names of the limits that a reserve reduces.
 MAX_SHARES = 4
-RESERVED_NAMES = (NAMES["joint_acceleration"], NAMES["joint_torque"])
+RESERVED_NAMES = {x.label for x in LIMITS.values() if x.reserved}
 
 
 def front(study: JobResult) -> Front:

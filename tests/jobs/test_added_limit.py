@@ -1,0 +1,71 @@
+"""A new limit is one record and one class: planner, stops, check and all others follow."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import armcontour as ac
+from armcontour.planning.constraints import CONSTRAINTS
+from armcontour.robot.limit_use import States
+from armcontour.robot.limits import JOINT_RANGE, LIMITS
+
+# The limit of `added_limit.py`, and its value [m/s²].
+NAME, LIMIT = "path_acceleration", 0.1
+# Bound of the differences of tool speeds, which are not exact.
+ROUNDING = 1e-5
+
+
+@pytest.fixture(scope="module")
+def facts():
+    command = [sys.executable, "-m", "tests.jobs.added_limit"]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, encoding="utf-8")
+    return json.loads(done.stdout)
+
+
+def test_plans_stops_and_certificates_satisfy_it(facts):
+    along = facts["along"]
+    assert along.pop("free") > 1.5 * LIMIT
+    for name in ("planned", "certified", "jerk", "stopped"):
+        assert 0.98 * LIMIT < along[name] < LIMIT * (1 + ROUNDING), name
+
+
+def test_check_and_evaluation_judge_it(facts):
+    kept = {"planned": "kept", "free": "violated", "samples": "violated"}
+    assert facts["checked"] == {**kept, "positions": "cannot tell"}
+    assert facts["violations"] == facts["not judged"] == [NAME]
+    assert facts["ratio"] == pytest.approx(1, rel=1e-3)
+
+
+def test_explanation_and_certificate_name_it(facts):
+    assert max(facts["explained"], key=facts["explained"].get) == "path acceleration"
+    assert "path acceleration" in facts["certificate"]
+
+
+def test_the_player_scales_it_and_refuses_a_plan_that_exceeds_it(facts):
+    assert facts["played"] == pytest.approx(LIMIT / 4)
+    assert facts["refused"] == [NAME, LIMIT]
+
+
+def test_job_files_and_the_form_have_it(facts):
+    assert facts["read"] == LIMIT
+    assert facts["form"] == ["m/s²", "Largest acceleration of the tool along the path."]
+
+
+def test_every_limit_has_a_constraint_or_its_own_place():
+    # The ranges belong to tracing, the jerk to a planner of its own.
+    served = [*JOINT_RANGE, "joint_jerk", *(x for kind in CONSTRAINTS for x in kind.serves)]
+    assert sorted(served) == sorted(LIMITS)
+
+
+def test_every_record_is_complete_and_can_be_evaluated():
+    arm = ac.load_arm("ur5e")
+    states = States(arm, [arm.limits.middle(6)[None] + 0.1 * k for k in range(4)])
+    for name, limit in LIMITS.items():
+        assert limit.name == name and limit.label and limit.unit and limit.power is not None
+        values, error = states.measure(name)
+        assert values.shape == ((1, 6) if limit.kind == "joint" else (1,))
+        assert not error.any()
