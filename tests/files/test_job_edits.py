@@ -1,11 +1,14 @@
 """Keys of job files are set in their text; the rest stays as it was written."""
 
 import copy
+from difflib import SequenceMatcher, ndiff
+from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.files.tables import refusals
 
+import armcontour
 from armcontour.core.yaml_loader import load
 from armcontour.files.job_text_edits import (
     REMOVE,
@@ -14,6 +17,7 @@ from armcontour.files.job_text_edits import (
     change_text,
     file_names,
     move_files,
+    value_at,
 )
 from armcontour.files.patch import write_patch
 
@@ -38,9 +42,11 @@ def test_keys_are_set_where_they_stand_or_last_in_their_mapping():
     patched = write_patch(TEXT, {("arm", "work"): {"position": [1.5, 0, 0]}, ("name",): "new"})
     changed = [b for a, b in zip(TEXT.splitlines(), patched.splitlines(), strict=True) if a != b]
     assert changed == ["name: new   # its name", "  work: {position: [1.5, 0, 0]}  # here"]
-    # A block is replaced by one line, and what follows stays.
+    # Keys that stay keep their lines, and what follows stays.
     patched = write_patch(TEXT, {("path", "frame"): {"position": [0, 0, 1]}})
-    assert "  frame: {position: [0, 0, 1]}\n  # After it.\nruns: {a: {}}\n" in patched
+    assert "  frame:\n    position: [0, 0, 1]   # where\n  # After it.\nruns: {a: {}}" in patched
+    patched = write_patch(TEXT, {("path", "frame"): {"x": 1}})
+    assert "path:\n  frame: {x: 1}\n  # After it.\nruns: {a: {}}\n" in patched
     patched = write_patch(TEXT, {("limits", "tool"): 2, ("arm", "tool"): 1, ("runs", "a", "b"): 3})
     assert "limits: {speed: 1 m/s, tool: 2}  # of the tool" in patched
     assert "  work: {position: [0, 0, 0]}  # here\n  tool: 1\nlimits:" in patched
@@ -57,7 +63,7 @@ def test_files_are_named_from_another_folder(tmp_path):
         (tmp_path / name).write_text("")
     text = "arm: ../arm.yaml  # mine\npath: {file: '../part.dxf', names: [file]}\nother: part.dxf\n"
     assert move_files(text, tmp_path / "jobs", tmp_path / "out") == (
-        "arm: ../arm.yaml  # mine\npath: {file: ../part.dxf, names: [file]}\nother: part.dxf\n"
+        "arm: ../arm.yaml  # mine\npath: {file: '../part.dxf', names: [file]}\nother: part.dxf\n"
     )
     moved = move_files(text, tmp_path / "jobs", tmp_path)
     assert moved.startswith("arm: arm.yaml  # mine\npath: {file: part.dxf,")
@@ -65,7 +71,7 @@ def test_files_are_named_from_another_folder(tmp_path):
     assert move_files(gone, tmp_path, tmp_path / "out") == gone
     # All files are found, and those that are there are moved.
     text = "arm: {file: a.urdf, srdf: a.srdf}\npath: {file: p.dxf}\nscene: {files: [s.urdf]}\n"
-    assert file_names(text) == ["a.urdf", "a.srdf", "p.dxf", "s.urdf"]
+    assert file_names(load(text, "")) == ["a.urdf", "a.srdf", "p.dxf", "s.urdf"]
     for name in ("a.srdf", "s.urdf"):
         (tmp_path / name).touch()
     moved = move_files(text, tmp_path, tmp_path / "in")
@@ -81,7 +87,7 @@ SCALARS = st.sampled_from([
 KEYS = st.sampled_from(["a", "b", "größe", "x-1", "'on'", "7"])
 NEW = st.recursive(
     st.sampled_from(
-        [1, 0.25, "2 mm", "1e3", "no", "a: b # c", "é\nü", None, False, "", "- x", "7"]
+        [1, 0.25, "2 mm", "1e3", "no", "a: b # c", "é: ü'", None, False, "", "- x", "7"]
     ),
     lambda x: (
         st.dictionaries(st.sampled_from(["p", "q", 3]), x, max_size=2) | st.lists(x, max_size=3)
@@ -215,13 +221,93 @@ def lines_of(text, key):
     return stripped
 
 
-def test_aliases_and_positions_that_are_not_there_are_refused():
-    text = "a: &x [1, 2]\nb: *x\nc: {<<: &y {k: 1}, l: 2}\n"
-    shared = [(x, "other keys share its value") for x in (("b", 0), ("b",), ("a", 0), ("a",))]
-    refusals(lambda x: change_text(text, [Change(x, 5)]), shared)
-    words = "b.k is not changed, because other keys share its value ... write b.k: 2"
-    refusals(lambda x: write_patch("a: &x {k: 1}\nb: *x\n", {x: 2}), [(("b", "k"), words)])
-    absent = [(("a", 3), "a (item 4) ... only 2 items")]
-    refusals(lambda x: change_data({"a": [1, 2]}, [Change(x, 1)]), absent)
-    # What is merged can be had as a key of its own.
+# A list with a line and a comment per item, and other layouts of hands.
+LAYOUTS = """\
+path:
+    points: [
+        [0 mm, 0 mm],     # start
+        [10 mm, 0 mm],
+        # the corner
+        [10 mm, 20 mm],   # end
+    ]
+segments:
+- to: [1, 2]     # first
+  via: [0, 1]
+# between
+-   {to: [3, 4],
+     speed: 0.350}   # second
+base: &base
+    speed: '1 m/s'
+runs: {a: *base, b: {<<: *base}}
+"""
+
+
+def test_edits_keep_layouts_and_comments():
+    def lines(*changes):
+        """Removed and added lines of changes."""
+        new = change_text(LAYOUTS, [Change(*x) for x in changes])
+        compared = ndiff(LAYOUTS.splitlines(), new.splitlines())
+        return [x for x in compared if x[0] in "+-"]
+
+    point = ["5 mm", "5 mm"]
+    assert lines((("path", "points", 1), point, True)) == ["+         [5 mm, 5 mm],"]
+    assert lines((("path", "points", 0), point, True)) == ["+         [5 mm, 5 mm],"]
+    assert lines((("path", "points", 3), point, True)) == [
+        "-         [10 mm, 20 mm],   # end",
+        "+         [10 mm, 20 mm], [5 mm, 5 mm],   # end",
+    ]
+    assert lines((("path", "points", 1),)) == ["-         [10 mm, 0 mm],"]
+    assert lines((("path", "points", 2),)) == ["-         [10 mm, 20 mm],   # end"]
+    assert lines((("path", "points", 0, 1), 0.5)) == [
+        "-         [0 mm, 0 mm],     # start",
+        "+         [0 mm, 0.5],     # start",
+    ]
+    assert lines((("segments", 0, "to"),)) == [
+        "- - to: [1, 2]     # first",
+        "-   via: [0, 1]",
+        "+ - via: [0, 1]",
+    ]
+    assert lines((("segments", 1, "to"),)) == [
+        "- -   {to: [3, 4],",
+        "-      speed: 0.350}   # second",
+        "+ -   {speed: 0.350}   # second",
+    ]
+    assert lines((("segments", 1), {"to": [5, 6]}, True)) == ["+ - {to: [5, 6]}"]
+    assert lines((("runs", "a", "kp"), 5)) == [
+        "- runs: {a: *base, b: {<<: *base}}",
+        "+ runs: {a: {speed: 1 m/s, kp: 5}, b: {<<: *base}}",
+    ]
+
+
+def test_an_edit_of_a_job_changes_one_place_of_its_text():
+    """Keys of the jobs and cells of the package are set, added and removed."""
+    folder, edits = Path(armcontour.__file__).parent, 0
+    for file in [*folder.glob("jobs/library/*.yaml"), *folder.glob("files/cells/*.yaml")]:
+        text = file.read_text("utf-8")
+        data = load(text, file.name)
+        for keys in places(data):
+            for value in ("7 mm", REMOVE):
+                new = change_text(text, [Change(keys, value)])
+                lines = SequenceMatcher(None, text.splitlines(), new.splitlines(), autojunk=False)
+                changes = [x for x in lines.get_opcodes() if x[0] != "equal"]
+                # Comments between a key and the mapping below the key stay.
+                outer = keys[:-1] if value is REMOVE and value_at(data, keys) is not None else keys
+                between = isinstance(value_at(data, outer), dict)
+                assert len(changes) <= 1 + between, (file, keys)
+                edits += 1
+    assert edits > 500
+
+
+def test_aliases_are_replaced_by_their_values_or_refused():
+    text = "a: &x [1, 2]\nb: *x   # so\nc: {<<: &y {k: 1}, l: 2}\n"
+    assert change_text(text, [Change(("b", 0), 5)]) == text.replace("*x", "[5, 2]")
+    changed = text.replace("[1, 2]", "[1, 3]").replace("*x", "[1, 2]")
+    assert change_text(text, [Change(("a", 1), 3)]) == changed
+    # What is merged can be had as a key of its own, but not removed.
     assert "c: {<<: &y {k: 1}, l: 2, k: 3}" in change_text(text, [Change(("c", "k"), 3)])
+    shared = [(x, "other keys share the value ... by hand") for x in (("a",), ("c", "k"))]
+    refusals(lambda x: change_text(text, [Change(x)]), shared)
+    # The new key would be merged too.
+    refusals(lambda x: change_text(LAYOUTS, [Change(x, 1)]), [(("base", "kp"), "by hand")])
+    absent = [(("a", 3), "a (item 4) ... only 2 items"), (("a", "b"), "only 2 items")]
+    refusals(lambda x: change_data({"a": [1, 2]}, [Change(x, 1, insert=True)]), absent)

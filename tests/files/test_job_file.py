@@ -119,7 +119,7 @@ def test_a_file_that_is_no_job(tmp_path):
     tens = zip("abcdefgh", "bcdefghi", strict=True)
     flood = "".join(f"{y}: &{y} [{', '.join(['*' + x] * 10)}]\n" for x, y in tens)
     table = [
-        ("{", "not valid YAML: ... line 1"),
+        ("{", "not valid YAML: ... line 2"),
         ("- 1", "must be a mapping"),
         ("", "must be a mapping"),
         ("name: a\nname: b", "'name' is repeated"),

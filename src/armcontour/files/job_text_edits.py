@@ -5,25 +5,33 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
-from functools import lru_cache
+from math import inf
 from pathlib import Path as FilePath
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import yaml
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import show
-from armcontour.core.yaml_loader import Loader, load_with_node
+from armcontour.core.yaml_loader import TAG, Loader, load
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.key_errors import key_text
-from armcontour.files.yaml_text import SharedValue, Splice, YamlText, equal_data, flow_text
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
 # Keys whose values are file names relative to the folder of the job file.
 FILE_NAME_KEYS = ("file", "files", "joint_limits", "srdf")
+# Maximum length of a line [characters]; a longer mapping or list is written in block style.
+WIDTH = 100
+# The key that merges another mapping.
+MERGE = "<<"
+# Maximum number of passes over a text; a pass removes or adds keys of each mapping.
+MAX_PASSES = 50
+# The dash of the next item in a list, after an anchor or comments.
+DASH = re.compile(r"(?:&\S++|\s|#.*+)*+-")
+ALIAS = re.compile(r"(?:[\s,\[-]|#.*+)*+(\*[^\s,\[\]{}]+)")
+# Rest of the line after the last value of the line.
+REST = re.compile(r"[ \t]*,?[ \t]*(?:#.*)?(?:\r?\n|\Z)")
 
 
 class Remove(Enum):
@@ -35,8 +43,7 @@ class Remove(Enum):
 REMOVE: Final = Remove.REMOVE
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
+class Change(NamedTuple):
     """Change of one key of a job file: set a value, insert it into a list, or remove the key."""
 
     # Key path of the value, from the outermost key; a number is a list index, from 0, or the key of
@@ -48,128 +55,120 @@ class Change:
     insert: bool = False
 
 
+class Dumper(yaml.SafeDumper):
+    """Dumper that quotes texts which `Loader` would read as other values."""
+
+    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """True, so that repeated values are written in full, without anchors and aliases."""
+        return True
+
+    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
+        """Indent lists in mappings."""
+        super().increase_indent(flow, False)
+
+
+class Part(NamedTuple):
+    """A value in a YAML text, with its key or dash; positions are in characters."""
+
+    key: Any  # Key of the value, or its index in a list
+    head: int  # Start of the key or dash; of the value in a list in flow style
+    name_end: int  # End of the key with its colon, or of the dash
+    begin: int  # Start of the value
+    end: int  # End of the value; of the last line of a block
+    node: yaml.Node | None  # None for an alias, or in an empty text
+
+
+class Splice(NamedTuple):
+    """Replacement of the characters from `begin` to before `end` by `text`."""
+
+    begin: int
+    end: int
+    text: str
+
+
 def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
     """Apply changes to YAML text; all other lines do not change."""
-    data, root = _parse(text, source)
-    for group in _group_changes(data, changes):
-        written = YamlText(text, root)
+    data = load(text, source)
+    new = change_data(data, changes)
+    for _ in range(MAX_PASSES):
+        if data == new:
+            return text
+        root = yaml.compose(text, Loader=Loader)
+        begin, end = (len(text), len(text)) if root is None else _span(text, root)
+        splices = _splices(text, Part(None, begin, begin, begin, end, root), data, new)
+        for x in sorted(splices, reverse=True):
+            text = text[: x.begin] + x.text + text[x.end :]
         try:
-            text = _apply_splices(text, [y for x in group for y in _splices(written, data, x)])
-            changed = change_data(data, group)
-            # Parsing fails if the change removed an anchor that an alias still uses.
-            data, root = _parse(text, source)
-            if not equal_data(data, changed):
-                raise SharedValue
-        except (SharedValue, InvalidInput):
-            raise _shared_error(source, group[-1]) from None
-    return text
+            data = load(text, source)
+        except InvalidInput:
+            break
+    names = ", ".join(dict.fromkeys(key_text(x.keys) for x in changes))
+    raise InvalidInput(
+        f"{source}: {names} cannot be changed in the text, for example because other keys share "
+        "the value (a YAML anchor). Edit the file by hand."
+    )
 
 
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
     """Copy of the data of a job file with changes."""
     for change in changes:
-        data = _change_value(data, change.keys, change)
+        if change.value is not REMOVE or value_at(data, change.keys, REMOVE) is not REMOVE:
+            data = _change_value(data, change.keys, change)
     return data
-
-
-def move_files(text: str, folder: FilePath, to: FilePath) -> str:
-    """Text of a job file whose relative file names are converted from `folder` to `to`."""
-    root = yaml.compose(text, Loader=Loader)
-    edits = []
-    for node in _file_names(root):
-        location = folder / node.value
-        if not FilePath(node.value).is_absolute() and location.exists():
-            name = FilePath(os.path.relpath(location.resolve(), to.resolve())).as_posix()
-            edits.append(Splice(node.start_mark.index, node.end_mark.index, flow_text(name)))
-    return _apply_splices(text, edits)
-
-
-def file_names(text: str, source: str = "job") -> list[str]:
-    """Names of the files and folders in a job file."""
-    return [x.value for x in _file_names(_parse(text, source)[1])]
-
-
-def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
-    """Yield the nodes of a job file that are names of files or folders."""
-    if not isinstance(root, yaml.MappingNode):
-        return
-    for key, value in root.value:
-        values = value.value if isinstance(value, yaml.SequenceNode) else [value]
-        for node in values:
-            if not isinstance(node, yaml.ScalarNode):
-                yield from _file_names(node)
-            elif key.value in FILE_NAME_KEYS or (
-                key.value == "arm" and node.value.lower().endswith(ARM_FILES)
-            ):
-                yield node
-
-
-@lru_cache(maxsize=1)
-def _parse(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Data and root node of a text, read-only; the last text is cached for the next edit."""
-    return load_with_node(text, source)
 
 
 def _change_value(data: Any, keys: Keys, change: Change) -> Any:
     """Copy of data with a change at `keys`; creates missing mappings and lists."""
-    key, *inner = keys
-    last, removing = not inner, change.value is REMOVE
-    if isinstance(data, list) and isinstance(key, int):
-        return _change_list(data, key, tuple(inner), change)
-    if last and change.insert:
-        return _change_list([], _check_index(key, change), (), change)
-    if removing and not (isinstance(data, dict) and key in data):
-        return data
-    copy = dict(data) if isinstance(data, dict) else {}
-    if last and removing:
+    key, inner = keys[0], keys[1:]
+    copy: Any = dict(data) if isinstance(data, dict) else {}
+    inserting = change.insert and not inner
+    if inserting or (isinstance(data, list) and isinstance(key, int)):
+        copy = list(data) if isinstance(data, list) else []
+        if not isinstance(key, int) or not 0 <= key < len(copy) + inserting:
+            raise InvalidInput(
+                f"{key_text(change.keys)} cannot be changed, because its list has only "
+                f"{len(copy)} item{'' if len(copy) == 1 else 's'}."
+            )
+    if inserting:
+        copy.insert(key, change.value)
+    elif inner:
+        copy[key] = _change_value(value_at(copy, (key,)), inner, change)
+    elif change.value is REMOVE:
         del copy[key]
     else:
-        copy[key] = change.value if last else _change_value(copy.get(key), tuple(inner), change)
+        copy[key] = change.value
     return copy
 
 
-def _change_list(data: list[Any], index: int, inner: Keys, change: Change) -> list[Any]:
-    """Copy of a list with a change of the item at an index, or inside this item."""
-    adding = change.insert and not inner
-    if not 0 <= index < len(data) + adding:
-        raise InvalidInput(
-            f"{key_text(change.keys)} cannot be changed, because its list has only {len(data)} "
-            f"item{'' if len(data) == 1 else 's'}."
-        )
-    if adding:
-        return [*data[:index], change.value, *data[index:]]
-    if not inner and change.value is REMOVE:
-        return [*data[:index], *data[index + 1 :]]
-    new = change.value if not inner else _change_value(data[index], inner, change)
-    return [*data[:index], new, *data[index + 1 :]]
+def move_files(text: str, folder: FilePath, to: FilePath) -> str:
+    """Text of a job file whose relative file names are converted from `folder` to `to`."""
+    changes = []
+    for keys, name in _file_names(load(text, "job")):
+        if not FilePath(name).is_absolute() and (folder / name).exists():
+            moved = os.path.relpath((folder / name).resolve(), to.resolve())
+            changes.append(Change(keys, FilePath(moved).as_posix()))
+    return change_text(text, changes)
 
 
-def _check_index(key: Key, change: Change) -> int:
-    """Check that a key is an index of a list, and return the index."""
-    if not isinstance(key, int):
-        raise InvalidInput(
-            f"{key_text(change.keys)} cannot be inserted, because {show(key)} is not a list index."
-        )
-    return key
+def file_names(data: Any) -> list[str]:
+    """Names of the files and folders in the data of a job file."""
+    return [name for _, name in _file_names(data)]
 
 
-def _group_changes(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
-    """Yield the changes in groups; the changes of one group affect separate parts of the text."""
-    group: list[Change] = []
-    for change in changes:
-        alone = (
-            change.insert or change.value is REMOVE or value_at(data, change.keys, REMOVE) is REMOVE
-        )
-        if group and (alone or any(overlap(change.keys, y.keys) for y in group)):
-            yield group
-            group = []
-        data = change_data(data, [change])
-        group.append(change)
-        if alone:
-            yield group
-            group = []
-    if group:
-        yield group
+def _file_names(data: Any, keys: Keys = (), name: Any = None) -> Iterator[tuple[Keys, str]]:
+    """Yield the names of files or folders in data, with their keys; `name`: key of the data."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _file_names(value, (*keys, key), key)
+    elif isinstance(data, list):
+        for k, value in enumerate(data):
+            yield from _file_names(value, (*keys, k), name)
+    elif isinstance(data, str) and (
+        name in FILE_NAME_KEYS or (name == "arm" and data.lower().endswith(ARM_FILES))
+    ):
+        yield keys, data
 
 
 def key_in(sentence: str) -> str:
@@ -178,16 +177,17 @@ def key_in(sentence: str) -> str:
     return named[1] if named else ""
 
 
-def line_of(text: str, sentence: str) -> int | None:
-    """Number of the line, from 1, of the key in an error message; None if the key is not found."""
+def line_of(text: str, keys: Sequence[Key]) -> int | None:
+    """Number of the line, from 1, of the value at a key path, or of its nearest outer key.
+
+    None if the text has no such key.
+    """
     node, line = yaml.compose(text, Loader=Loader), None
-    for key in key_in(sentence).split("."):
-        if not isinstance(node, yaml.MappingNode):
+    for key in keys:
+        part = next((x for x in _parts(text, node) if str(x.key) == str(key)), None)
+        if part is None:
             break
-        entries = [(k, v) for k, v in node.value if k.value == key]
-        if not entries:
-            break
-        line, node = entries[0][0].start_mark.line + 1, entries[0][1]
+        node, line = part.node, text.count("\n", 0, part.head) + 1
     return line
 
 
@@ -203,57 +203,146 @@ def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
     return data
 
 
-def overlap(one: Keys, other: Keys) -> bool:
-    """True if two key paths are equal or one contains the other."""
-    shared = min(len(one), len(other))
-    return one[:shared] == other[:shared]
+def _splices(text: str, part: Part, old: Any, new: Any, flow: bool = False) -> Iterator[Splice]:
+    """Yield replacements that change a value; keys of a mapping may need further passes."""
+    if old == new:
+        return
+    parts = _parts(text, part.node) if type(old) is type(new) else []
+    values, added, place = _align(old, new, parts) if parts else ({}, [], 0)
+    gone = [k for k, x in enumerate(parts) if x.key not in values]
+    if len(gone) == len(parts):
+        yield from _replace(text, part, new, flow)
+        return
+    flow = flow or bool(getattr(part.node, "flow_style", False))
+    for x in parts:
+        if x.key in values and x.key != MERGE:
+            yield from _splices(text, x, old[x.key], values[x.key], flow)
+    if gone:
+        yield _remove(text, parts, gone)
+    elif added:
+        yield _add(text, parts, place, added, flow)
 
 
-def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
-    """Splices of the text that apply a change."""
-    part = text.root
-    for depth, key in enumerate(change.keys):
-        inner_keys = change.keys[depth + 1 :]
-        if not part.can_contain(key):
-            removing = change.value is REMOVE
-            return (
-                []
-                if removing
-                else part.replace(data, _change_value(data, (key, *inner_keys), change))
-            )
-        if change.insert and not inner_keys and isinstance(data, list):
-            assert isinstance(key, int)
-            return part.insert(key, change.value)
-        inner = part.part(key)
-        if inner is None:
-            removing = change.value is REMOVE
-            return (
-                []
-                if removing
-                else part.add(key, _change_value({}, (key, *inner_keys), change)[key])
-            )
-        if not inner_keys and change.value is REMOVE:
-            return part.remove(key)
-        if not inner_keys:
-            return inner.replace(data[key], change.value)
-        part, data = inner, data[key]
-    return []
+def _align(old: Any, new: Any, parts: Sequence[Part]) -> tuple[dict[Any, Any], list[Any], int]:
+    """Match the items of an old and a new mapping or list.
+
+    Returns:
+        values: New values of the parts that stay, by their keys.
+        added: New items, each as a mapping or list with one item.
+        place: Index of the part before which the new items are.
+    """
+    if isinstance(new, list):
+        start = _count_equal(old, new)
+        end = _count_equal(old[start:][::-1], new[start:][::-1])
+        stop, new_stop = len(old) - end, len(new) - end
+        values = dict(enumerate(new[: min(stop, new_stop)])) | dict(enumerate(new[new_stop:], stop))
+        return values, [[x] for x in new[stop:new_stop]], stop
+    written = {x.key for x in parts}
+    values = {MERGE: None} | {key: new[key] for key in written if key in new}
+    missing = {key: x for key, x in new.items() if key not in written}
+    added = [{k: x} for k, x in missing.items() if old.get(k, REMOVE) != x]
+    return values, added, len(parts)
 
 
-def _apply_splices(text: str, splices: Sequence[Splice]) -> str:
-    """Text after the replacement of all splices, from the end to the start."""
-    for splice in sorted(splices, key=lambda x: (x.begin, x.end), reverse=True):
-        text = text[: splice.begin] + splice.text + text[splice.end :]
-    return text
+def _count_equal(one: Sequence[Any], other: Sequence[Any]) -> int:
+    """Number of equal items at the starts of two lists."""
+    pairs = enumerate(zip(one, other, strict=False))
+    return next((k for k, (x, y) in pairs if x != y), min(len(one), len(other)))
 
 
-def _shared_error(source: str, change: Change) -> InvalidInput:
-    """Error for a change that would also change other keys, because of YAML anchors."""
-    name = key_text(change.keys)
-    by_hand = f"write {name}: {flow_text(change.value)}"
-    if change.value is REMOVE:
-        by_hand = f"remove {name}"
-    return InvalidInput(
-        f"{source}: {name} is not changed, because other keys share its value (a YAML anchor). "
-        f"Edit the file by hand: {by_hand}."
-    )
+def _remove(text: str, parts: Sequence[Part], gone: Sequence[int]) -> Splice:
+    """Removal of the first of the parts `gone` and of those that follow it directly."""
+    first, stop = gone[0], next(k for k in range(gone[0], len(parts) + 1) if k not in gone)
+    head, end = parts[first].head, parts[stop - 1].end
+    rest, line = REST.match(text, end), text.rfind("\n", 0, head) + 1
+    if rest is not None and not text[line:head].strip():
+        return Splice(line, rest.end(), "")
+    if stop < len(parts):
+        return Splice(head, parts[stop].head, "")
+    return Splice(parts[first - 1].end, end, "")
+
+
+def _add(text: str, parts: Sequence[Part], place: int, added: Sequence[Any], flow: bool) -> Splice:
+    """Insertion of items before the part with the index `place`."""
+    gap = _gap(text, parts[0].head)
+    items = [_item_text(x, gap, flow) for x in added]
+    if place < len(parts) and (flow or place == 0):
+        head = parts[place].head
+        if flow:
+            first = not text[text.rfind("\n", 0, head) + 1 : head].strip()
+            gap = f",{gap}" if first else ", "
+        return Splice(head, head, "".join(x + gap for x in items))
+    end = parts[place - 1].end
+    if not flow:
+        end += len(text[end:].partition("\n")[0].rstrip("\r"))
+    return Splice(end, end, "".join((", " if flow else gap) + x for x in items))
+
+
+def _replace(text: str, part: Part, new: Any, flow: bool) -> Iterator[Splice]:
+    """Yield replacements that write another value in place of the value of a part."""
+    value = _item_text({"k": new}, _gap(text, part.head), flow).removeprefix("k:")
+    rest = REST.match(text, part.end)
+    if rest is not None and "\n" in text[part.name_end : part.begin]:
+        # The value is below its key; a comment after the key stays.
+        yield Splice(part.name_end, part.name_end, value)
+        yield Splice(text.rfind("\n", 0, part.begin) + 1, rest.end(), "")
+    elif part.begin == part.end or "\n" in value:
+        yield Splice(part.name_end, part.end, value)
+    else:
+        yield Splice(part.begin, part.end, value.lstrip())
+
+
+def _item_text(item: dict[Any, Any] | list[Any], gap: str, flow: bool) -> str:
+    """Text of a mapping or list with one item: on one line if it fits, or as a block."""
+    line = _dump(item, default_flow_style=True, width=inf)[1:-1]
+    if flow:
+        return line
+    dash = "- " if isinstance(item, list) else ""
+    if len(gap) + len(line) <= WIDTH:
+        return dash + line
+    return _dump(item, default_flow_style=None, width=WIDTH).replace("\n", gap)
+
+
+def _dump(value: Any, **style: Any) -> str:
+    text = yaml.dump(value, Dumper=Dumper, sort_keys=False, allow_unicode=True, **style)
+    return str(text).rstrip()
+
+
+def _gap(text: str, position: int) -> str:
+    """Line break and indentation to the column of a position."""
+    eol = "\r\n" if "\r\n" in text else "\n"
+    return eol + " " * (position - text.rfind("\n", 0, position) - 1)
+
+
+def _parts(text: str, node: Any) -> list[Part]:
+    """Values in a mapping or list, in the order of the text; empty for other values."""
+    parts = []
+    end = 0 if node is None else node.start_mark.index
+    for k, item in enumerate(node.value if isinstance(node, yaml.CollectionNode) else ()):
+        key, value, after = k, item, end
+        if isinstance(node, yaml.MappingNode):
+            name, value = item
+            key = int(name.value) if name.tag == f"{TAG}int" else name.value
+            head, after = name.start_mark.index, text.find(":", name.end_mark.index) + 1
+        elif not node.flow_style:
+            dash = DASH.match(text, end)
+            after = end if dash is None else dash.end()
+            head = after - 1
+        if value.start_mark.index < after:
+            alias, value = ALIAS.match(text, after), None
+            begin, end = alias.span(1) if alias is not None else (after, after)
+        else:
+            begin, end = _span(text, value)
+        if isinstance(node, yaml.SequenceNode) and node.flow_style:
+            head = after = begin
+        parts.append(Part(key, head, after, begin, end, value))
+    return parts
+
+
+def _span(text: str, node: yaml.Node) -> tuple[int, int]:
+    """Start and end of a value, without blanks and lines of comments after it."""
+    begin = node.start_mark.index
+    body = text[begin : node.end_mark.index].rstrip()
+    while body.rpartition("\n")[2].lstrip().startswith("#"):
+        body = body.rpartition("\n")[0].rstrip()
+    return begin, begin + len(body)

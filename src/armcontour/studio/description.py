@@ -16,7 +16,7 @@ from armcontour.core.quantities import About
 from armcontour.core.text import describe_fields
 from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_model import JobModel, RunModel
-from armcontour.files.job_text_edits import Keys, line_of, value_at
+from armcontour.files.job_text_edits import Keys, key_in, line_of, value_at
 from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.patch import full_key, locate_key
 from armcontour.files.si_data import alternatives, quantity_of
@@ -154,7 +154,7 @@ def document_frame(document: Document, state: JobState, run: str) -> PageFrame:
         "draft": None if document.earlier is None else document.source,
         "start": document.key == START,
         "sentence": None if state.error is None else str(state.error),
-        "line": None if state.error is None else line_of(document.text, str(state.error)),
+        "line": state.error and line_of(document.text, key_in(str(state.error)).split(".")),
     }
     return PageFrame("document", header)
 

@@ -216,12 +216,12 @@ class Document:
     def _parse(self, text: str) -> dict[str, Any]:
         """Data of a text, which must be a mapping; a job without a folder must not name files."""
         data = read_data(text, self.source)
-        self._refuse_files(text)
+        self._refuse_files(data)
         return data
 
-    def _refuse_files(self, text: str) -> None:
+    def _refuse_files(self, data: Any) -> None:
         """Raise InvalidInput if a job without a folder names files."""
-        for name in file_names(text, self.source) if self.folder is None else ():
+        for name in file_names(data) if self.folder is None else ():
             raise InvalidInput(
                 f"{self.source} refers to the file {name}, which the Studio cannot read because "
                 "only the job was uploaded. Start armcontour studio with the job file in its "
@@ -232,7 +232,7 @@ class Document:
         """Replace text and data as one step of undo."""
         if text == self.text:
             return
-        self._refuse_files(text)
+        self._refuse_files(data)
         self._past.append(HistoryEntry(label, self.text, self._data))
         self._future.clear()
         while len(self._past) > 1 and sum(len(x.text) for x in self._past) > MAX_HISTORY:

@@ -148,7 +148,7 @@ def _calibrated_arm(arm: Arm, name: str, file: FilePath) -> SerialArm:
             f"the arm is {name}. Calibrate a URDF with the tools of its maker."
         )
     content = file_access.read_bytes(file, "calibration")
-    data = yaml_loader.load(content, str(file), yaml_loader.AngleLoader)
+    data = yaml_loader.load(content, str(file))
     links = data.get("kinematics") if isinstance(data, Mapping) else None
     transforms = []
     for link in CALIBRATED_LINKS:
@@ -179,7 +179,7 @@ def _read_arm(name: str, payload: Payload | None) -> Arm:
     """Read a built-in arm or an arm file."""
     if name.lower().endswith((".yaml", ".yml")):
         content = file_access.read_bytes(name, "arm file")
-        return arm_of(name, yaml_loader.load(content, name, yaml_loader.AngleLoader), payload)
+        return arm_of(name, yaml_loader.load(content, name), payload)
     built_in = name.lower().replace("-", "")
     if built_in not in arm_names():
         raise InvalidInput(
@@ -221,7 +221,7 @@ def _built_in(name: str) -> Any:
     """Data of a built-in arm, read-only; cached, because parsing takes most of the loading time."""
     file = f"{name}.yaml"
     content = (resources.files("armcontour.files.robots") / "library" / file).read_bytes()
-    return yaml_loader.load(content, file, yaml_loader.AngleLoader)
+    return yaml_loader.load(content, file)
 
 
 def arm_of(file: str, data: Any, payload: Payload | None = None) -> Arm:

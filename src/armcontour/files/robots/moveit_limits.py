@@ -64,7 +64,7 @@ def override_limits(table: Table, joints: Sequence[str], file: FilePath) -> None
     MoveIt, not limits.
     """
     content = file_access.read_bytes(file, "file of joint limits")
-    data = yaml_loader.load(content, str(file), yaml_loader.AngleLoader)
+    data = yaml_loader.load(content, str(file))
     for wrapper in OUTER_KEYS:
         if isinstance(data, Mapping) and wrapper in data:
             data = data[wrapper]

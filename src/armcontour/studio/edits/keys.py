@@ -33,7 +33,7 @@ REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs"
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that set a key: with `run`, for the shown run only; with `insert`, as a list item."""
-    return [replace(x, keys=_plain_keys(x.keys)) for x in _set(edit, state)]
+    return [x._replace(keys=_plain_keys(x.keys)) for x in _set(edit, state)]
 
 
 def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
