@@ -21,7 +21,7 @@ from soak.identification import move
 from tests.dynamics_extra import mark_all_but, needs_dynamics
 
 import armcontour as ac
-from armcontour.cli.commands import app
+from armcontour.cli.commands import program_for
 from armcontour.files import json_schema, parse_job
 from armcontour.files.cell import read_cell
 from armcontour.files.drawings.endings import READERS
@@ -52,7 +52,7 @@ QUICK = ("docs/start/first_result.md", "docs/tutorials/paper_job.md")
 # Pages with clearance or models of pinocchio.
 NEEDING = {"docs/concepts/clearance.md", "docs/guides/arms.md", "docs/start/coming_from.md"}
 PYTHON = sorted({x.page for x in BLOCKS if x.language == "python"} - {*DONE})
-GROUP = typer.main.get_command(app)
+GROUP = typer.main.get_command(program_for())
 
 
 @pytest.fixture

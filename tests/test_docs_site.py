@@ -14,13 +14,13 @@ from docs.site.names import NO_LIBRARY, rooms
 from docs.site.written import written
 
 import armcontour as ac
-from armcontour.cli.commands import app
+from armcontour.cli.commands import program_for
 from armcontour.core import errors
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = written()
-GROUP = typer.main.get_command(app)
+GROUP = typer.main.get_command(program_for())
 
 
 def read(name):

@@ -110,9 +110,9 @@ def record(run: str, arguments: list[str], out: Path) -> None:
 
         pytest.main(["-q", "-n", "0", "-p", "no:cacheprovider", *arguments])
     else:
-        from armcontour.cli.commands import app
+        from armcontour.cli.commands import program_for
 
-        app(arguments, standalone_mode=False)
+        program_for()(arguments, standalone_mode=False)
     out.write_text("\n".join(recorded), encoding="utf-8")
 
 

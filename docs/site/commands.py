@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import enum
 import inspect
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args, get_origin
 
 import typer.main
 from docs.site.tables import cell, contents, table
 
-from armcontour.cli.commands import app
+from armcontour.cli.commands import program_for
 
 HEAD = """# Command line
 
@@ -38,7 +37,7 @@ HELP = "| `-h`<br>`--help` | | | Show a help text and exit. |"
 
 def write_commands() -> Iterator[tuple[str, str]]:
     """A page for each command with its arguments and options, and one that lists them."""
-    group: Any = typer.main.get_command(app)
+    group: Any = typer.main.get_command(program_for())
     rows = []
     for name, command in group.commands.items():
         yield f"commands/{name}.md", _page(name, command)
@@ -100,6 +99,8 @@ def _row(name: str, parameter: Any, kinds: dict[str, Any]) -> str:
 
 def _value(parameter: Any, kind: Any) -> str:
     """What an argument or option takes, in words."""
+    if get_origin(kind) is Literal:
+        return " or ".join(f"`{x}`" for x in get_args(kind))
     while not isinstance(kind, type):
         # None stands for an option that is not given, and a list for one that may be repeated.
         kind = next(x for x in get_args(kind) if x is not type(None))
@@ -111,8 +112,6 @@ def _value(parameter: Any, kind: Any) -> str:
         words = "whole number" if kind is int else "number"
         ends = (("at least", parameter.min), ("at most", parameter.max))
         return ", ".join([words, *(f"{word} {x:g}" for word, x in ends if x is not None)])
-    if issubclass(kind, enum.Enum):
-        return " or ".join(f"`{x.value}`" for x in kind)
     return QUANTITIES.get(parameter.opts[0], "text")
 
 
@@ -124,4 +123,4 @@ def _default(parameter: Any) -> str:
     if getattr(parameter, "is_flag", False):
         names = (parameter.secondary_opts, parameter.opts)[bool(value)]
         return f"`{names[0]}`" if parameter.secondary_opts else ""
-    return "" if value is None else f"`{getattr(value, 'value', value)}`"
+    return "" if value is None else f"`{value}`"

@@ -13,7 +13,7 @@ from tests.dynamics_extra import mark_all_but
 from typer.testing import CliRunner
 
 import armcontour as ac
-from armcontour.cli.commands import app
+from armcontour.cli.commands import program_for
 from armcontour.cli.inputs import read_option
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Speed, Time
@@ -208,7 +208,7 @@ DRAWING = "G21 G90 F1500\nG0 X5 Y5\nG1 X30 Y5\nG1 X30 Y20\nG1 X5 Y12\n"
 
 
 def call(*arguments):
-    outcome = CliRunner().invoke(app, arguments)
+    outcome = CliRunner().invoke(program_for(), arguments)
     assert outcome.exception is None or isinstance(outcome.exception, InvalidInput | SystemExit)
     message = outcome.output if outcome.exit_code == 0 else str(outcome.exception)
     return outcome.exit_code, " ".join(message.split())

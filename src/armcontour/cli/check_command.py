@@ -6,15 +6,17 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
+import typer
 
 from armcontour.cli.console import show_data
+from armcontour.cli.inputs import read_option
+from armcontour.cli.options import CheckOptions
+from armcontour.cli.program import JUDGE, command
 from armcontour.core.text import clock, digits, joint_label, list_some, show
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import CheckOptions
     from armcontour.core.checks import FloatArray
     from armcontour.files.joint_table import TrajectoryFile
     from armcontour.jobs import Job, Run
@@ -33,13 +35,22 @@ MAX_TITLES = 8
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
 
-def check_file(trajectory: FilePath, options: CheckOptions) -> int:
-    """Check a trajectory file, print the result, and return the exit code of the verdict."""
+@command(JUDGE, "check motion.csv --arm ur5e --noise '0.05 mrad'")
+def check(
+    trajectory: Annotated[
+        FilePath, typer.Argument(help="Time-stamped joint trajectory: CSV, or YAML of ROS.")
+    ],
+    options: CheckOptions,
+) -> int:
+    """Check a joint trajectory against limits.
+
+    Exit codes: 0 all limits kept, 1 a limit violated, 7 the samples cannot tell, 2 invalid input.
+    """
+    from armcontour import verification
     from armcontour.core.errors import InvalidInput
     from armcontour.core.result import Row
     from armcontour.files import read_job
     from armcontour.files.result_folder import data_json
-    from armcontour.verification import check
     from armcontour.verification.limit_verdict import VERDICTS
 
     job = None if options.path is None else read_job(options.path)
@@ -47,7 +58,7 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
     limits, path, deviation, angle = _limits_and_path(options, job, arm)
     samples = _samples(trajectory, arm, options)
     allowed: dict[str, Any] = {"deviation": deviation, "orientation_deviation": angle}
-    result = check(samples, arm, limits, path, **allowed)
+    result = verification.check(samples, arm, limits, path, **allowed)
     clearance = None if scene is None else _clearance(samples, arm, scene)
     commands = _check_commands(samples, arm, options, limits, path, allowed)
     if not result.uses and result.path_deviation is None and clearance is None:
@@ -88,7 +99,6 @@ def _check_commands(
     allowed: Mapping[str, Any],
 ) -> InterpolationCheck | None:
     """Check the commands of a controller for the samples; None without `--controller`."""
-    from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Frequency
     from armcontour.verification import check_interpolation
@@ -192,7 +202,6 @@ def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> Trajector
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
     """Samples whose resolution includes the maximum errors that `--noise` declares."""
-    from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, AngularRate
 
@@ -248,6 +257,8 @@ def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> li
 
 def _noise(q: FloatArray) -> float:
     """Largest standard deviation of the noise in joint positions [rad]; 0 without noise."""
+    import numpy as np
+
     third = np.diff(q, n=3, axis=0)
     power = np.sum(third**2, axis=0)
     noise = 0.0

@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -15,6 +17,7 @@ from armcontour.core.text import to_line
 
 if TYPE_CHECKING:
     from armcontour.core.result import Data
+    from armcontour.files import ResultFolder
 
 # Width of tables that do not go to a terminal [characters].
 WIDTH = 120
@@ -33,6 +36,36 @@ def show_data(data: Data) -> None:
     from armcontour.core.render import text
 
     print_lines(*text(data).splitlines(), *data.notes)
+
+
+def show_result(data: Data, as_json: bool) -> None:
+    """Print a result as JSON or as text."""
+    from armcontour.files.result_folder import data_json
+
+    if as_json:
+        print(data_json(data), end="")
+    else:
+        show_data(data)
+
+
+@contextmanager
+def result_folder(options: Any) -> Iterator[ResultFolder | None]:
+    """Context with the result folder of --out; None without --out."""
+    from armcontour.core.checks import raise_if
+    from armcontour.files import ResultFolder
+
+    lonely = options.out is None and options.force
+    raise_if(lonely, "--force requires --out, the folder for the results.")
+    if options.out is None:
+        yield None
+        return
+    with ResultFolder(options.out, force=options.force) as folder:
+        yield folder
+
+
+def print_report(out: FilePath) -> None:
+    """Print the address of the report in a result folder."""
+    print_lines(f"Report: {(out / 'report.html').resolve().as_uri()}")
 
 
 def show_table(

@@ -68,12 +68,12 @@ def _run() -> int:
     """Run the typer app and return its exit code."""
     # The modules are imported here, because loading typer takes 0.1 s and signals must already be
     # handled during this time.
-    from armcontour.cli.commands import app_for
+    from armcontour.cli.commands import program_for
     from armcontour.cli.progress_bars import compiling_notice
 
     try:
         with compiling_notice():
-            app_for(sys.argv[1:])()
+            program_for(sys.argv[1:])()
     except SystemExit as end:
         # Click converts a broken pipe to the exit code 1.
         if isinstance(end.__context__, BrokenPipeError):

@@ -5,13 +5,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
+
+from armcontour.cli.console import print_lines
+from armcontour.cli.inputs import name_options, read_patch
+from armcontour.cli.options import StoredExportOptions
+from armcontour.cli.program import ROBOT, command
 from armcontour.core.file_access import MEGABYTE
 from armcontour.core.text import count_noun, digits
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import StoredExportOptions
     from armcontour.files import ResultFolder
     from armcontour.files.exports.formats import ExportFormat
     from armcontour.files.exports.table import SetPointTable
@@ -170,10 +175,17 @@ def _describe_jumps(table: SetPointTable, result: RunResult) -> Sequence[str]:
     ]
 
 
-def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions) -> None:
-    """Export a run of an earlier result to a file, and print a summary."""
-    from armcontour.cli.console import print_lines
-    from armcontour.cli.inputs import name_options, read_patch
+@command(ROBOT, "export gasket gasket.script")
+def export(
+    result: Annotated[
+        FilePath, typer.Argument(help="Folder of a result, of `run`, `certify` or `learn`.")
+    ],
+    file: Annotated[
+        FilePath, typer.Argument(help="File to write; its extension determines the format.")
+    ],
+    options: StoredExportOptions,
+) -> None:
+    """Export the set-points or the plan of an earlier result for a robot controller."""
     from armcontour.core.errors import InvalidInput
     from armcontour.core.render import figure
     from armcontour.core.text import capitalise

@@ -11,6 +11,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, get_args
 
 from armcontour.cli.options import SHORT
+from armcontour.core.progress import subprogress
 from armcontour.core.text import plain_number
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *group
     from armcontour.files.cell import read_cell
 
     patch, options = read_patch(job_options, *groups)
-    file = find_file(file, job_options.cell)
+    file, progress = find_file(file, job_options.cell), subprogress(progress, "reading")
     with name_options(options):
         if job_options.cell is None:
             return read_job(file, patch=patch, reading=progress)

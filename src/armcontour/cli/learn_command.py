@@ -2,37 +2,40 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import print_lines, show_data
+from armcontour.cli.console import print_lines, print_report, show_data, show_result
 from armcontour.cli.inputs import open_job, read_window
+from armcontour.cli.options import JobOptions, JobOrDrawing, LearnOptions
+from armcontour.cli.program import ROBOT, command
 from armcontour.cli.progress_bars import show_progress
-from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.cli.robot_commands import learn_robot, write_study
+from armcontour.core.progress import Progress, Step
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import JobOptions, LearnOptions
-    from armcontour.files import ResultFolder
     from armcontour.jobs.run_learning import LearningStudy
 
 
-def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> None:
-    """Learn a run of a job from a log; print and write the result."""
+@command(ROBOT, "learn job.yaml --set-points result --log robot.csv --out next")
+def learn(job: JobOrDrawing, options: LearnOptions, job_options: JobOptions) -> int:
+    """Learn the set-points of the next run from logs; with --on, from runs on the robot."""
+    if options.on is not None:
+        return learn_robot(job, job_options, options)
     from armcontour.files import ResultFolder
-    from armcontour.files.result_folder import data_json
 
     _refuse_missing(options)
     window = read_window(options.start, options.end)
     assert options.out is not None
     with ResultFolder(options.out, force=options.force) as folder:
         with show_progress("learning") as progress:
-            study = _learn_from_log(file, job_options, options, window, progress)
+            study = _learn_from_log(job, job_options, options, window, progress)
         write_study(study, folder)
     if options.as_json:
-        print(data_json(study.to_data()), end="")
+        show_result(study.to_data(), as_json=True)
     else:
         _print_study(study, options.out)
+    return 0
 
 
 def _refuse_missing(options: LearnOptions) -> None:
@@ -64,7 +67,7 @@ def _learn_from_log(
     from armcontour.files.set_point_file import read_set_points
     from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
 
-    job = open_job(file, job_options, subprogress(progress, "reading"))
+    job = open_job(file, job_options, progress)
     plan = plan_run(job, options.run_name, progress=progress)
     assert options.log is not None and options.set_points is not None
     progress(Step(("reading the log",)))
@@ -80,24 +83,6 @@ def _learn_from_log(
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
-def write_study(study: LearningStudy, folder: ResultFolder) -> None:
-    """Write the set-points of the next run, the report and the summary."""
-    import dataclasses
-
-    from armcontour.cli.run_command import write_motions
-    from armcontour.files.result_folder import data_json
-    from armcontour.files.set_point_file import LESSON, write_lesson
-    from armcontour.report import render_learning
-
-    name = study.plan.run.name
-    write_motions(
-        folder, study.job, {name: dataclasses.replace(study.plan, set_points=study.lesson)}
-    )
-    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
-    folder.write("report.html", render_learning(study))
-    folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
-
-
 def _print_study(study: LearningStudy, out: FilePath) -> None:
     """Print the errors of the runs, the next step, and the written files."""
     name = study.plan.run.name
@@ -110,4 +95,4 @@ def _print_study(study: LearningStudy, out: FilePath) -> None:
             "Next: execute these set-points, then use learn with the new log and --set-points "
             f"{out}."
         )
-    print_lines(f"Report: {(out / 'report.html').resolve().as_uri()}")
+    print_report(out)

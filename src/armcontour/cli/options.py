@@ -131,6 +131,13 @@ Set: TypeAlias = dict[str, Any]
 Text: TypeAlias = str | None
 Texts: TypeAlias = list[str] | None
 File: TypeAlias = FilePath | None
+JobOrDrawing = Annotated[
+    FilePath,
+    typer.Argument(
+        help="Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or "
+        "waypoints (.csv), with --cell.",
+    ),
+]
 Out = Annotated[FilePath, typer.Option("--out", "-o", help="Folder for the results.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace a file of that name.")]

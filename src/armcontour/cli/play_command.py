@@ -5,23 +5,21 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Mapping
-from contextlib import nullcontext
 from functools import partial
-from pathlib import Path as FilePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import typer
 
-from armcontour.cli.console import print_lines, show_data
+from armcontour.cli.console import print_lines, result_folder, show_result
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interrupts import on_interrupt
+from armcontour.cli.options import ControllerOptions, JobOptions, JobOrDrawing, PlayOptions
+from armcontour.cli.program import ROBOT, command
 from armcontour.cli.progress_bars import show_progress
 from armcontour.core.errors import ControllerRefused, InvalidInput
-from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import ControllerOptions, JobOptions, PlayOptions
     from armcontour.controllers import Controller, Played
     from armcontour.files import ResultFolder
     from armcontour.jobs import Job
@@ -33,12 +31,11 @@ DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
 OF_CONTROLLER = {x: f"--{x}" for x in ("execute", "drives", "hal", "address")}
 
 
-def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> int:
-    """Play a run of a job, print and write the record, and return the exit code."""
+@command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")
+def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> int:
+    """Play a run on a robot controller and record it; the robot moves only with --execute."""
     from armcontour.controllers.player import Player, check_speed, plan_played, play_planned
     from armcontour.core.quantities import AngularDistance, Factor
-    from armcontour.files import ResultFolder
-    from armcontour.files.result_folder import data_json
     from armcontour.files.set_point_file import read_set_points
 
     if options.out is not None and not options.execute:
@@ -49,21 +46,17 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
     assert speed_factor is not None
     check_speed(speed_factor, learned=options.set_points is not None)
     stop = threading.Event()
-    with (
-        nullcontext()
-        if options.out is None
-        else ResultFolder(options.out, force=options.force) as folder
-    ):
+    with result_folder(options) as folder:
         with show_progress("playing") as progress:
-            job = open_job(file, job_options, subprogress(progress, "reading"))
-            controller = controller_of(job, options.on, options)
-            job, plan = plan_played(job, options.run_name, speed_factor, progress=progress)
+            opened = open_job(job, job_options, progress)
+            controller = controller_of(opened, options.on, options)
+            opened, plan = plan_played(opened, options.run_name, speed_factor, progress=progress)
             set_points = None
             if options.set_points is not None:
-                set_points = read_set_points(options.set_points, job, plan)
+                set_points = read_set_points(options.set_points, opened, plan)
             play_once = partial(
                 play_planned,
-                job=job,
+                job=opened,
                 planned=plan,
                 speed_factor=speed_factor,
                 band=band,
@@ -76,10 +69,9 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
                 played = play_once(Player(controller, True, stop.is_set, progress))
         if folder is not None:
             _write(played, folder)
-    if options.as_json:
-        print(data_json(played.to_data()), end="")
-    else:
-        _print_played(played, options)
+    show_result(played.to_data(), options.as_json)
+    if not options.as_json:
+        _print_end(played, options)
     return DONE if played.kept or not options.execute else STOPPED
 
 
@@ -153,9 +145,8 @@ def _write(played: Played, folder: ResultFolder) -> None:
     folder.write("summary.json", data_json(played.to_data()))
 
 
-def _print_played(played: Played, options: PlayOptions) -> None:
-    """Print the result of a played run or of a dry run."""
-    show_data(played.to_data())
+def _print_end(played: Played, options: PlayOptions) -> None:
+    """Print whether the robot moved, and the file of the log."""
     if not options.execute:
         print_lines(DRY)
     elif played.record is None and not played.approach:

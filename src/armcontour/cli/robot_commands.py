@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.console import print_lines, show_data
+from armcontour.cli.console import print_lines, print_report, show_data, show_result
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interrupts import on_interrupt
 from armcontour.cli.options import JobOptions
@@ -21,13 +21,13 @@ from armcontour.cli.play_command import (
     refuse_without_terminal,
 )
 from armcontour.cli.progress_bars import show_progress
-from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
     from armcontour.cli.options import IdentifyOptions, LearnOptions
     from armcontour.controllers import RobotIdentification, RobotLearner, RobotLearning
     from armcontour.files import ResultFolder
     from armcontour.jobs import Job
+    from armcontour.jobs.run_learning import LearningStudy
     from armcontour.motion import Log
 
 # Kind of a result folder with runs on a robot; later runs can continue such a folder.
@@ -55,7 +55,7 @@ def identify_robot(
     assert reserve is not None
     job_options = JobOptions(keys={}, sets=options.sets)
     with show_progress("identifying") as progress:
-        job = open_job(file, job_options, subprogress(progress, "reading"))
+        job = open_job(file, job_options, progress)
         controller = controller_of(job, options.on, options)
         identify_once = partial(
             identify_on,
@@ -80,7 +80,6 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
     from armcontour.controllers.player import Player
     from armcontour.core.checks import raise_if
     from armcontour.core.quantities import AngularDistance, Reserve
-    from armcontour.files.result_folder import data_json
 
     raise_if(
         options.execute and options.out is None,
@@ -92,7 +91,7 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
     assert options.on is not None and reserve is not None
     stop = threading.Event()
     with show_progress("learning") as progress:
-        job = open_job(file, job_options, subprogress(progress, "reading"))
+        job = open_job(file, job_options, progress)
         controller = controller_of(job, options.on, options)
         learner = RobotLearner(
             Player(controller, options.execute, stop.is_set, progress),
@@ -113,7 +112,7 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
             _run_next(learner, options)
     result = learner.result
     if options.as_json:
-        print(data_json(result.to_data()), end="")
+        show_result(result.to_data(), as_json=True)
     else:
         _print_learning(result, file, options)
     return STOPPED if result.stopped else DONE
@@ -156,13 +155,28 @@ def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
 
 def _write(result: RobotLearning, folder: ResultFolder) -> None:
     """Write logs, learned set-points, summary and report."""
-    from armcontour.cli.learn_command import write_study
     from armcontour.files.log_file import log_text
 
     for k, log in enumerate(result.logs, 1):
         folder.write(LOG.format(k), log_text(log))
     assert result.study is not None
     write_study(result.study, folder)
+
+
+def write_study(study: LearningStudy, folder: ResultFolder) -> None:
+    """Write the set-points of the next run, the report and the summary."""
+    from armcontour.cli.run_command import write_motions
+    from armcontour.files.result_folder import data_json
+    from armcontour.files.set_point_file import LESSON, write_lesson
+    from armcontour.report import render_learning
+
+    name = study.plan.run.name
+    write_motions(
+        folder, study.job, {name: dataclasses.replace(study.plan, set_points=study.lesson)}
+    )
+    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
+    folder.write("report.html", render_learning(study))
+    folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 
 
 def _print_learning(result: RobotLearning, file: FilePath, options: LearnOptions) -> None:
@@ -190,4 +204,4 @@ def _print_learning(result: RobotLearning, file: FilePath, options: LearnOptions
         f"Play them: armcontour play {file} --on {options.on}{robot} --speed-factor '100 %' "
         f"--run {run.name} --set {reserve} --set-points {options.out}"
     )
-    print_lines(f"Report: {(options.out / 'report.html').resolve().as_uri()}")
+    print_report(options.out)

@@ -1,4 +1,4 @@
-"""The command `run`: runs a job, and prints and writes the results."""
+"""The commands `run` and `demo`: run jobs, and print and write the results."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import print_lines, show_table
-from armcontour.cli.exports import refuse_outputs, write_exports
-from armcontour.cli.inputs import library_file
+from armcontour.cli.console import print_lines, print_report, show_table
+from armcontour.cli.exports import refuse_outputs, refuse_unused, write_exports
+from armcontour.cli.inputs import library_file, open_job
+from armcontour.cli.options import ExportOptions, Force, JobOptions, JobOrDrawing, Out, RunOptions
+from armcontour.cli.program import RUN, command
 from armcontour.cli.progress_bars import show_progress
-from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.progress import Progress, Step
 
 if TYPE_CHECKING:
     from armcontour.files import ResultFolder
@@ -25,8 +27,32 @@ WRITING = Step(("writing the results",))
 COMPARED = ("conventional", "proposed", "shaped")
 
 
-def run_demo(out: FilePath, *, force: bool) -> None:
-    """Run three runs of the paper's job and cut a plate with a UR5e; write one report of both."""
+@command(RUN, "run gasket.dxf --cell ur5e --out gasket --export urscript")
+def run(
+    job: JobOrDrawing,
+    out: Out,
+    options: RunOptions,
+    job_options: JobOptions,
+    exports: ExportOptions,
+) -> int:
+    """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV).
+
+    Exit codes: 0 done, 1 done but no run is kept; others as for errors.
+    """
+
+    def read(progress: Progress) -> Job:
+        opened = open_job(job, job_options, progress, exports)
+        refuse_unused(exports.keys, opened)
+        return opened
+
+    return run_job(
+        read, out, force=options.force, simulate=options.simulate, changes=options.changes
+    )
+
+
+@command(RUN, "demo")
+def demo(out: Out = FilePath("demo"), force: Force = False) -> None:
+    """Run two built-in jobs: the paper's job on the PMK-3s, and a plate that a UR5e cuts."""
     # The results of the paper's job are written to the folder itself, the results of the plate to a
     # subfolder. An earlier result of the demo is replaced if its files are unchanged.
     from armcontour.core.compilation import compile_for_run
@@ -39,10 +65,10 @@ def run_demo(out: FilePath, *, force: bool) -> None:
     ):
         jobs = {"": _compared_runs(), "plate/": read_job(library_file("plate.yaml"))}
         with compile_for_run(None, progress):
-            from armcontour.jobs import run
+            from armcontour import jobs as engine
             from armcontour.report import render_demo
 
-            studies = {name: run(job, progress=progress) for name, job in jobs.items()}
+            studies = {name: engine.run(job, progress=progress) for name, job in jobs.items()}
             progress(WRITING)
 
             for name, study in studies.items():
@@ -55,13 +81,7 @@ def run_demo(out: FilePath, *, force: bool) -> None:
             folder.write("report.html", render_demo(list(studies.values())))
     for study in studies.values():
         _print_results(study, [])
-    _show_report(out)
-
-
-def _show_report(out: FilePath) -> None:
-    """Print the address of a report."""
-    report = (out / "report.html").resolve()
-    print_lines(f"Report: {report.as_uri()}")
+    print_report(out)
 
 
 def built_in_job() -> Job:
@@ -93,16 +113,16 @@ def run_job(
     from armcontour.files.result_folder import data_json
 
     with ResultFolder(out, force=force) as folder, show_progress("running") as progress:
-        job = read(subprogress(progress, "reading"))
+        job = read(progress)
         if job.export.formats:
             # Exports are tested before the run, so that invalid options are rejected at once.
             refuse_outputs(job)
         with compile_for_run(job.arm.dimension, progress):
-            from armcontour.jobs import run
+            from armcontour import jobs as engine
             from armcontour.jobs.advice import is_small, with_advice
 
             advises = simulate and (is_small(job) if changes is None else changes)
-            study = run(job, simulate=simulate, progress=progress)
+            study = engine.run(job, simulate=simulate, progress=progress)
             if advises:
                 study = with_advice(study, progress)
             progress(WRITING)
@@ -119,7 +139,7 @@ def run_job(
             folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
     _print_results(study, notes)
     if simulate:
-        _show_report(out)
+        print_report(out)
     else:
         print_lines(f"The run was not simulated. Set-points: {out.resolve()}")
     # Runs that are not kept may be there for comparison with a run that is kept.

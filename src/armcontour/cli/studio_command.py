@@ -4,23 +4,43 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from armcontour.cli.console import print_lines
+from armcontour.cli.inputs import find_file, is_job
+from armcontour.cli.interrupts import before_interrupt
+from armcontour.cli.options import StudioOptions
+from armcontour.cli.program import RUN, command
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import StudioOptions
     from armcontour.studio.connection import SessionHost
     from armcontour.studio.session import Session
 
 
-def open_studio(file: FilePath | None, options: StudioOptions) -> None:
-    """Serve the Studio until a signal."""
-    from armcontour.cli.interrupts import before_interrupt
+@command(RUN, "studio gasket.dxf --cell ur5e")
+def studio(
+    options: StudioOptions,
+    job: Annotated[
+        FilePath | None,
+        typer.Argument(
+            help="Job file (.yaml), or a drawing, G-code or waypoints with --cell; by default the "
+            "start page."
+        ),
+    ] = None,
+) -> None:
+    """Open a web page on which you edit the path and see the resulting robot motion at once."""
     from armcontour.studio.server import require_server, serve
 
     require_server()
-    _check(file, options)
+    _check(job, options)
+
+    def open_job(say: Callable[[bytes], None]) -> Session:
+        # This loads the numerical libraries.
+        from armcontour.studio.connection import open_session
+
+        return open_session(job, cell=options.cell, send=say)
 
     session_hosts: list[SessionHost] = []
     with (
@@ -28,7 +48,7 @@ def open_studio(file: FilePath | None, options: StudioOptions) -> None:
         before_interrupt(lambda: _leave(session_hosts)),
     ):
         serve(
-            lambda say: _session(file, options, say),
+            open_job,
             port=options.port,
             announce=lambda address: _announce(address, options.open_page),
             opened=session_hosts.append,
@@ -37,7 +57,6 @@ def open_studio(file: FilePath | None, options: StudioOptions) -> None:
 
 def _check(file: FilePath | None, options: StudioOptions) -> None:
     """Raise InvalidInput for invalid files and options, before slow imports."""
-    from armcontour.cli.inputs import find_file, is_job
     from armcontour.core.errors import InvalidInput
     from armcontour.core.file_access import LARGE, read_bytes
 
@@ -46,15 +65,6 @@ def _check(file: FilePath | None, options: StudioOptions) -> None:
         read_bytes(find_file(file, options.cell), kind, maximum=LARGE)
     elif options.cell is not None:
         raise InvalidInput("--cell requires a drawing. Specify a drawing, or remove --cell.")
-
-
-def _session(
-    file: FilePath | None, options: StudioOptions, say: Callable[[bytes], None]
-) -> Session:
-    """Open the document in a session; this loads the numerical libraries."""
-    from armcontour.studio.connection import open_session
-
-    return open_session(file, cell=options.cell, send=say)
 
 
 def _announce(address: str, open_page: bool) -> None:

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import re
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from armcontour.cli.console import print_lines, show_table
-from armcontour.core.progress import subprogress
+import typer
+
+from armcontour.cli.console import print_lines, print_report, show_table
+from armcontour.cli.inputs import (
+    find_file,
+    is_job,
+    name_options,
+    open_job,
+    read_option,
+    read_patch,
+)
+from armcontour.cli.options import BatchOptions, JobOptions, JobOrDrawing, Out, PlaceOptions
+from armcontour.cli.program import PREPARE, RUN, command
+from armcontour.cli.progress_bars import show_progress
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import BatchOptions, JobOptions, PlaceOptions
     from armcontour.core.checks import FloatArray
     from armcontour.studies.placement import Placement
 
@@ -18,18 +29,18 @@ if TYPE_CHECKING:
 JOB = "job.yaml"
 
 
-def place_file(
-    file: FilePath, out: FilePath, job_options: JobOptions, options: PlaceOptions
-) -> int:
-    """Plan all places, print and write results; returns 1 if no place is feasible, else 0."""
-    from armcontour.cli.inputs import open_job
-    from armcontour.cli.progress_bars import show_progress
+@command(PREPARE, "place gasket.dxf --cell ur5e --x '-300 mm .. 300 mm, 25' --out place")
+def place(job: JobOrDrawing, out: Out, job_options: JobOptions, options: PlaceOptions) -> int:
+    """Plan a job at every place of a grid of its part: writes a map, a table, and the best job.
+
+    Exit codes: 0 done, 1 done but no place is feasible; others as for errors.
+    """
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder, placement_csv
     from armcontour.files.result_folder import data_json
-    from armcontour.studies.placement import AXES, place
+    from armcontour.studies import placement as study
 
-    texts = {name: getattr(options, name) for name in AXES}
+    texts = {name: getattr(options, name) for name in study.AXES}
     grid = {name: read_axis(name, x) for name, x in texts.items() if x is not None}
     if not grid:
         raise InvalidInput(
@@ -39,9 +50,9 @@ def place_file(
         from armcontour.report import render_placement
 
         with show_progress() as progress:
-            job = open_job(file, job_options, subprogress(progress, "reading"))
-            placement = place(
-                job,
+            opened = open_job(job, job_options, progress)
+            placement = study.place(
+                opened,
                 grid,
                 move=options.move,
                 run=options.run_name,
@@ -50,19 +61,18 @@ def place_file(
             )
         folder.write("report.html", render_placement(placement))
         folder.write("placement.csv", placement_csv(placement))
-        notes = [*placement.to_data().notes, *job.arm.notes]
+        notes = [*placement.to_data().notes, *opened.arm.notes]
         if placement.best is not None:
             try:
-                folder.write(JOB, _job_text(placement, file, out, job_options))
+                folder.write(JOB, _job_text(placement, job, out, job_options))
             except InvalidInput as error:
                 notes.append(str(error))
         data = placement.to_data([*folder.files, "summary.json"])
         folder.write("summary.json", data_json(data))
-    report = (out / "report.html").resolve()
     print_lines(*str(placement).splitlines(), *(f"Note: {x}" for x in notes))
     if JOB in folder.files:
         print_lines(f"Job: {out / JOB}")
-    print_lines(f"Report: {report.as_uri()}")
+    print_report(out)
     return int(placement.best is None)
 
 
@@ -70,7 +80,6 @@ def read_axis(name: str, text: str) -> FloatArray:
     """Read an axis such as "-300 mm .. 300 mm, 25"; a whole turn omits the last value."""
     import numpy as np
 
-    from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Angle, Length
 
@@ -89,7 +98,6 @@ def read_axis(name: str, text: str) -> FloatArray:
 
 def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:
     """Text of the job file with the part in its best place."""
-    from armcontour.cli.inputs import is_job, read_patch
     from armcontour.files import placed_job_text
     from armcontour.files.cell import drawing_text
     from armcontour.files.job_file import job_text
@@ -102,16 +110,26 @@ def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobO
     return placed_job_text(placement, text, folder=folder, to=out, patch=patch)
 
 
-def batch_file(
-    file: FilePath, out: FilePath, job_options: JobOptions, options: BatchOptions
+@command(RUN, "batch job.yaml --over 'corners.tolerance=[0.1 mm, 1 mm]' --out results")
+def batch(
+    job: JobOrDrawing,
+    out: Annotated[
+        FilePath,
+        typer.Option(
+            "--out", "-o", help="Folder for the results; an earlier batch in it is continued."
+        ),
+    ],
+    options: BatchOptions,
+    job_options: JobOptions,
 ) -> int:
-    """Run all jobs, print and write their results; returns the exit code, 1 if some jobs failed."""
-    from armcontour.cli.inputs import find_file, name_options, read_patch
-    from armcontour.cli.progress_bars import show_progress
+    """Run a job for all combinations of values of its keys; an interrupted batch can be continued.
+
+    Exit codes: 0 every job is done or refused; 1 some jobs failed; 2 no job is valid.
+    """
     from armcontour.core import staging
     from armcontour.core.errors import InvalidInput, error_context
+    from armcontour.files import batch as study
     from armcontour.files import parse_set
-    from armcontour.files.batch import FAILED, batch
     from armcontour.report import render_table
 
     patch, names = read_patch(job_options)
@@ -123,8 +141,8 @@ def batch_file(
                 raise InvalidInput(f"{text} has no list. Write 'KEY=[VALUE, VALUE]'.")
         over[keys] = values
     with show_progress() as progress, name_options(names):
-        result = batch(
-            find_file(file, job_options.cell),
+        result = study.batch(
+            find_file(job, job_options.cell),
             over,
             out,
             cell=job_options.cell,
@@ -137,8 +155,9 @@ def batch_file(
     if any(errors):
         header, rows = (*header, ""), [(*x, y) for x, y in zip(rows, errors, strict=True)]
     page = render_table(f"Batch of {result.title}", counts, header, rows)
-    report = (out / "report.html").resolve()
+    report = out / "report.html"
     staging.write_atomically(report, lambda x: x.write_text(page, encoding="utf-8"))
     show_table(cells[0], cells[1:], title=f"{result.title}: {counts}", names=1 + len(over))
-    print_lines(*result.errors(), f"Table: {out / 'results.csv'}", f"Report: {report.as_uri()}")
-    return int(FAILED in result.counts)
+    print_lines(*result.errors(), f"Table: {out / 'results.csv'}")
+    print_report(out)
+    return int(study.FAILED in result.counts)

@@ -12,7 +12,7 @@ import yaml
 from soak.identification import move, multisine
 from tests.files.tables import parse_log
 
-from armcontour.cli.identify_command import identify_files
+from armcontour.cli.identify_command import identify as identify_logs
 from armcontour.cli.options import IdentifyOptions
 from armcontour.control.identification import Log, identify
 from armcontour.core.errors import InvalidInput
@@ -103,7 +103,11 @@ def test_refusals(refuses, tmp_path):
         ({"start": "2 rad"}, "--from: must be a quantity in s"),
         ({"force": True}, "--out"),
     ):
-        refuses(partial(identify_files, [file], IdentifyOptions(**options)), InvalidInput, words)
+        refuses(
+            partial(identify_logs, [file], IdentifyOptions(**options)),
+            InvalidInput,
+            words,
+        )
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +167,7 @@ def _write(file, t, u, q, names):
 def test_the_command(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
-    assert identify_files([file], IdentifyOptions(out=out, validate=[file])) == 9
+    assert identify_logs([file], IdentifyOptions(out=out, validate=[file])) == 9
     printed = capsys.readouterr().out
     assert "Prediction of log.csv" in printed and "judged on only one program" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
@@ -172,7 +176,7 @@ def test_the_command(log, tmp_path, capsys):
         as_json=True, validate=[file], start="0 s", end="2000 ms", drive_cycle="2 ms"
     )
     # The same program again is one program.
-    assert identify_files([file, file], part) == 9
+    assert identify_logs([file, file], part) == 9
     data = json.loads(capsys.readouterr().out)
     assert data["samples"] == 2 * 1001 and data["drive_cycle"] == 2e-3
     (prediction,) = data["predictions"]
@@ -186,7 +190,7 @@ def test_the_command_where_no_servo_is_known(tmp_path, capsys, refuses):
     y = move(t, u, kp=25.0, kv=150.0) + 1e-4 * np.random.default_rng(0).normal(size=2000)
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, t, u, y, "t,u1,q1")
-    assert identify_files([file], IdentifyOptions(out=out)) == 1
+    assert identify_logs([file], IdentifyOptions(out=out)) == 1
     assert "the velocity is uniform" in capsys.readouterr().out
     assert {x.name for x in out.iterdir()} == {"report.html", "summary.json", ".armcontour.json"}
-    refuses(lambda: identify_files([file], IdentifyOptions(out=out)), InvalidInput, "--force")
+    refuses(lambda: identify_logs([file], IdentifyOptions(out=out)), InvalidInput, "--force")
