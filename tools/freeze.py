@@ -262,6 +262,7 @@ def differences(old: Any, new: Any, key_path: str = "") -> Iterator[str]:
     """Descriptions of the differences between two records."""
     if UNSTABLE.search(key_path.rpartition("/")[2]):
         return
+    old, new = _by_name(old), _by_name(new)
     if isinstance(old, dict) and isinstance(new, dict):
         for key in sorted({*old, *new}):
             if key in old and key in new:
@@ -278,6 +279,14 @@ def differences(old: Any, new: Any, key_path: str = "") -> Iterator[str]:
                 yield f"{key_path}: {old!r} before, {new!r} now"
     elif old != new and not (_is_sentence(old) and _is_sentence(new)):
         yield f"{key_path}: {str(old)[:80]} before, {str(new)[:80]} now"
+
+
+def _by_name(value: Any) -> Any:
+    """Rows by their names, if they have different names, because their order does not matter."""
+    if not isinstance(value, list) or not all(isinstance(x, dict) and "name" in x for x in value):
+        return value
+    rows = {x["name"]: x for x in value}
+    return rows if len(rows) == len(value) else value
 
 
 def _is_sentence(value: Any) -> bool:

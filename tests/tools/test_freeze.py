@@ -17,3 +17,11 @@ def test_names_are_replaced_as_a_whole_in_keys_values_options_and_files():
     assert renamed("check out/taught.csv --taught x", NAMES) == (
         "check out/set_points.csv --set-points x"
     )
+
+
+def test_rows_with_names_are_compared_by_name():
+    first, second = {"name": "speed", "ratio": 0.5}, {"name": "joint_jerk", "ratio": 0.9}
+    assert list(differences([first, second], [second, first])) == []
+    (changed,) = differences([first, second], [second, {**first, "ratio": 0.6}])
+    assert changed.startswith("/speed/ratio")
+    assert len(list(differences([first, first], [first, second]))) > 0

@@ -15,6 +15,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.render import number
 from armcontour.core.result import Row
+from armcontour.motion.nearest_commands import find_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -167,17 +168,15 @@ class Franka(Controller):
         """Largest share of each FCI limit that set-points use, one row per derivative."""
         # Raises `ControllerRefused` for a value above a limit or a position outside the range.
         limits = LIMITS[self.model]
-        beyond = np.maximum(q - limits.upper, limits.lower - q)
-        i, j = divmod(int(beyond.argmax()), DOF)
-        if beyond[i, j] > 0:
-            end = limits.upper[j] if q[i, j] > limits.upper[j] else limits.lower[j]
+        excess = find_excess(q, CYCLE, np.array([[limits.lower, limits.upper]]))
+        if excess is not None:
             raise ControllerRefused(
-                f"Joint {j + 1} is at {number(q[i, j], 'rad')} {_at(i)}, outside the robot's "
-                f"range, which ends at {number(end, 'rad')}: move the path, or choose another "
-                "configuration.",
-                joint=j,
-                needed=float(q[i, j]),
-                allowed=float(end),
+                f"Joint {excess.joint + 1} is at {number(excess.needed, 'rad')} {_at(excess.row)}, "
+                f"outside the robot's range, which ends at {number(excess.allowed, 'rad')}: move "
+                "the path, or choose another configuration.",
+                joint=excess.joint,
+                needed=excess.needed,
+                allowed=excess.allowed,
             )
         rows = []
         for name, (values, most) in limits.compare(q).items():

@@ -17,6 +17,7 @@ from armcontour.controllers.commands import (
 )
 from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion
 from armcontour.core import checks
+from armcontour.core.bounded_differences import differences
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
@@ -34,6 +35,7 @@ from armcontour.motion import JointPath, Log, SetPoints
 from armcontour.planning import plan
 from armcontour.planning.options import Optimal
 from armcontour.robot import Limits, resolve_limits
+from armcontour.robot.limit_use import use_of
 from armcontour.robot.limits import LIMITS
 
 # Default speed factor, and largest speed factor of the motion to the start.
@@ -279,14 +281,12 @@ class Player:
         self, job: Job, planned: RunResult, points: SetPoints, speed_factor: float
     ) -> Row:
         """Ratio of the acceleration of set-points to the limits of each joint at full speed."""
-        q = np.pad(points.q, ((2, 2), (0, 0)), mode="edge")
-        demand = np.diff(q, 2, axis=0) / points.cycle**2
         limits = limits_of(job, planned)
         limits = limits.replace(**_scaled(limits, 1 / speed_factor))
-        low, high = limits.acceleration_bounds(job.arm.dof)
-        use = np.maximum(demand / low, demand / high)
+        demand = use_of("joint_acceleration", limits, differences(points.q, 2) / points.cycle**2)
+        use = demand.ratio
         i, j = divmod(int(use.argmax()), job.arm.dof)
-        needed = float(np.abs(demand[i, j]))
+        needed = float(demand.value[i, j])
         is_safe = self.controller.simulates or job.servo.contour_ratio is not None
         if use[i, j] > 1 + ROUNDING and not is_safe:
             name, allowed = planned.run.name, float(needed / use[i, j])

@@ -12,8 +12,9 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.render import number
 from armcontour.core.result import Row
+from armcontour.motion.nearest_commands import find_range_or_speed_excess
 from armcontour.robot import Arm, Limits
-from armcontour.robot.limits import or_unlimited
+from armcontour.robot.limit_use import use_of
 
 DOF = 6
 
@@ -43,31 +44,22 @@ class Ur(Controller):
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare the number of joints, and the set-points with ranges and speeds of the arm."""
         self._check_joints(arm, DOF)
-        lower, upper = arm.limits.joint_lower, arm.limits.joint_upper
-        beyond = np.zeros_like(q)
-        if lower is not None and upper is not None:
-            beyond = np.maximum(q - upper, lower - q)
-        i, j = divmod(int(beyond.argmax()), DOF)
-        if beyond[i, j] > 0:
-            raise ControllerRefused(
-                f"A set-point of joint {j + 1} is {number(beyond[i, j], 'rad')} outside the range "
-                "of the robot: move the path.",
-                joint=j,
-                needed=float(q[i, j]),
+        excess = find_range_or_speed_excess(q, self.cycle, arm.limits)
+        if excess is not None:
+            joint, needed, allowed = excess.joint, excess.needed, excess.allowed
+            sentence = (
+                f"Set-points move joint {joint + 1} with {number(needed, 'rad/s')}, above the "
+                f"{number(allowed, 'rad/s')} of the robot: lower joint_velocity, or give the plan "
+                "a larger reserve."
             )
-        most = or_unlimited(arm.limits.joint_velocity, DOF)
-        speed = np.abs(np.diff(q, axis=0)).max(axis=0) / self.cycle
-        j = int(np.argmax(speed / most))
-        if speed[j] > most[j]:
-            raise ControllerRefused(
-                f"Set-points move joint {j + 1} with {number(speed[j], 'rad/s')}, above the "
-                f"{number(most[j], 'rad/s')} of the robot: lower joint_velocity, or give the plan "
-                "a larger reserve.",
-                joint=j,
-                needed=float(speed[j]),
-                allowed=float(most[j]),
-            )
-        return [Row("ur.speed", float(speed[j] / most[j]), "1", "speed of the robot's limit")]
+            if not excess.order:
+                sentence = (
+                    f"A set-point of joint {joint + 1} is {number(abs(needed - allowed), 'rad')} "
+                    "outside the range of the robot: move the path."
+                )
+            raise ControllerRefused(sentence, joint=joint, needed=needed, allowed=allowed)
+        use = use_of("joint_velocity", arm.limits, np.diff(q, axis=0) / self.cycle)
+        return [Row("ur.speed", float(use.ratio.max()), "1", "speed of the robot's limit")]
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
         words = [sys.executable, "-m", "armcontour.controllers.feeders.ur_feeder"]

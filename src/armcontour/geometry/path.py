@@ -462,6 +462,19 @@ class Path(Checked):
         index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
         return np.clip(index, 0, len(self) - 1)
 
+    def assigned_speeds(
+        self, limit: float | None, s: npt.ArrayLike | None = None, *, side: str = "right"
+    ) -> FloatArray:
+        """Assigned velocities [m/s]: speeds of the segments, at most a limit; infinite without.
+
+        Args:
+            limit: Largest assigned velocity [m/s], such as `limits.speed`, or None.
+            s: Arc lengths [m], any shape; by default there is one value per segment.
+            side: "right" for the segment after a vertex, "left" for the segment before the vertex.
+        """
+        speeds = np.fmin(self.speeds, np.inf if limit is None else limit)
+        return speeds if s is None else np.asarray(speeds[self.locate(s, side=side)])
+
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`.
 

@@ -154,8 +154,7 @@ def _full_speeds(
     """Tool speed at which an output has its full value, at arc lengths s of a contour [m/s]."""
     if output.speed is not None:
         return output.speed
-    fastest = np.inf if limits.speed is None else limits.speed
-    return np.asarray(np.fmin(contour.path.speeds, fastest)[contour.path.locate(s)])
+    return contour.path.assigned_speeds(limits.speed, s)
 
 
 class _States:

@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, error_context
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned_run import Planned
-from armcontour.jobs.run_warnings import SAME_SPEED, assigned_speed
+from armcontour.jobs.run_warnings import SAME_SPEED
 from armcontour.planning import Optimal
 from armcontour.program import Contour, Leads, Process, Program, arrange_contours, prepare
 from armcontour.robot import PlanarTwoLink
@@ -79,7 +79,7 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
             across = lead.shape == "arc" and run.limits.centripetal_acceleration
             speeds = partial(_lead_speeds, plan, job, run, bare, name)
             with error_context("leads"):
-                assigned = assigned_speed(contour, s, side, run)
+                assigned = float(contour.path.assigned_speeds(run.limits.speed, s, side=side))
                 lengths.append(_lead_length(speeds, assigned, gain, across or np.inf))
         leads.append(Leads(before=lengths[0], after=lengths[1]))
     return leads

@@ -106,12 +106,6 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
         yield f"{min(slow)[1]}{others}."
 
 
-def assigned_speed(contour: Contour, s: float, side: str, run: Run) -> float:
-    """Assigned velocity of a contour at an arc length [m/s]; at a vertex, that on one `side`."""
-    fastest = np.inf if run.limits.speed is None else run.limits.speed
-    return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], fastest))
-
-
 def slow_ends(
     contour: Contour, motion: Trajectory, run: Run
 ) -> Iterator[tuple[str, float, float, float]]:
@@ -123,7 +117,7 @@ def slow_ends(
         ("begins", start, start, "right"),
         ("ends", end, contour.path.length - end, "left"),
     ):
-        assigned = assigned_speed(contour, s, side, run)
+        assigned = float(contour.path.assigned_speeds(run.limits.speed, s, side=side))
         speed = float(motion.speed_at(s, side=side))
         if lead > REPEATED_POINT and speed < assigned * (1 - SAME_SPEED) < np.inf:
             yield word, speed, assigned, lead
@@ -133,7 +127,7 @@ def _missed_speed(
     name: str, path: Path, motion: Trajectory, run: Run
 ) -> Iterator[tuple[float, str]]:
     """Yield ratio of mean speed to assigned velocity, and a sentence, if too slow."""
-    speeds = np.fmin(path.speeds, np.inf if run.limits.speed is None else run.limits.speed)
+    speeds = path.assigned_speeds(run.limits.speed)
     ideal = float(np.sum(path.lengths / speeds))
     if not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:
         return

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from armcontour.core.bounded_differences import differences, nearest_within
@@ -46,26 +48,45 @@ def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatA
     }
 
 
+class Excess(NamedTuple):
+    """Set-points, or a difference of set-points, that exceed a limit."""
+
+    name: str  # Name of the limit
+    order: int  # Order of the difference; 0 for positions
+    row: int  # Row of the set-point at which the difference begins
+    joint: int
+    needed: float  # The position, or the absolute value of the derivative
+    allowed: float
+
+
 def find_excess(
-    q: FloatArray, cycle: float, bounds: FloatArray
-) -> tuple[int, int, int, float] | None:
-    """Order, row, joint and value of the difference that most exceeds its bound, or None."""
+    q: FloatArray, cycle: float, bounds: FloatArray, share: float = 0.0
+) -> Excess | None:
+    """The largest excess of set-points over their bounds; None if all bounds are satisfied."""
     # `q`: set-points [rad], (n, dof); `cycle`: cycle [s]; `bounds`: as from `command_bounds`, or
-    # its first orders.
-    # The row is the row of the last set-point of the difference. The result is None if all bounds
-    # are satisfied.
-    worst, violation = COMMAND_SLACK, None
+    # its first orders; `share`: allowed excess of derivatives, as a share of their bounds.
+    worst, excess = COMMAND_SLACK, None
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
         values = differences(q, order) / cycle**order if order else q
         upper, lower = (np.where(np.isfinite(y) & (order > 0), np.abs(y), 1.0) for y in (high, low))
-        beyond = np.maximum((values - high) / upper, (low - values) / lower)
+        beyond = np.maximum((values - high) / upper, (low - values) / lower) - share * (order > 0)
         k, j = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
         if beyond[k, j] > worst:
-            row = min(k + (order == 0), len(q) - 1)
-            worst, violation = float(beyond[k, j]), (order, row, j, float(values[k, j]))
-    return violation
+            worst, value = float(beyond[k, j]), float(values[k, j])
+            end = int(value > high[j])
+            limit, row = float(bounds[order, end, j]), min(k, len(q) - 1)
+            sign = -1.0 if order and value < 0 else 1.0
+            name = BY_ORDER[order] or JOINT_RANGE[end]
+            excess = Excess(name, order, row, j, sign * value, sign * limit)
+    return excess
+
+
+def find_range_or_speed_excess(q: FloatArray, cycle: float, limits: Limits) -> Excess | None:
+    """The largest excess of set-points over the joint ranges, or else over the joint velocities."""
+    bounds = command_bounds(limits, q.shape[1])[:2]
+    return find_excess(q, cycle, bounds[:1]) or find_excess(q, cycle, bounds)
 
 
 def nearest_commands(

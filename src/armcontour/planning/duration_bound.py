@@ -183,13 +183,11 @@ def bound_duration(joint_path: JointPath, limits: Limits) -> float:
     path = joint_path.tool_path
     if path is not None:
         segment = path.locate((breaks[:-1] + breaks[1:]) / 2)
-        speed = np.inf if limits.speed is None else limits.speed
         tool_limits = [limits.centripetal_acceleration, limits.tool_acceleration]
         acceleration = min((x for x in tool_limits if x is not None), default=np.inf)
         curvature = np.where(path.segments.is_transition, 0.0, path.curvatures)
         with np.errstate(divide="ignore"):
-            ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, acceleration / curvature)[
-                segment
-            ]
+            allowed = np.minimum(path.assigned_speeds(limits.speed) ** 2, acceleration / curvature)
+        ceilings = allowed[segment]
     bounds = np.stack([*limits.velocity_bounds(dof), *limits.acceleration_bounds(dof)])
     return float(least_duration(breaks, joint_path.coefficients, rests, ceilings, bounds))

@@ -217,9 +217,8 @@ def assigned_time(program: Program, limits: Limits) -> float:
     """Duration of a program at its assigned velocities, if given, plus its dwells [s]."""
     # This is an estimate: rounded corners shorten the motion, and other limits lengthen it.
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
-    largest = np.inf if limits.speed is None else limits.speed
     paths = [x.path for x in program.contours]
-    return dwells + sum(float((x.lengths / np.fmin(x.speeds, largest)).sum()) for x in paths)
+    return dwells + sum(float((x.lengths / x.assigned_speeds(limits.speed)).sum()) for x in paths)
 
 
 def _refuse_endless_motion(trajectory: Trajectory) -> None:

@@ -117,8 +117,8 @@ class PlanCurve:
 
 def _assigned(path: Path, s: FloatArray, run: Run) -> FloatArray:
     """Assigned velocities at arc lengths [m/s], (n,); NaN where none is assigned."""
-    speeds = path.speeds[path.locate(s)]
-    return speeds if run.limits.speed is None else np.fmin(speeds, run.limits.speed)
+    speeds = path.assigned_speeds(run.limits.speed, s)
+    return np.where(np.isfinite(speeds), speeds, np.nan)
 
 
 def refusal_header(

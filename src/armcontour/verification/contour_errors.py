@@ -566,16 +566,14 @@ def measure_speed_ratios(
     # velocity changes between two samples, the linearly interpolated speed at the segment end is
     # used. If `between` is True, the ratios are also bounds between samples; the bounds assume at
     # most the curvature of the speed at adjacent samples and one kink.
-    assigned = np.fmin(path.speeds, np.inf if limit is None else limit)
-    assigned = np.where(np.isnan(assigned), np.inf, assigned)
+    assigned = path.assigned_speeds(limit)
     if not np.isfinite(assigned).any():
         return np.zeros(len(speed))
     high = speed + _bound_between(speed) if between else speed
     s, distance = np.maximum.accumulate(followed.s), followed.distance
     first, last = s - distance, s + distance
     allowed = np.maximum(
-        _assigned_velocities(path, assigned, first, "left"),
-        _assigned_velocities(path, assigned, last, "right"),
+        path.assigned_speeds(limit, first, side="left"), path.assigned_speeds(limit, last)
     )
     ratio = high / allowed
     before, after = assigned[:-1], assigned[1:]
@@ -588,12 +586,6 @@ def measure_speed_ratios(
     rises = np.flatnonzero(after > before)
     _raise_at_segment_ends(ratio, high, last, path.breaks[1:-1][rises], before[rises], past=0)
     return ratio
-
-
-def _assigned_velocities(path: Path, assigned: FloatArray, s: FloatArray, side: str) -> FloatArray:
-    """Assigned velocities at arc lengths, which are clipped to the path [m/s], (n,)."""
-    inside = np.clip(s, 0.0, path.length)
-    return assigned[path.locate(inside, side="left" if side == "left" else "right")]
 
 
 def _raise_at_segment_ends(

@@ -11,14 +11,13 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError
 from armcontour.motion import LimitCost, SetPoints
 from armcontour.motion.nearest_commands import (
-    BY_ORDER,
     check_command_limits,
     command_bounds,
     find_excess,
     nearest_commands,
 )
 from armcontour.robot import Arm, Limits
-from armcontour.robot.limits import JOINT_RANGE
+from armcontour.robot.limits import LIMITS
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 
@@ -29,7 +28,6 @@ TIME_CONSTANTS, RAMPS = 2.0, 4.0
 # most this share. A plan with a larger excess is rejected.
 SMOOTHED_SHARE = 0.01
 UNLIMITED = np.array([[-np.inf], [np.inf]])
-UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 
 
 def limit_set_points(
@@ -77,25 +75,20 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     plan, cycle = set_points.trajectory, set_points.cycle
     # The times extend to the end of the plan, because set-points with a time advance end earlier.
     t = set_points.times(int((plan.duration - set_points.start_time) / cycle) + 3, cycle)
-    allowed = np.concatenate([bounds[:1], bounds[1:] * (1 + share)])
-    worst = find_excess(plan.with_rests(t), cycle, allowed)
-    if worst is None:
+    excess = find_excess(plan.with_rests(t), cycle, bounds, share)
+    if excess is None:
         return
-    order, k, j, value = worst
-    upper = int(value > bounds[order, 1, j])
-    limit, name = float(bounds[order, upper, j]), BY_ORDER[order] or JOINT_RANGE[upper]
-    if order:
-        value, limit = abs(value), abs(limit)
+    name, joint, unit = excess.name, excess.joint, LIMITS[excess.name].unit
+    at, limit = float(t[excess.row]), f"{excess.allowed:.6g} {unit}"
     raise CompensationError(
-        f"The plan must stay within command_limits.{name} of {limit:.6g} {UNITS[order]}, but joint "
-        f"{j + 1} has {value:.6g} {UNITS[order]} at t = {t[k]:.6g} s. Set-points within the limit "
-        f"would leave the path. Plan with limits.{name} of {limit:.6g} {UNITS[order]}, or increase "
-        "the command limit.",
-        t=float(t[k]),
-        joint=j,
+        f"The plan must stay within command_limits.{name} of {limit}, but joint {joint + 1} has "
+        f"{excess.needed:.6g} {unit} at t = {at:.6g} s. Set-points within the limit would leave "
+        f"the path. Plan with limits.{name} of {limit}, or increase the command limit.",
+        t=at,
+        joint=joint,
         limit=name,
-        needed=value,
-        allowed=limit,
+        needed=excess.needed,
+        allowed=excess.allowed,
     )
 
 

@@ -24,7 +24,6 @@ from armcontour.core.fields import checked
 from armcontour.core.sampling import interpolate
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.nearest_commands import (
-    BY_ORDER,
     command_bounds,
     find_excess,
     nearest_commands,
@@ -371,9 +370,9 @@ def _keep_limits(
         bounds = np.stack(
             [np.maximum(bounds[:, 0], others[:, 0]), np.minimum(bounds[:, 1], others[:, 1])], axis=1
         )
-    worst = find_excess(requested, result.cycle, bounds)
-    if worst is None:
+    excess = find_excess(requested, result.cycle, bounds)
+    if excess is None:
         return requested, ""
-    name, j = BY_ORDER[worst[0]] or "range", worst[2]
+    name = excess.name if excess.order else "range"
     q = nearest_commands(requested, result.cycle, bounds, best)[0]
-    return q, f"the {name} of the set-points of joint {j + 1} limits the step"
+    return q, f"the {name} of the set-points of joint {excess.joint + 1} limits the step"

@@ -120,11 +120,9 @@ def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
                 f"limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
             )
         return np.full(len(breaks) - 1, np.inf)
-    speed = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
-    speed = np.where(np.isnan(speed), np.inf, speed)
-    if len(speed) == 1:
-        return np.repeat(speed, len(breaks) - 1)
-    return np.asarray(speed[path.locate((breaks[:-1] + breaks[1:]) / 2)])
+    if len(path) == 1:
+        return np.repeat(path.assigned_speeds(limits.speed), len(breaks) - 1)
+    return path.assigned_speeds(limits.speed, (breaks[:-1] + breaks[1:]) / 2)
 
 
 class ToolPace(Constraint):

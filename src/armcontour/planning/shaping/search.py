@@ -297,11 +297,9 @@ class ShapeSearch:
         nodes, limits = self.nodes, self.timer.limits
         spline = self._spline(offsets, h)
         steps = nodes.near.steps(spline.q, nodes.frames)
-        speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.s_objective)]
+        assigned = self.tube.objective.assigned_speeds(limits.speed, nodes.s_objective)
         # The end of a span may be on the segment of either node.
-        speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
-        assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
-        assigned = np.where(np.isnan(assigned), np.inf, assigned)
+        assigned[:-1] = np.minimum(assigned[:-1], assigned[1:])
         return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
     def _node_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:

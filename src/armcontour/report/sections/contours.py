@@ -66,7 +66,7 @@ def _table(name: str, result: RunResult) -> TextTable:
     """Table with a row per contour, with at most MAX_ROWS rows."""
     program, limit = result.path, result.run.limits.speed
     errors = () if result.judged is None else result.judged.contours
-    spans, limit_speed = result.trajectory.contour_spans, np.inf if limit is None else limit
+    spans = result.trajectory.contour_spans
     contours = list[ContourJudgement](
         zip(program.contours, spans, errors or [None] * len(spans), strict=True)
     )
@@ -79,13 +79,13 @@ def _table(name: str, result: RunResult) -> TextTable:
             f"Run {name}: the {MAX_ROWS} of {len(spans)} contours with the largest errors; all "
             "are in summary.json"
         )
-    rows = [_row(k, contours[k], limit_speed) for k in order[:MAX_ROWS].tolist()]
+    rows = [_row(k, contours[k], limit) for k in order[:MAX_ROWS].tolist()]
     used = [any(x[k] for x in rows) for k in range(len(COLUMNS))]
     columns = tuple(x if y else replace(x, label="") for x, y in zip(COLUMNS, used, strict=True))
     return text_table(Table("contours", columns, rows), caption)
 
 
-def _row(k: int, judged: ContourJudgement, limit_speed: float) -> list[Any]:
+def _row(k: int, judged: ContourJudgement, limit: float | None) -> list[Any]:
     """Values of a contour in the order of `COLUMNS`."""
     contour, span, error = judged
     assert span.work is not None
@@ -96,12 +96,12 @@ def _row(k: int, judged: ContourJudgement, limit_speed: float) -> list[Any]:
         contour.layer,
         length,
         *(x if x > ROUNDING else 0.0 for x in (pierce, start - pierce, contour.path.length - end)),
-        *(span.work[0], time, length / time, _share_at_assigned_speed(contour, span, limit_speed)),
+        *(span.work[0], time, length / time, _share_at_assigned_speed(contour, span, limit)),
         *((None, None) if error is None else (error.rms, error.max)),
     ]
 
 
-def _share_at_assigned_speed(contour: Contour, span: Span, limit_speed: float) -> float | None:
+def _share_at_assigned_speed(contour: Contour, span: Span, limit: float | None) -> float | None:
     """Share of a contour's working length at the assigned velocity; None if none is assigned.
 
     Only the length that has an assigned velocity counts.
@@ -111,7 +111,7 @@ def _share_at_assigned_speed(contour: Contour, span: Span, limit_speed: float) -
     s, speeds = span.trajectory.s(times), span.trajectory.s(times, 1)
     start, end = contour.at_work
     middle, width = (s[:-1] + s[1:]) / 2, np.diff(s)
-    assigned = np.fmin(contour.path.speeds[contour.path.locate(middle)], limit_speed)
+    assigned = contour.path.assigned_speeds(limit, middle)
     has_speed = np.isfinite(assigned) & (middle >= start) & (middle <= end)
     if not has_speed.any():
         return None

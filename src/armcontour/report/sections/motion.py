@@ -249,13 +249,12 @@ def _assigned(study: JobResult) -> Iterator[Any]:
 
 def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
     """Times [s] and assigned velocities [m/s], (n,) each; NaN between contours or if unassigned."""
-    limit = np.inf if result.run.limits.speed is None else result.run.limits.speed
     parts, count = [np.empty((0, 2))], len(result.path.contours)
     for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
         if span.trajectory is not None:
             times = np.linspace(*span.t, 2 + ASSIGNED_POINTS // count)
             s = span.trajectory.s(times - span.t[0])
-            value = np.fmin(contour.path.speeds[contour.path.locate(s)], limit)
+            value = contour.path.assigned_speeds(result.run.limits.speed, s)
             parts += [np.column_stack([times, value]), np.full((1, 2), np.nan)]
     t, values = np.concatenate(parts).T
     return t, np.where(np.isfinite(values), values, np.nan)

@@ -270,20 +270,12 @@ def _state_ratios(
     states = States(case.arm, tuple(joints))
     # ds² is proportional to squared velocities and to accelerations.
     pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
-    assigned = _assigned_speeds(case, path, s, side)
+    assigned = path.assigned_speeds(limits.speed, s, side=side)
     if np.isfinite(assigned).any():
         pace = np.maximum(pace, (states.measure("speed")[0] / assigned) ** 2)
     if limits.centripetal_acceleration is not None:
         pace = np.maximum(pace, states.use("centripetal_acceleration", limits).ratio)
     return s, states.use("joint_acceleration", limits).ratio, pace
-
-
-def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> FloatArray:
-    """Assigned velocities at arc lengths s [m/s], (n,); infinite where none is assigned."""
-    limit = case.limits.speed
-    speeds = np.fmin(path.speeds, np.inf if limit is None else limit)
-    assigned = speeds[path.locate(np.clip(s, 0.0, path.length), side=side)]
-    return np.where(np.isnan(assigned), np.inf, assigned)
 
 
 def _break_times(plan: Trajectory, places: FloatArray) -> FloatArray:
@@ -437,8 +429,8 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     if path is None:
         return bounds
     # Breaks of the tool path are breaks of the joint path.
-    segment = path.locate(np.clip((breaks[:-1] + breaks[1:]) / 2, 0.0, path.length))
-    bounds[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
+    segment = path.locate((breaks[:-1] + breaks[1:]) / 2)
+    bounds[:, 0] = path.assigned_speeds(limits.speed)[segment]
     varies = path.segments.is_transition[segment] | (
         isinstance(path, ShapedPath) and path.curve is not None
     )
