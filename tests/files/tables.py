@@ -7,6 +7,8 @@ import numpy as np
 import yaml
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.yaml_loader import load
+from armcontour.files.job_text_edits import change_data, write_data
 from armcontour.files.log_file import read_log
 
 
@@ -66,3 +68,8 @@ def values(read, table):
             if not same or (numbers and not np.allclose(x, value, rtol=1e-12, atol=1e-15)):
                 faults.append(f"{argument}: {place} is {x!r}, not {value!r}")
     assert not faults, "\n".join(faults)
+
+
+def change_text(text, changes):
+    """The text of a job with changes of its data."""
+    return write_data(text, change_data(load(text, "job"), changes))

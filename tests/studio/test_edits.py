@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.files.tables import change_text
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.cell import cell_names, cell_text
-from armcontour.files.job_text_edits import change_data, change_text, value_at
+from armcontour.files.job_text_edits import change_data, value_at
 from armcontour.files.patch import key_of, locate_key
 from armcontour.files.units import parse_quantity
 from armcontour.studio.description import slider_rows

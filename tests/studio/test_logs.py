@@ -145,7 +145,7 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     session.open_upload("run.csv", b"t,q2\n", None, log=True)
     names = tab.last("document")["logs"]
     assert len(names) == 2 and names[0] == "run.csv" and names[1].endswith("run.csv")
-    assert not session.document.can_undo
+    assert not session.document.undo_label
     assert all(x.is_relative_to(state_folder()) for x in uploads.logs.values())
     assert all(x.parent.stat().st_mode & 0o077 == 0 for x in uploads.logs.values())
     tab.say("task", id="t1", task="learn", options={"logs": names[::-1]})

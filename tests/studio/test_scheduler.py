@@ -4,6 +4,7 @@ from importlib import resources
 
 import numpy as np
 import pytest
+from tests.files.tables import change_text
 from tests.studio.session_pages import (
     JOB,
     MOVE,
@@ -22,7 +23,7 @@ import armcontour as ac
 from armcontour.core.progress import Step
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.job_text_edits import Change, change_text
+from armcontour.files.job_text_edits import Change
 from armcontour.studio import scheduler
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner, Tier
@@ -80,7 +81,7 @@ def figures_asked(lane):
 @pytest.mark.parametrize("run", ["optimal", "shaped"])
 def test_at_rest_the_picture_is_that_of_a_full_run(opened, run):
     others = [Change(("runs", x)) for x in load(PAPER, "job")["runs"] if x != run]
-    text = change_text(PAPER, [*others, Change(("experiment",))], "job")
+    text = change_text(PAPER, [*others, Change(("experiment",))])
     want = ac.run(parse_job(text)).runs[run].evaluation
     _, tab, _ = opened(text)
     assert figure(tab.last("executed"), "contour_error.rms") != want.contour_error.rms

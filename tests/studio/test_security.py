@@ -216,7 +216,7 @@ def test_s7_logs_are_kept_apart_and_need_the_token(studio, folder):
             assert studio.upload("a.csv&log=1", content)[0] == 200
         # A log is no drawing of the job.
         shown = page.hear("document").header
-        assert shown["text"] == text and not shown["can_undo"]
+        assert shown["text"] == text and not shown["undo_label"]
         for name in ("../job.yaml", str(folder / "job.yaml"), "/etc/passwd", {"a.csv": 1}):
             page.say("task", id="t", task="learn", options={"logs": [name]})
             assert "Drop it" in page.hear("failed").header["sentence"]

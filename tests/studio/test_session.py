@@ -77,7 +77,7 @@ def test_what_makes_no_sense_is_answered_with_a_sentence(session, capsys):
         tab = SessionPage(session)
         frames = tab.heard(message)
         assert set(kinds(frames)) & {"failed", "refusal", "notice"}, message
-        assert session.document.text == JOB and not session.document.can_undo, message
+        assert session.document.text == JOB and not session.document.undo_label, message
         assert "Traceback" not in capsys.readouterr().err, message
         assert "picture" in kinds(tab.edit(MOVE, gesture=9, final=False)), message
         session.leave(tab)
@@ -94,7 +94,7 @@ def test_uploads_are_drawings_or_other_documents_and_pages_know_which(session, t
     assert tab.last("document")["path"]["file"] == "part.csv"
     session.open_upload("other.yaml", JOB.replace("small", "other").encode(), None)
     document = tab.last("document")
-    assert document["name"] == "other" and document["file"] is None and not document["can_undo"]
+    assert document["name"] == "other" and document["file"] is None and not document["undo_label"]
     session.open_upload("part.csv", CSV, "pmk3s")
     assert tab.last("document")["name"] == "part"
     assert tab.frames[-1].kind in ("executed", "refusal")
@@ -159,7 +159,7 @@ def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, 
     changed = session.document.text
     assert changed.replace("400 mm, 190 mm", "410 mm, 150 mm") == JOB and "# from" in changed
     tab.say("undo")
-    assert session.document.text == JOB and not tab.last("document")["can_undo"]
+    assert session.document.text == JOB and not tab.last("document")["undo_label"]
     tab.say("redo")
     assert session.document.text == changed
     whole = figure(tab.last("picture"), "duration")
@@ -169,7 +169,7 @@ def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, 
     assert figure(tab.last("picture"), "duration") == whole
     assert session.document.text == changed
     tab.say("undo")
-    assert session.document.text == JOB and not session.document.can_undo
+    assert session.document.text == JOB and not session.document.undo_label
 
 
 def test_edits_of_a_message_see_one_another_and_one_of_an_older_document_is_not_made(session, tab):

@@ -15,7 +15,7 @@ from tests.studio.session_pages import JOB, ImmediateWorker, RecordingTaskWorker
 
 import armcontour as ac
 from armcontour.files.cell import cell_names
-from armcontour.files.job_text_edits import Change
+from armcontour.files.job_text_edits import Change, change_data
 from armcontour.studio.connection import open_session
 from armcontour.studio.document import Document
 from armcontour.studio.start_page import DRAWINGS as CARDS
@@ -127,7 +127,7 @@ def test_a_new_job_does_not_lose_what_is_not_saved(opened):
     texts = []
     for arm in ("ur5e", "panda"):
         tab.say("new", card="drawing", arm=arm)
-        session.document.apply(FASTER, "speed")
+        session.document.apply(change_data(session.document.data, FASTER), "speed")
         texts.append(session.document.text)
     frames = tab.say("new", card="empty", arm="ur5e")
     assert any(x.kind == "notice" and "stored as a draft" in x.header["sentence"] for x in frames)
@@ -143,13 +143,14 @@ def test_a_new_job_does_not_lose_what_is_not_saved(opened):
 
 OTHER_STUDIO = """
 import sys
-from armcontour.files.job_text_edits import Change
+from armcontour.files.job_text_edits import Change, change_data
 from armcontour.studio.document import Document
 from armcontour.studio.drafts import running_studio
 
 with running_studio():
     document = Document.open(sys.argv[1])
-    document.apply([Change(("limits", "speed"), "0.1 m/s")], "speed")
+    slower = Change(("limits", "speed"), "0.1 m/s")
+    document.apply(change_data(document.data, [slower]), "speed")
     print("edited", flush=True)
     sys.stdin.read()
 """

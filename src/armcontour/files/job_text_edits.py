@@ -19,6 +19,8 @@ from armcontour.files.key_errors import key_text
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
+# Replacement of the characters from a begin to before an end by a text.
+Splice: TypeAlias = tuple[int, int, str]
 # Keys whose values are file names relative to the folder of the job file.
 FILE_NAME_KEYS = ("file", "files", "joint_limits", "srdf")
 # Maximum length of a line [characters]; a longer mapping or list is written in block style.
@@ -80,34 +82,25 @@ class Part(NamedTuple):
     node: yaml.Node | None  # None for an alias, or in an empty text
 
 
-class Splice(NamedTuple):
-    """Replacement of the characters from `begin` to before `end` by `text`."""
-
-    begin: int
-    end: int
-    text: str
-
-
-def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
-    """Apply changes to YAML text; all other lines do not change."""
+def write_data(text: str, new: Any, source: str = "job") -> str:
+    """Change YAML text so that its data are `new`; all lines of equal values stay."""
     data = load(text, source)
-    new = change_data(data, changes)
+    changed = [x for x in {**(data or {}), **new} if value_at(data, (x,)) != new.get(x)]
     for _ in range(MAX_PASSES):
         if data == new:
             return text
         root = yaml.compose(text, Loader=Loader)
         begin, end = (len(text), len(text)) if root is None else _span(text, root)
         splices = _splices(text, Part(None, begin, begin, begin, end, root), data, new)
-        for x in sorted(splices, reverse=True):
-            text = text[: x.begin] + x.text + text[x.end :]
+        for begin, end, written in sorted(splices, reverse=True):
+            text = text[:begin] + written + text[end:]
         try:
             data = load(text, source)
         except InvalidInput:
             break
-    names = ", ".join(dict.fromkeys(key_text(x.keys) for x in changes))
     raise InvalidInput(
-        f"{source}: {names} cannot be changed in the text, for example because other keys share "
-        "the value (a YAML anchor). Edit the file by hand."
+        f"{source}: {', '.join(map(str, changed))} cannot be changed in the text, for example "
+        "because other keys share a value (a YAML anchor). Edit the file by hand."
     )
 
 
@@ -145,16 +138,12 @@ def _change_value(data: Any, keys: Keys, change: Change) -> Any:
 def move_files(text: str, folder: FilePath, to: FilePath) -> str:
     """Text of a job file whose relative file names are converted from `folder` to `to`."""
     changes = []
-    for keys, name in _file_names(load(text, "job")):
+    data = load(text, "job")
+    for keys, name in _file_names(data):
         if not FilePath(name).is_absolute() and (folder / name).exists():
             moved = os.path.relpath((folder / name).resolve(), to.resolve())
             changes.append(Change(keys, FilePath(moved).as_posix()))
-    return change_text(text, changes)
-
-
-def file_names(data: Any) -> list[str]:
-    """Names of the files and folders in the data of a job file."""
-    return [name for _, name in _file_names(data)]
+    return write_data(text, change_data(data, changes))
 
 
 def _file_names(data: Any, keys: Keys = (), name: Any = None) -> Iterator[tuple[Keys, str]]:
@@ -209,16 +198,16 @@ def _splices(text: str, part: Part, old: Any, new: Any, flow: bool = False) -> I
         return
     parts = _parts(text, part.node) if type(old) is type(new) else []
     values, added, place = _align(old, new, parts) if parts else ({}, [], 0)
-    gone = [k for k, x in enumerate(parts) if x.key not in values]
-    if len(gone) == len(parts):
+    stays = [x.key in values for x in parts]
+    if not any(stays):
         yield from _replace(text, part, new, flow)
         return
     flow = flow or bool(getattr(part.node, "flow_style", False))
     for x in parts:
         if x.key in values and x.key != MERGE:
             yield from _splices(text, x, old[x.key], values[x.key], flow)
-    if gone:
-        yield _remove(text, parts, gone)
+    if not all(stays):
+        yield _remove(text, parts, stays)
     elif added:
         yield _add(text, parts, place, added, flow)
 
@@ -250,16 +239,17 @@ def _count_equal(one: Sequence[Any], other: Sequence[Any]) -> int:
     return next((k for k, (x, y) in pairs if x != y), min(len(one), len(other)))
 
 
-def _remove(text: str, parts: Sequence[Part], gone: Sequence[int]) -> Splice:
-    """Removal of the first of the parts `gone` and of those that follow it directly."""
-    first, stop = gone[0], next(k for k in range(gone[0], len(parts) + 1) if k not in gone)
+def _remove(text: str, parts: Sequence[Part], stays: Sequence[bool]) -> Splice:
+    """Removal of the first part that does not stay, and of those that follow it directly."""
+    first = stays.index(False)
+    stop = next((k for k in range(first, len(parts)) if stays[k]), len(parts))
     head, end = parts[first].head, parts[stop - 1].end
     rest, line = REST.match(text, end), text.rfind("\n", 0, head) + 1
     if rest is not None and not text[line:head].strip():
-        return Splice(line, rest.end(), "")
+        return (line, rest.end(), "")
     if stop < len(parts):
-        return Splice(head, parts[stop].head, "")
-    return Splice(parts[first - 1].end, end, "")
+        return (head, parts[stop].head, "")
+    return (parts[first - 1].end, end, "")
 
 
 def _add(text: str, parts: Sequence[Part], place: int, added: Sequence[Any], flow: bool) -> Splice:
@@ -271,11 +261,11 @@ def _add(text: str, parts: Sequence[Part], place: int, added: Sequence[Any], flo
         if flow:
             first = not text[text.rfind("\n", 0, head) + 1 : head].strip()
             gap = f",{gap}" if first else ", "
-        return Splice(head, head, "".join(x + gap for x in items))
+        return (head, head, "".join(x + gap for x in items))
     end = parts[place - 1].end
     if not flow:
         end += len(text[end:].partition("\n")[0].rstrip("\r"))
-    return Splice(end, end, "".join((", " if flow else gap) + x for x in items))
+    return (end, end, "".join((", " if flow else gap) + x for x in items))
 
 
 def _replace(text: str, part: Part, new: Any, flow: bool) -> Iterator[Splice]:
@@ -284,12 +274,12 @@ def _replace(text: str, part: Part, new: Any, flow: bool) -> Iterator[Splice]:
     rest = REST.match(text, part.end)
     if rest is not None and "\n" in text[part.name_end : part.begin]:
         # The value is below its key; a comment after the key stays.
-        yield Splice(part.name_end, part.name_end, value)
-        yield Splice(text.rfind("\n", 0, part.begin) + 1, rest.end(), "")
+        yield (part.name_end, part.name_end, value)
+        yield (text.rfind("\n", 0, part.begin) + 1, rest.end(), "")
     elif part.begin == part.end or "\n" in value:
-        yield Splice(part.name_end, part.end, value)
+        yield (part.name_end, part.end, value)
     else:
-        yield Splice(part.begin, part.end, value.lstrip())
+        yield (part.begin, part.end, value.lstrip())
 
 
 def _item_text(item: dict[Any, Any] | list[Any], gap: str, flow: bool) -> str:

@@ -16,7 +16,7 @@ from armcontour.core.text import show, suggest
 from armcontour.core.yaml_loader import load
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.job_model import JobModel, RunModel
-from armcontour.files.job_text_edits import REMOVE, Change, Keys, change_data, change_text, value_at
+from armcontour.files.job_text_edits import REMOVE, Change, Keys, change_data, value_at, write_data
 from armcontour.files.key_errors import Patch as Patch
 from armcontour.jobs.job import ARC, FREE
 from armcontour.motion import Method
@@ -38,10 +38,6 @@ CHOICES: dict[Keys, dict[str, str]] = {
 }
 
 
-class Name(str):
-    """A key that is a name, such as of a layer; never an index, even if it consists of digits."""
-
-
 def parse_set(text: str) -> Patch:
     """Parse a text such as `corners.tolerance=0.2 mm` to a patch.
 
@@ -60,8 +56,10 @@ def parse_set(text: str) -> Patch:
 
 
 def key_of(key: Any) -> Keys:
-    """Key path, from a text such as `limits.speed` or a list of keys."""
-    parts = key.split(".") if isinstance(key, str) else key
+    """Key path, from a text such as `limits.speed` or a list of keys; digits are an index."""
+    parts = key
+    if isinstance(key, str):
+        parts = [int(x) if x.isdecimal() else x for x in key.split(".")]
     listed = isinstance(parts, list | tuple) and all(type(part) in (str, int) for part in parts)
     if not listed or not parts or "" in parts:
         raise InvalidInput(f"{show(key)} is not a key. Write a key such as limits.speed.")
@@ -88,10 +86,9 @@ def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
             keys = ("runs", run, *keys)
     numbered: list[Any] = []
     for part in keys:
-        # Digits are a list index or an integer key, unless the mapping has them as a text key.
-        named = isinstance(data, Mapping) and part in data
-        whole = type(part) is str and part.isdecimal() and not named
-        numbered.append(int(part) if whole else part)
+        # A number is a list index, unless the mapping has it as a text key.
+        named = isinstance(data, Mapping) and part not in data and str(part) in data
+        numbered.append(str(part) if named else part)
         data = value_at(data, (numbered[-1],))
     return tuple(numbered)
 
@@ -108,7 +105,7 @@ def apply_patch(data: Any, patch: Patch, run: str | None = None) -> Any:
 
 def write_patch(text: str, patch: Patch, source: str = "job") -> str:
     """Text of a job file with a patch applied; comments do not change."""
-    return change_text(text, resolve_patch(load(text, source), patch), source)
+    return write_data(text, apply_patch(load(text, source), patch), source)
 
 
 def arm_keys(arm: str) -> dict[str, str]:

@@ -166,8 +166,7 @@ def open_session(
             document = start_page.blank_document(DEFAULT_CELL, FilePath.cwd(), drafts.START)
         else:
             document = start_page.open_file(file, cell)
-    folder = document.folder or FilePath.cwd()
-    previewer = CoarsePlanner(folder)
+    previewer = CoarsePlanner(document.folder)
     report(Step(("reading the job",)))
     with listen_to_reading(lambda place, content: named.append(place)):
         session = Session(

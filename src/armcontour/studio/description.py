@@ -136,8 +136,6 @@ def document_frame(document: Document, state: JobState, run: str) -> PageFrame:
         "folder": str(document.folder),
         "dirty": document.dirty,
         "on_disk": document.on_disk(),
-        "can_undo": document.can_undo,
-        "can_redo": document.can_redo,
         "undo_label": document.undo_label,
         "redo_label": document.redo_label,
         "runs": runs_of(data),

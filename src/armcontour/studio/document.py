@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_bytes
 from armcontour.files.cell import drawing_text
 from armcontour.files.job_file import read_data
-from armcontour.files.job_text_edits import Change, change_data, change_text, file_names
+from armcontour.files.job_text_edits import write_data
 from armcontour.studio.drafts import BOM, Draft, decode_text, drop_draft, find_draft, write_file
 
 # States of the file on disk, see `Document.on_disk`.
@@ -37,8 +37,8 @@ class Document:
         text: str,
         *,
         source: str,
+        folder: FilePath,
         file: FilePath | None = None,
-        folder: FilePath | None = None,
         saved: bytes | None = None,
         key: str = "",
         upload: bool = False,
@@ -50,7 +50,7 @@ class Document:
         self.key, self._upload = key or f"file {file}", upload
         self.text = self._opened = text.removeprefix(BOM)
         self.saved_text = self.text if saved is not None or file is None else ""
-        self._data = self._parse(self.text)
+        self._data = read_data(self.text, source)
         self._past: list[HistoryEntry] = []
         self._future: list[HistoryEntry] = []
         draft = find_draft(self.key, file)
@@ -66,9 +66,9 @@ class Document:
 
     @classmethod
     def of_text(
-        cls, text: str, folder: FilePath | None, name: str, key: str = "", upload: bool = False
+        cls, text: str, folder: FilePath, name: str, key: str = "", upload: bool = False
     ) -> Document:
-        """Create a job without a file, such as an upload; it may name files only with a folder."""
+        """Create a job without a file, such as an upload."""
         key = key or f"text {name} {text}"
         return cls(text, source=name, folder=folder, key=key, upload=upload)
 
@@ -95,16 +95,6 @@ class Document:
         return self.text != self.saved_text
 
     @property
-    def can_undo(self) -> bool:
-        """True if there is a change to undo."""
-        return bool(self._past)
-
-    @property
-    def can_redo(self) -> bool:
-        """True if there is an undone change."""
-        return bool(self._future)
-
-    @property
     def undo_label(self) -> str | None:
         """Label of the change that `undo` reverts; None if there is no such change."""
         return self._past[-1].label if self._past else None
@@ -114,10 +104,9 @@ class Document:
         """Label of the change that `redo` repeats; None if there is no such change."""
         return self._future[-1].label if self._future else None
 
-    def apply(self, changes: Sequence[Change], label: str) -> None:
-        """Change keys of the text as one step of undo."""
-        text = change_text(self.text, changes, self.source)
-        self._set_text(text, change_data(self._data, changes), label)
+    def apply(self, data: dict[str, Any], label: str) -> None:
+        """Change the data, and the text where it differs, as one step of undo."""
+        self._set_text(write_data(self.text, data, self.source), data, label)
 
     def replace(self, text: str, label: str) -> None:
         """Replace the text as one step of undo; keeps Windows line breaks of the old text."""
@@ -125,7 +114,7 @@ class Document:
         # Browsers convert all line breaks to line feeds.
         if "\r\n" in self.text and "\r" not in text:
             text = text.replace("\n", "\r\n")
-        self._set_text(text, self._parse(text), label)
+        self._set_text(text, read_data(text, self.source), label)
 
     def undo(self) -> None:
         """Revert the last change."""
@@ -173,7 +162,7 @@ class Document:
         content = self._read_file()
         text = decode_text(content, self.file)
         body = text.removeprefix(BOM)
-        data = self._parse(body)
+        data = read_data(body, self.source)
         self._saved, self.saved_text, self._has_bom = content, body, text.startswith(BOM)
         self._set_text(body, data, "reload")
 
@@ -213,26 +202,10 @@ class Document:
         """Key for the earlier draft if a newer draft has the key of the document."""
         return f"{self.key}, before {hashlib.sha256((self.earlier or '').encode()).hexdigest()}"
 
-    def _parse(self, text: str) -> dict[str, Any]:
-        """Data of a text, which must be a mapping; a job without a folder must not name files."""
-        data = read_data(text, self.source)
-        self._refuse_files(data)
-        return data
-
-    def _refuse_files(self, data: Any) -> None:
-        """Raise InvalidInput if a job without a folder names files."""
-        for name in file_names(data) if self.folder is None else ():
-            raise InvalidInput(
-                f"{self.source} refers to the file {name}, which the Studio cannot read because "
-                "only the job was uploaded. Start armcontour studio with the job file in its "
-                "folder."
-            )
-
     def _set_text(self, text: str, data: dict[str, Any], label: str) -> None:
         """Replace text and data as one step of undo."""
         if text == self.text:
             return
-        self._refuse_files(data)
         self._past.append(HistoryEntry(label, self.text, self._data))
         self._future.clear()
         while len(self._past) > 1 and sum(len(x.text) for x in self._past) > MAX_HISTORY:

@@ -10,7 +10,7 @@ from typing import Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
-from armcontour.files.job_text_edits import Change, change_data, change_text
+from armcontour.files.job_text_edits import Change, change_data, write_data
 from armcontour.jobs import Job
 from armcontour.studio.description import JobState, runs_of
 from armcontour.studio.document import Document
@@ -29,11 +29,9 @@ NOTHING_DRAWN = "The job has no path yet. Draw with the pen, or open a drawing."
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """Data of the document after edits, and the edits: changed keys or a new text."""
+    """Data of the document after edits."""
 
     data: Mapping[str, Any]
-    # None if the text is replaced.
-    changes: tuple[Change, ...] | None = ()
     # New text; None if keys are changed.
     text: str | None = None
 
@@ -52,7 +50,7 @@ class Editor:
     @property
     def folder(self) -> FilePath:
         """Folder to which file names in the job are relative."""
-        return self.document.folder or FilePath.cwd()
+        return self.document.folder
 
     @property
     def folders(self) -> tuple[FilePath, FilePath]:
@@ -61,7 +59,7 @@ class Editor:
 
     def open(self, document: Document) -> None:
         """Edit another document; raises InvalidInput if its data are not a valid job."""
-        before, self.previewer.folder = self.previewer.folder, document.folder or FilePath.cwd()
+        before, self.previewer.folder = self.previewer.folder, document.folder
         self.previewer.forget()
         state = self._read_state(document.data)
         if state.job is None and not is_blank(document.data):
@@ -104,11 +102,10 @@ class Editor:
         state = self._read_state(revision.data)
         if state.error is not None and self.state.job is not None:
             raise state.error
-        if revision.changes is None:
-            assert revision.text is not None
+        if revision.text is not None:
             self.document.replace(revision.text, label)
         else:
-            self.document.apply(revision.changes, label)
+            self.document.apply(dict(revision.data), label)
         self._count_revision(state)
 
     def undo(self) -> None:
@@ -134,14 +131,13 @@ class Editor:
         state = self.state
         if state.handles is None:
             raise state.error or InvalidInput("The document is not a valid job yet. Edit its text.")
-        data, handles, changes = dict(state.data), state.handles, list[Change]()
+        data, handles = dict(state.data), state.handles
         for k, edit in enumerate(edits):
             if k and edits[k - 1].get("do") in HANDLE_EDITS:
                 handles = handles_of(self._make_job(data), data)
-            edit_changes = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
-            data = change_data(data, edit_changes)
-            changes += edit_changes
-        return Revision(data, tuple(changes))
+            changes = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
+            data = change_data(data, changes)
+        return Revision(data)
 
     def revise_text(self, text: Any) -> Revision:
         """Revision of the document with a new text."""
@@ -150,11 +146,11 @@ class Editor:
         data = load(text, self.document.source)
         if not isinstance(data, dict):
             raise InvalidInput("A job must be a mapping of keys such as arm, path and runs.")
-        return Revision(data, None, text)
+        return Revision(data, text)
 
     def revise_keys(self, changes: Sequence[Change]) -> Revision:
         """Revision of the document with changed keys."""
-        return Revision(change_data(self.state.data, changes), tuple(changes))
+        return Revision(change_data(self.state.data, changes))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
         """Name of the run to show: the last shown, else the first optimal one, else the first."""
@@ -165,9 +161,9 @@ class Editor:
 
     def request(self, revision: Revision, options: Mapping[str, Any]) -> dict[str, Any]:
         """Request for the task process: the fields of `tasks.request.Request`."""
-        text = self.document.text if revision.text is None else revision.text
-        if revision.changes:
-            text = change_text(text, revision.changes, self.document.source)
+        text = revision.text
+        if text is None:
+            text = write_data(self.document.text, revision.data, self.document.source)
         return {
             "text": text,
             "source": self.document.source,

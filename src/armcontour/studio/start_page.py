@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.staging import write_atomically
 from armcontour.files.cell import cell_names, cell_text, read_cell_arm
-from armcontour.files.job_text_edits import Change, change_text
+from armcontour.files.patch import Patch, write_patch
 from armcontour.robot import SerialArm
 from armcontour.robot.chain import link_poses
 from armcontour.studio.arm_picture import triangles_of
@@ -40,7 +40,7 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Document:
     """Create the job for a card of the start page, in the folder of the open document `before`."""
     checks.check_choice("card", card, (*DRAWINGS, PAPER, EMPTY))
-    folder, library = before.folder or FilePath.cwd(), resources.files("armcontour.jobs.library")
+    folder, library = before.folder, resources.files("armcontour.jobs.library")
     if card == PAPER:
         text = (library / "paper.yaml").read_text(encoding="utf-8")
         return Document.of_text(text, folder, "paper.yaml", "built-in", upload=True)
@@ -51,14 +51,14 @@ def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Doc
     assert isinstance(document, Document)
     if card != "weld":
         return document
-    text = change_text(document.text, [Change(("process", "weave"), WEAVE)])
+    text = write_patch(document.text, {("process", "weave"): WEAVE})
     return Document.of_text(text, folder, document.source, document.key, upload=True)
 
 
 def blank_document(arm: str, folder: FilePath, key: str) -> Document:
     """Create a job with an empty path in a built-in cell."""
-    names = {"name": "untitled", "title": f"New job on {arm}"}
-    text = change_text(cell_text(arm), [Change((k,), x) for k, x in names.items()])
+    names: Patch = {("name",): "untitled", ("title",): f"New job on {arm}"}
+    text = write_patch(cell_text(arm), names)
     return Document.of_text(text, folder, "untitled.yaml", key, upload=True)
 
 

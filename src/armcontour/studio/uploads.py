@@ -13,7 +13,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
 from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names, drawing_text
 from armcontour.files.drawings.endings import READERS
-from armcontour.files.job_text_edits import Change, change_text
+from armcontour.files.job_text_edits import Change
+from armcontour.files.patch import Patch, write_patch
 from armcontour.studio.document import Document
 from armcontour.studio.drafts import all_drafts, make_private, state_folder
 
@@ -47,7 +48,7 @@ class Uploads:
         """
         check_file_name(name)
         key = f"upload {name} on {cell} {unknown} {hashlib.sha256(content).hexdigest()}"
-        ending, folder = FilePath(name).suffix.lower(), document.folder or FilePath.cwd()
+        ending, folder = FilePath(name).suffix.lower(), document.folder
         if ending in YAML:
             return Document.of_text(_decode(name, content), folder, name, key, upload=True)
         if ending in ROBOTS:
@@ -59,7 +60,7 @@ class Uploads:
                 f"({', '.join(READERS)}) or a robot description (.urdf)."
             )
         file = self._store(name, content, folder)
-        options = [Change(("path", "unknown"), unknown)] if unknown else []
+        options: Patch = {("path", "unknown"): unknown} if unknown else {}
         if cell is not None:
             if cell not in cell_names():
                 raise InvalidInput(
@@ -67,14 +68,10 @@ class Uploads:
                 )
             there = (folder / file).resolve()
             source = f"{there.stem}.yaml"
-            text = change_text(drawing_text(cell, there, folder), options, source)
+            text = write_patch(drawing_text(cell, there, folder), options, source)
             return Document.of_text(text, folder, source, key, upload=True)
-        path = document.data.get("path") or {}
-        return [
-            *(Change(("path", x)) for x in GEOMETRY_KEYS if x in path),
-            Change(("path", "file"), file),
-            *options,
-        ]
+        gone = [Change(("path", x)) for x in GEOMETRY_KEYS]
+        return [*gone, Change(("path", "file"), file), *(Change(*x) for x in options.items())]
 
     def keep_log(self, name: str, content: bytes) -> str:
         """Store a log of the robot and return its name; deletes the oldest log above MAX_LOGS."""

@@ -16,7 +16,7 @@ from armcontour.core.quantities import Quantity
 from armcontour.core.text import plain_number, show
 from armcontour.files.job_model import JobModel
 from armcontour.files.job_text_edits import REMOVE, Change, Keys, change_data, value_at
-from armcontour.files.patch import IN_RUN, MERGED, Name, arm_keys, key_of, locate_key, resolve_patch
+from armcontour.files.patch import IN_RUN, MERGED, arm_keys, key_of, locate_key, resolve_patch
 from armcontour.files.si_data import quantity_of
 from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job, Run
@@ -25,18 +25,12 @@ from armcontour.studio.handles import EditState
 SHARP = "sharp"
 # Initial tolerance of corners that become rounded.
 FIRST_TOLERANCE = "1 mm"
-# Mappings whose keys are tool numbers.
-NUMBERED = ("tools",)
 # Required mappings of a job: they stay even if they become empty.
 REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that set a key: with `run`, for the shown run only; with `insert`, as a list item."""
-    return [x._replace(keys=_plain_keys(x.keys)) for x in _set(edit, state)]
-
-
-def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     keys, value = _keys_of_edit(edit, state), edit["value"]
     if edit.get("run") is True and keys[0] in IN_RUN:
         return _set_in_run(keys, value, state)
@@ -57,9 +51,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         if value == SHARP or not isinstance(values, Mapping):
             arcs = {"shape": value, "tolerance": FIRST_TOLERANCE}
             keys, value = tuple(outer), SHARP if value == SHARP else arcs
-    elif (
-        isinstance(last, int) and not isinstance(values, list | dict) and outer[-1] not in NUMBERED
-    ):
+    elif isinstance(last, int) and not isinstance(values, list | dict):
         keys, value = tuple(outer), _list_joint_values(keys, value, values, state)
     else:
         value = format_value(value, now, keys)
@@ -68,7 +60,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that remove a key and the mappings that become empty."""
-    keys = _plain_keys(_keys_of_edit(edit, state))
+    keys = _keys_of_edit(edit, state)
     while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in REQUIRED_LIBRARIES:
         outer = value_at(state.data, keys[:-1])
         # The mapping of a run or of a layer stays, because it may be empty.
@@ -80,18 +72,8 @@ def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _keys_of_edit(edit: Mapping[str, Any], state: EditState) -> Keys:
-    """Keys that an edit changes, in the shown run if the run has them.
-
-    Texts in a list of keys are names, which are used as they are.
-    """
-    keys = key_of(edit["key"])
-    if not isinstance(edit["key"], str):
-        keys = tuple(Name(x) if isinstance(x, str) else x for x in keys)
-    return locate_key(keys, state.data, state.run)
-
-
-def _plain_keys(keys: Keys) -> Keys:
-    return tuple(str(x) if isinstance(x, str) else x for x in keys)
+    """Keys that an edit changes, in the shown run if the run has them."""
+    return locate_key(key_of(edit["key"]), state.data, state.run)
 
 
 def _set_in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
@@ -103,8 +85,8 @@ def _set_in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
         changes = [Change(run_keys, deepcopy(shared))]
     run_state = replace(state, data=change_data(state.data, changes))
     # The page displays the unit of the job's value, so a number without a unit has this unit.
-    value = format_value(value, value_at(state.data, _plain_keys(keys)), keys)
-    return changes + _set({"key": [*run_keys, *_plain_keys(keys[1:])], "value": value}, run_state)
+    value = format_value(value, value_at(state.data, keys), keys)
+    return changes + set_value({"key": [*run_keys, *keys[1:]], "value": value}, run_state)
 
 
 def _list_joint_values(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:

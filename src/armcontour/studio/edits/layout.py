@@ -43,14 +43,13 @@ def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     pivot = plane.lift(about)
     position = pivot + turned @ (frame.position - pivot) + plane.lift(by) - plane.origin
     frame_data = value_at(state.data, ("path", "frame")) or {}
-    changes = _vector(
-        ("path", "frame", "position"), position, frame.position, frame_data, LENGTH, EXACT
-    )
+    keys: Keys = ("path", "frame", "position")
+    moved = _vector(keys, position, frame.position, frame_data, LENGTH, EXACT)
     if turn == 0:
-        return changes
+        return [moved]
     if frame_data.get("quaternion") is not None:
         new = quaternions(turned @ frame.rotation).tolist()
-        return [*changes, Change(("path", "frame", "quaternion"), new)]
+        return [moved, Change(("path", "frame", "quaternion"), new)]
     before = to_rpy(frame.rotation)
     angles = to_rpy(turned @ frame.rotation)
     if abs(plane.normal[2]) == 1:
@@ -59,8 +58,8 @@ def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         before = np.array(in_si(frame_data, FrameModel).get("rpy") or [0.0, 0.0, 0.0])
         yaw = math.remainder(before[2] + turn * plane.normal[2], 2 * math.pi)
         angles = np.append(before[:2], yaw)
-    keys: Keys = ("path", "frame", "rpy")
-    return [*changes, *_vector(keys, angles, before, frame_data, ANGLE, EXACT_ANGLE)]
+    keys = ("path", "frame", "rpy")
+    return [moved, _vector(keys, angles, before, frame_data, ANGLE, EXACT_ANGLE)]
 
 
 def _vector(
@@ -70,16 +69,16 @@ def _vector(
     frame_data: Mapping[str, Any],
     kind: Quantity,
     within: float,
-) -> list[Change]:
-    """Changes of vector components that differ by more than `within`; of all if none is written."""
-    written = frame_data.get(str(keys[-1]))
-    if written is None:
-        return [Change(keys, [write_like(float(x), None, kind, within=within) for x in new])]
-    return [
-        Change((*keys, k), write_like(float(new[k]), x, kind, within=within))
-        for k, x in enumerate(written)
-        if abs(new[k] - old[k]) > within
+) -> Change:
+    """Change of a vector; components that differ by at most `within` stay as they are written."""
+    written = frame_data.get(str(keys[-1])) or [None] * len(new)
+    values = [
+        write_like(float(value), text, kind, within=within)
+        if text is None or abs(value - before) > within
+        else text
+        for value, before, text in zip(new, old, written, strict=False)
     ]
+    return Change(keys, values)
 
 
 def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | None:

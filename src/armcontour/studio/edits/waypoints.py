@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,7 @@ def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if edit.get("step") is not None:
         within = max(EXACT, checks.not_negative("step", edit["step"], "m") / 2)
     new = state.handles.to_file(uv_of("to", edit["to"]), point, within=within)
-    return _coordinates(point.keys, point.written, new)
+    return [Change(point.keys, list(new))]
 
 
 def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
@@ -54,13 +54,7 @@ def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         format_value(x, old, (*point.keys, k))
         for k, (x, old) in enumerate(zip(values, point.written, strict=True))
     ]
-    return _coordinates(point.keys, point.written, new)
-
-
-def _coordinates(keys: Keys, old: Sequence[Any], new: Sequence[Any]) -> list[Change]:
-    """Changes of the coordinates that differ."""
-    pairs = enumerate(zip(old, new, strict=True))
-    return [Change((*keys, k), x) for k, (was, x) in pairs if x != was or type(x) is not type(was)]
+    return [Change(point.keys, new)]
 
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:

@@ -13,7 +13,7 @@ const ON_DISK = /** @type {Record<string, string>} */ ({
 });
 
 /** True if something would be lost; a drawing that was only looked at is in no job file yet. @param {any} head @returns {boolean} */
-export const hasChanges = (head) => Boolean(head?.dirty && (head.on_disk !== "missing" || head.can_undo));
+export const hasChanges = (head) => Boolean(head?.dirty && (head.on_disk !== "missing" || head.undo_label));
 
 /** @param {any} head @returns {string} */
 function stateOf(head) {
@@ -45,7 +45,7 @@ export function init(store, link) {
     document.title = `${hasChanges(head) ? "• " : ""}${head.name || "untitled"} – armcontour studio`;
     document.body.dataset.dirty = String(hasChanges(head));
     document.body.dataset.rev = String(head.rev);
-    disable(buttons, { undo: !head.can_undo, redo: !head.can_redo });
+    disable(buttons, { undo: !head.undo_label, redo: !head.redo_label });
     buttons.undo.title = `Undo${head.undo_label ? `: ${head.undo_label}` : ""} (Ctrl+Z)`;
     buttons.redo.title = `Redo${head.redo_label ? `: ${head.redo_label}` : ""} (Ctrl+Shift+Z)`;
     render(html`${head.runs.map((/** @type {any} */ { name }) => html`<option key=${name} value=${name} selected=${name === head.run}>${name}</option>`)}`, run);

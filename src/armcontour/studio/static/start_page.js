@@ -18,8 +18,8 @@ export function init(store, link) {
   let shown = "";
   find("#new").addEventListener("click", () => link.send({ op: "start" }));
   store.on("document", (/** @type {any} */ { head }) => {
-    if ((head.id !== shown || head.can_undo) && dialog.open) dialog.close();
-    if (head.start && head.id !== shown && !head.can_undo) link.send({ op: "start" });
+    if ((head.id !== shown || head.undo_label) && dialog.open) dialog.close();
+    if (head.start && head.id !== shown && !head.undo_label) link.send({ op: "start" });
     shown = head.id;
   });
   store.on("start", (/** @type {any} */ { head }) => {
