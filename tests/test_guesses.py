@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,6 +31,13 @@ def test_paths_are_made_of_ends_centers_and_points_of_arcs() -> None:
         ac.Path.circle((0.1, 0.2), -0.05)
 
 
+def test_a_path_of_segments_and_a_closed_polyline() -> None:
+    lines = [ac.Line((0.0, 0.0), (0.3, 0.0)), ac.Line((0.3, 0.0), (0.3, 0.4))]
+
+    assert ac.Path(lines).length == pytest.approx(0.7)
+    assert ac.Path.polyline([x.start for x in lines] + [lines[1].end], closed=True).length == 1.2
+
+
 def test_a_two_link_arm_has_its_first_joint_at_the_origin() -> None:
     arm = ac.PlanarTwoLink(name="own", links=(0.3, 0.2), limits=LIMITS)
 
@@ -53,6 +61,32 @@ def test_the_arm_of_a_motion_is_the_default() -> None:
     for use in (ac.check, ac.explain, ac.check_clearance):
         with pytest.raises(ac.InvalidInput, match="no arm"):
             use(bare)
+
+
+def test_servos_execute_set_points_of_a_planned_arm() -> None:
+    set_points = ac.compensate(PLANNED, SERVO)
+    plant = ac.ServoPlant(ARM, SERVO)
+
+    assert np.array_equal(ac.simulate(set_points, SERVO).q, ac.simulate(set_points, plant).q)
+
+
+def test_a_format_is_given_by_name(tmp_path: Path) -> None:
+    set_points = ac.compensate(PLANNED, SERVO)
+    ac.export(set_points, tmp_path / "named.txt", "csv")
+    ac.export(set_points, tmp_path / "ending.csv")
+
+    assert (tmp_path / "named.txt").read_text() == (tmp_path / "ending.csv").read_text()
+
+
+def test_guessed_attributes_are_refused_with_their_form() -> None:
+    for value, name, form in (
+        (PLANNED, "positions", "use q"),
+        (PLANNED, "at", r"use trajectory\(t\)"),
+        (ROUNDED, "tangent", r"use path\(s, 1\)"),
+        (ROUNDED, "nothing", "no attribute 'nothing'$"),
+    ):
+        with pytest.raises(AttributeError, match=form):
+            getattr(value, name)
 
 
 def test_the_distance_from_the_drawing_covers_both_directions() -> None:
@@ -86,6 +120,11 @@ def test_a_path_is_certified_with_an_arm_a_servo_and_a_goal() -> None:
         (lambda: ac.plan(ROUNDED, ARM, speed=0.1), "limits=Limits(speed=...)"),
         (lambda: ac.plan(ROUNDED, ARM, reserve=0.1), "options=Optimal(reserve=...)"),
         (lambda: ac.compensate(PLANNED, kp=25.0), "servo=ServoModel(kp=...)"),
+        (lambda: ac.plan(ROUNDED, ARM, method="paper"), "options=Optimal()"),
+        (lambda: ac.compensate(PLANNED, SERVO, method="inverse"), "options=Inverse()"),
+        (lambda: ac.Conventional(speed=0.1), "speed is a value of Limits"),
+        (lambda: ac.ServoModel(25.0, 150.0, delay=0.004), "did you mean dead_time?"),
+        (lambda: ac.PlanarTwoLink(0.3, 0.2), "PlanarTwoLink(name=..., links=..., limits=...)"),
         (
             lambda: ac.certify(CORNER, ARM, SERVO, tolerance=1e-3),
             "goal=CertificateGoal(tolerance=...)",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import FrozenInstanceError, fields, is_dataclass
 from functools import cache, wraps
 from inspect import Parameter, signature
@@ -495,6 +495,7 @@ ORIGINS = {
     "Execution": "as simulate returns it",
     "Frame": "such as Frame(position=(0.4, 0, 0.1))",
     "Job": "as read_job returns it",
+    "Lead": "such as program.Lead(length=0.005)",
     "Limits": "such as arm.limits",
     "Payload": "such as Payload(mass=2.0)",
     "PlanOptions": "such as Optimal(reserve=0.1)",
@@ -506,6 +507,8 @@ ORIGINS = {
     "SetPoints": "as compensate returns it",
     "Trajectory": "as plan returns it",
 }
+# Classes whose values users write as arguments of other functions and classes.
+OWNERS = ("Limits", "ServoModel")
 # Descriptions of other classes in annotations.
 WORDS: dict[Any, str] = {
     bool: "True or False",
@@ -566,21 +569,24 @@ def raise_call_error(
     if any(x.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for x in slots.values()):
         return
     takes = f"it takes {', '.join(slots)}."
-    for name in keywords.keys() - slots.keys():
-        hint = _value_of_argument(function, slots, name) or suggest(name, slots, takes[:-1])
-        raise InvalidInput(f"{user} has no argument {show(name)} ({hint}).")
     by_place = [x.name for x in slots.values() if x.kind is Parameter.POSITIONAL_OR_KEYWORD]
+    given = (*by_place[: len(positional)], *keywords)
+    needed = [x.name for x in slots.values() if x.default is Parameter.empty]
+    form = f"write {user}({', '.join(f'{x}=...' for x in needed)}); {takes}"
+    for name in (x for x in keywords if x not in slots):
+        open_slots = {x: slot for x, slot in slots.items() if x not in given}
+        hint = _value_of_argument(function, open_slots, name)
+        owners = (x for x in _subclasses(Value) if x.__name__ in OWNERS and name in _field_names(x))
+        for owner in owners:
+            hint = hint or f"{name} is a value of {owner.__name__}"
+        hint = hint or suggest(name, slots, takes[:-1])
+        raise InvalidInput(f"{user} has no argument {show(name)} ({hint}).")
     if len(positional) > len(by_place):
         only = f"only {' and '.join(by_place)}" if by_place else "no argument"
-        raise InvalidInput(f"{user} takes {only} as positional arguments: name the others; {takes}")
-    done = {*by_place[: len(positional)], *keywords}
-    raise_if(
-        len(done) < len(positional) + len(keywords), f"{user} was given an argument twice; {takes}"
-    )
-    lacking = [
-        x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
-    ]
-    raise_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
+        raise InvalidInput(f"{user} takes {only} without its name: {form}")
+    raise_if(len({*given}) < len(given), f"{user} was given an argument twice; {takes}")
+    lacking = " and ".join(x for x in needed if x not in given)
+    raise_if(bool(lacking), f"{user} needs {lacking}: {form}")
 
 
 def _value_of_argument(
@@ -591,9 +597,22 @@ def _value_of_argument(
     for argument, slot in slots.items():
         kinds = [type(slot.default), hints.get(argument), *get_args(hints.get(argument))]
         for kind in kinds:
-            if is_dataclass(kind) and name in _field_names(cast(type, kind)):
-                return f"write {argument}={cast(type, kind).__name__}({name}=...)"
+            if not is_dataclass(kind):
+                continue
+            called = cast(type, kind).__name__
+            if name in _field_names(cast(type, kind)):
+                return f"write {argument}={called}({name}=...)"
+            if name == "method" and hasattr(kind, name):
+                return f"write {argument}={called}(), or with the options of another method"
     return ""
+
+
+def _subclasses(kind: type) -> Iterator[type]:
+    """Yield all subclasses of a class."""
+    below: list[type] = kind.__subclasses__()
+    for x in below:
+        yield x
+        yield from _subclasses(x)
 
 
 def kinds_of(annotation: Any) -> tuple[type, ...]:
@@ -612,6 +631,21 @@ def kinds_of(annotation: Any) -> tuple[type, ...]:
         if kind in WORDS or (is_library_class and not getattr(kind, "_is_protocol", False))
         else ()
     )
+
+
+def hint_attributes(**forms: str) -> Callable[[type[C]], type[C]]:
+    """Decorate a class so that errors about attributes that users guess state the right form."""
+
+    def get(self: Any, name: str) -> Any:
+        words = f"{type(self).__name__!r} object has no attribute {name!r}"
+        form = f": use {forms[name]}" if name in forms else ""
+        raise AttributeError(words + form, name=name, obj=self)
+
+    def decorate(kind: type[C]) -> type[C]:
+        kind.__getattr__ = get  # type: ignore[attr-defined]
+        return kind
+
+    return decorate
 
 
 def check_sequence(

@@ -65,14 +65,19 @@ def list_some(names: Sequence[str], maximum: int) -> str:
     return listed if len(names) <= maximum else f"{listed} and {len(names) - maximum} more"
 
 
+# Smallest similarity of a misspelled name.
+CLOSE = 0.65
+# Names that users write for the names of arguments.
+SAME = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
+
+
 def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
     """A question with the valid name most similar to an unknown one, or `otherwise`."""
     valid = list(valid)
-    # Speed and velocity are used for the same quantity.
-    equivalent = [
-        x for x in valid if x.replace("velocity", "speed") == name.replace("velocity", "speed")
-    ]
-    candidates = equivalent or difflib.get_close_matches(name, valid, n=1)
+    # These words are used for the same quantity.
+    known = name.replace("velocity", "speed")
+    equivalent = [x for x in valid if x.replace("velocity", "speed") == SAME.get(name, known)]
+    candidates = equivalent or difflib.get_close_matches(name, valid, n=1, cutoff=CLOSE)
     return f"did you mean {candidates[0]}?" if candidates else otherwise
 
 

@@ -33,6 +33,11 @@ SAME_BREAK = 1e-12
 
 # The class has no slots, because a frozen class with slots raises an unclear error if a property is
 # assigned.
+@checks.hint_attributes(
+    **dict.fromkeys(("position", "point", "at"), "path(s)"),
+    tangent="path(s, 1), or tangents",
+    points="vertices, or path(s)",
+)
 @checks.explain_calls
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path(Checked):
@@ -64,7 +69,7 @@ class Path(Checked):
             index of the segment.
     """
 
-    segments: Segments
+    segments: Segments = field(kw_only=False)
     merged: tuple[int, ...] = ()
     waypoints: IntArray = field(default_factory=lambda: EVERY_VERTEX)
     orientation: Orientation | None = None
@@ -74,8 +79,8 @@ class Path(Checked):
 
         def __init__(
             self,
-            *,
             segments: Segments | Iterable[Line | Arc],
+            *,
             merged: tuple[int, ...] = (),
             waypoints: IntArray = EVERY_VERTEX,
             orientation: Orientation | None = None,
@@ -101,17 +106,26 @@ class Path(Checked):
 
     @classmethod
     @checked
-    def polyline(cls, points: npt.ArrayLike, *, segment_limits: SegmentLimits = NO_LIMITS) -> Path:
+    def polyline(
+        cls,
+        points: npt.ArrayLike,
+        *,
+        closed: bool = False,
+        segment_limits: SegmentLimits = NO_LIMITS,
+    ) -> Path:
         """The path of straight lines through `points`.
 
         Args:
             points: The vertices [m], (n, 2) or (n, 3); repeated points are merged.
+            closed: Whether a last line leads back to the first point.
             segment_limits: Speed, corner error and tag of all segments.
 
         Raises:
             InvalidInput: The points have a wrong shape, or fewer than two of them differ.
         """
         coordinates = checks.points("points of a path", points)
+        if closed:
+            coordinates = np.concatenate([coordinates, coordinates[:1]])
         indices = _find_distinct(coordinates)
         if len(indices) < 2:
             raise InvalidInput(

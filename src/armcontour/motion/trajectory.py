@@ -147,6 +147,15 @@ def to_columns(samples: Any) -> dict[str, FloatArray]:
     return columns
 
 
+@checks.hint_attributes(
+    **dict.fromkeys(("position", "at"), "trajectory(t)"),
+    velocity="trajectory(t, 1)",
+    acceleration="trajectory(t, 2)",
+    times="t",
+    positions="q",
+    velocities="dq",
+    accelerations="ddq",
+)
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Checked):

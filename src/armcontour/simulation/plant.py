@@ -100,7 +100,7 @@ class LimitedPlant(Immutable, Plant):
 @checked
 def simulate(
     set_points: SetPoints,
-    plant: Plant,
+    plant: Plant | ServoModel,
     *,
     resolution: Interval = 1e-3,
 ) -> Execution:
@@ -112,7 +112,8 @@ def simulate(
 
     Args:
         set_points: The set-points.
-        plant: The plant; it should differ from the model for which compensation was computed.
+        plant: The plant, or the servos of the planned arm; it should differ from the model for
+            which compensation was computed.
         resolution: Largest time between two results [s]; it does not change the motion.
 
     Raises:
@@ -120,6 +121,8 @@ def simulate(
             too large for the cycle, or there would be too many results.
         ExecutionError: Rigid bodies do not come to rest, or a drive is too weak to hold the arm.
     """
+    if isinstance(plant, ServoModel):
+        plant = ServoPlant(set_points.trajectory.require_arm(), plant)
     fine = resolution
     span = (len(set_points.q) - 1) * set_points.cycle
     checks.check_count(

@@ -376,7 +376,7 @@ def test_programs_that_do_not_set_an_analog_output_warn(set_points, tmp_path, en
 def test_refuses_what_does_not_fit_together(six, tmp_path):
     cases = [
         ("a.txt", {}, "The extension of a.txt does not belong to a format"),
-        ("a.csv", {"format": "xml"}, "ExportFormat"),
+        ("a.csv", {"format": "xml"}, "There is no format"),
         ("a.csv", {"joint_names": "abcdef"}, "joint_names must be a list"),
         ("no/a.csv", {}, "No such file or directory"),
         (

@@ -238,7 +238,7 @@ def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
 def export(
     data: SetPoints | Trajectory,
     file: str | FilePath,
-    format: ExportFormat | None = None,
+    format: ExportFormat | str | None = None,
     *,
     arm: Arm | None = None,
     joint_names: Sequence[str] | None = None,
@@ -255,8 +255,8 @@ def export(
     Args:
         data: Set-points, or a trajectory for a controller that needs no compensation.
         file: The destination.
-        format: The format with its options, such as URScriptFormat(outputs={"tool": 0}); by default
-            that of the file's extension.
+        format: The format by its name, such as "urscript", or with its options, such as
+            URScriptFormat(outputs={"tool": 0}); by default that of the file's extension.
         arm: The arm, which gives the joint names.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
         cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
@@ -272,7 +272,8 @@ def export(
             written.
     """
     destination = checks.read_file_path("export", file)
-    chosen = format_named(format_of(destination)) if format is None else format
+    named = format_of(destination) if format is None else format
+    chosen = format_named(named) if isinstance(named, str) else named
     table = make_table(
         data,
         name=destination.stem if chosen.name is None else chosen.name,
