@@ -20,7 +20,7 @@ LAST_TEXT = "\n    Attributes:\n        lifted:"
 TEXT = "        path_acceleration: Largest acceleration of the tool along the path [m/s²].\n"
 RECORD = """    path_acceleration: Annotated[
         AccelerationLimit | None,
-        Limit("tool", 2, "path acceleration", rate=_along),
+        Limit(2, rate=_along),
     ] = None
 """
 RATE = '''

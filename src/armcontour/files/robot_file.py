@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from armcontour._version import __version__
 from armcontour.core.errors import InvalidInput, error_context
+from armcontour.core.fields import quantities
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import Angle, Length
 from armcontour.core.render import figure
@@ -76,26 +79,15 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
     return servo.for_joints(dof)
 
 
-# Parameters with one value per joint in a servo file, and their comments (unit and meaning).
-JOINT_PARAMETERS = {
-    "kp": "1/s",
-    "kv": "1/s",
-    "ki": "1/s",
-    "velocity_feedforward": "",
-    "acceleration_feedforward": "",
-    "friction": "rad",
-    "dead_time": "s",
-    "acceleration_limit": "rad/s^2; none means no saturation",
-    "offset": "rad, static deviation (or encoder offset), which is not compensated",
-    "model_error": "rad, with the offset, largest error on motion that was not fitted",
-    "logged_velocity": "rad/s, largest velocity of this motion",
-    "logged_acceleration": "rad/s^2, largest acceleration of this motion",
-}
-# Parameters with one value for all joints, and their comments.
-SCALAR_PARAMETERS = {
+# Comments on parameters of a servo file, after their units.
+COMMENTS = {
+    "acceleration_limit": "none means no saturation",
+    "offset": "static deviation (or encoder offset), which is not compensated",
+    "model_error": "with the offset, largest error on motion that was not fitted",
+    "logged_velocity": "largest velocity of this motion",
+    "logged_acceleration": "largest acceleration of this motion",
     "contour_ratio": "contour error with / without compensation, on motion that was not fitted",
     "programs": "number of programs from which contour_ratio was determined",
-    "drive_cycle": "s",
 }
 
 
@@ -127,16 +119,17 @@ def servo_values(identification: Identification) -> dict[str, Any]:
 def servo_lines(servo: ServoModel, dof: int) -> list[str]:
     """Lines of YAML with the key `servo`, with one value per joint."""
     orders = [servo.order] * dof if isinstance(servo.order, str) else servo.order
-    lines = ["servo:", f"  order: [{', '.join(orders)}]"]
-    for name, unit in JOINT_PARAMETERS.items():
-        values = getattr(servo, name)
-        if values is not None:
-            listed = ["none" if math.isinf(x) else f"{float(x):.6g}" for x in values]
-            lines.append(f"  {name}: [{', '.join(listed)}]{f'    # {unit}' if unit else ''}")
-    for name, unit in SCALAR_PARAMETERS.items():
-        if (value := getattr(servo, name)) is not None:
-            lines.append(f"  {name}: {value:.6g}    # {unit}")
-    return [*lines, f"  interpolation: {servo.interpolation}"]
+    lines = ["servo:", f"  order: [{', '.join(orders)}]", f"  interpolation: {servo.interpolation}"]
+    units = {name: x.unit for name, x in quantities(ServoModel).items() if x.unit != "1"}
+    for name in (x.name for x in fields(servo) if x.name not in ("order", "interpolation")):
+        value = getattr(servo, name)
+        comment = ", ".join(x for x in (units.get(name), COMMENTS.get(name)) if x)
+        if isinstance(value, np.ndarray):
+            listed = ["none" if math.isinf(x) else f"{float(x):.6g}" for x in value]
+            lines.append(f"  {name}: [{', '.join(listed)}]{f'    # {comment}' if comment else ''}")
+        elif value is not None:
+            lines.append(f"  {name}: {value:.6g}    # {comment}")
+    return lines
 
 
 def _estimate_text(estimate: Estimate) -> str:

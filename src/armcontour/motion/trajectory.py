@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -116,6 +117,16 @@ class TimedEvent:
     due: float
     s: float
     point: tuple[float, ...]
+
+    @property
+    def text(self) -> str:
+        """The event without its time, such as `tool=on`; a text value is quoted."""
+        plain = all(x.isalnum() or x in "_-. " for x in self.name)
+        name = self.name if plain else json.dumps(self.name)
+        value = json.dumps(self.value)
+        if isinstance(self.value, bool):
+            value = "on" if self.value else "off"
+        return f"{name}={value}"
 
     def shifted(self, by: float) -> TimedEvent:
         """The event delayed by a time [s]."""

@@ -94,11 +94,6 @@ def _refuse_limits(limits: Limits) -> None:
             "The method paper needs limits of joint acceleration, but none are given: give "
             "joint_acceleration [rad/s²]."
         )
-    if limits.tool_acceleration is not None:
-        raise InvalidInput(
-            "The method paper does not support a limit of tool acceleration: remove "
-            "tool_acceleration, or plan by the method optimal."
-        )
     if not limits.same_both_ways():
         raise InvalidInput(
             "The method paper supports one acceleration limit per joint for both directions: give "

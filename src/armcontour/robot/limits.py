@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from operator import methodcaller
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -46,17 +46,18 @@ class Limit:
 
     # Without `rate`, the derivative `order` of the joint positions is limited, or the norm of this
     # derivative of the tool position, or of the orientation.
-    kind: Literal["joint", "tool", "rotation"]
     order: int  # Number of time derivatives of the joint positions that the quantity requires
-    label: str  # Name in messages and explanations
+    label: str = ""  # Name in messages and explanations; by default from that of the field
     _: KW_ONLY
     power: int | None = None  # Exponent of the speed factor in the limit; by default `order`
     # Function of `limit_use.States` that returns values of the quantity and bounds on their errors
     rate: Callable[[Any], tuple[FloatArray, FloatArray]] | None = None
     needs_bodies: bool = False  # True if the quantity requires the masses of the arm
     reserved: bool = False  # True if the reserve of a plan reduces the limit
-    name: str = ""  # Name of the field
-    quantity: Quantity = Quantity("")  # Quantity of the field
+    # From the field: its name, kind by the prefix "joint_" or "angular_", and quantity.
+    name: str = ""
+    kind: str = "tool"  # "joint", with one value per joint; "tool" or "rotation"
+    quantity: Quantity = Quantity("")
 
     @property
     def unit(self) -> str:
@@ -99,45 +100,29 @@ class Limits(Checked):
     """
 
     joint_acceleration: Annotated[
-        JointAccelerations | None,
-        Limit("joint", 2, "acceleration", reserved=True),
-        About(usual=(1e-2, 100.0)),
+        JointAccelerations | None, Limit(2, reserved=True), About(usual=(1e-2, 100.0))
     ] = None
-    joint_velocity: Annotated[
-        JointVelocities | None, Limit("joint", 1, "velocity"), About(usual=(1e-2, 10.0))
-    ] = None
+    joint_velocity: Annotated[JointVelocities | None, Limit(1), About(usual=(1e-2, 10.0))] = None
     joint_torque: Annotated[
         JointTorques | None,
-        Limit(
-            *("joint", 2, "torque"),
-            power=0,
-            rate=methodcaller("torque"),
-            needs_bodies=True,
-            reserved=True,
-        ),
+        Limit(2, power=0, rate=methodcaller("torque"), needs_bodies=True, reserved=True),
     ] = None
-    joint_jerk: Annotated[JointJerks | None, Limit("joint", 3, "jerk"), About(usual=(1.0, 1e4))] = (
+    joint_jerk: Annotated[JointJerks | None, Limit(3), About(usual=(1.0, 1e4))] = None
+    joint_lower: Annotated[JointRanges | None, Limit(0)] = None
+    joint_upper: Annotated[JointRanges | None, Limit(0)] = None
+    speed: Annotated[
+        SpeedLimit | None, Limit(1, "assigned velocity"), About("--speed", usual=(1e-3, 2.0))
+    ] = None
+    tool_acceleration: Annotated[AccelerationLimit | None, Limit(2), About(usual=(1e-2, 50.0))] = (
         None
     )
-    joint_lower: Annotated[JointRanges | None, Limit("joint", 0, "range")] = None
-    joint_upper: Annotated[JointRanges | None, Limit("joint", 0, "range")] = None
-    speed: Annotated[
-        SpeedLimit | None,
-        Limit("tool", 1, "assigned velocity"),
-        About("--speed", usual=(1e-3, 2.0)),
-    ] = None
-    tool_acceleration: Annotated[
-        AccelerationLimit | None, Limit("tool", 2, "tool acceleration"), About(usual=(1e-2, 50.0))
-    ] = None
     centripetal_acceleration: Annotated[
         AccelerationLimit | None,
-        Limit("tool", 2, "centripetal acceleration", rate=methodcaller("centripetal")),
+        Limit(2, rate=methodcaller("centripetal")),
         About(usual=(1e-2, 20.0)),
     ] = None
-    angular_speed: Annotated[AngularSpeedLimit | None, Limit("rotation", 1, "angular speed")] = None
-    angular_acceleration: Annotated[
-        AngularAccelerationLimit | None, Limit("rotation", 2, "angular acceleration")
-    ] = None
+    angular_speed: Annotated[AngularSpeedLimit | None, Limit(1)] = None
+    angular_acceleration: Annotated[AngularAccelerationLimit | None, Limit(2)] = None
     lifted: frozenset[str] = field(default=frozenset(), init=False)
 
     def _check_together(self) -> None:
@@ -371,13 +356,18 @@ class Limits(Checked):
 
 def _read_records() -> dict[str, Limit]:
     """Records of the limits by name, from the annotations of the fields."""
-    records = {}
+    records, kinds = {}, {"joint": "joint", "angular": "rotation"}
     for name, hint in get_type_hints(Limits, include_extras=True).items():
         parts = list(parts_of(hint))
         for limit in (x for x in parts if isinstance(x, Limit)):
-            (quantity,) = (x for x in parts if isinstance(x, Quantity))
-            power = limit.order if limit.power is None else limit.power
-            records[name] = dataclasses.replace(limit, name=name, quantity=quantity, power=power)
+            records[name] = dataclasses.replace(
+                limit,
+                name=name,
+                kind=kinds.get(name.partition("_")[0], "tool"),
+                label=limit.label or name.removeprefix("joint_").replace("_", " "),
+                power=limit.order if limit.power is None else limit.power,
+                quantity=next(x for x in parts if isinstance(x, Quantity)),
+            )
     return records
 
 

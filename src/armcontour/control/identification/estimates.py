@@ -11,21 +11,18 @@ import numpy as np
 from armcontour.control.identification.least_squares import allowed_deviation
 from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import quantities
 from armcontour.core.render import Result, number_range
 from armcontour.core.result import Data, Row, Table
 from armcontour.core.text import short_repr
 from armcontour.motion.log import Log
+from armcontour.robot.servo import ServoModel
 
-UNITS = {
-    "kp": "1/s",
-    "kv": "1/s",
-    "ki": "1/s",
-    "velocity_feedforward": "",
-    "acceleration_feedforward": "",
-    "dead_time": "s",
-    "friction": "rad",
-    "acceleration_limit": "rad/s²",
-}
+PARAMETERS = (
+    *("kp", "kv", "ki", "velocity_feedforward", "acceleration_feedforward"),
+    *("dead_time", "friction", "acceleration_limit"),
+)
+UNITS = {name: quantities(ServoModel)[name].words for name in PARAMETERS}
 # Lower and upper end of an interval, each as its difference from the value.
 Ends = tuple[float, float]
 # Parameters that are fitted as logarithms.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -427,15 +426,6 @@ def write_pieces(file: FilePath, pieces: Iterable[str]) -> None:
         stream.writelines(pieces)
 
 
-def format_event(event: TimedEvent) -> str:
-    """Text of an event without its time, such as `tool=on`; a text value is quoted."""
-    plain = all(x.isalnum() or x in "_-. " for x in event.name)
-    name = event.name if plain else json.dumps(event.name)
-    if isinstance(event.value, bool):
-        return f"{name}={'on' if event.value else 'off'}"
-    return f"{name}={json.dumps(event.value)}"
-
-
 def event_data(event: TimedEvent) -> dict[str, Any]:
     """Data of an event as a dictionary for JSON, in SI units."""
     return {x: getattr(event, x) for x in EVENT_KEYS} | {"point": list(event.point)}
@@ -465,7 +455,7 @@ def _event_cells(table: SetPointTable) -> dict[int, str]:
     """Texts of the events in the `events` column, by the index of the row."""
     cells: dict[int, str] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
-        text = f"{format_event(event)}@{event.t:.{time_decimals(np.array(event.t))}f}"
+        text = f"{event.text}@{event.t:.{time_decimals(np.array(event.t))}f}"
         cells[i] = f"{cells[i]}; {text}" if i in cells else text
     return cells
 

@@ -15,7 +15,8 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
 from armcontour.core.text import list_some, show
-from armcontour.files.exports.table import POSITION_DECIMALS, SetPointTable, format_event
+from armcontour.files.exports.table import POSITION_DECIMALS, SetPointTable
+from armcontour.motion import TimedEvent
 from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
 
@@ -42,19 +43,6 @@ MAX_NAMES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OutputSwitch:
-    """Event in templates: the fields of `TimedEvent`, and `text`, such as "tool=on"."""
-
-    name: str
-    value: bool | float | str
-    t: float
-    due: float
-    s: float
-    point: tuple[float, ...]
-    text: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
     """Point of the table in templates."""
 
@@ -65,7 +53,7 @@ class Point:
     dq: tuple[float, ...] | None  # Joint velocities [rad/s]; None unless exported
     ddq: tuple[float, ...] | None  # Joint accelerations [rad/s²]; None unless exported
     analog: Mapping[str, float]  # Values of analog outputs by their names
-    events: tuple[OutputSwitch, ...]  # Events from this point until before the next point
+    events: tuple[TimedEvent, ...]  # Events from this point until before the next point
     # Start times [s] and names of contours that start from this point until before the next point
     contours: tuple[tuple[float, str], ...]
 
@@ -235,19 +223,9 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
 
 def _template_points(table: SetPointTable) -> tuple[Point, ...]:
     """Points of a table, each with its events and contours."""
-    switches: dict[int, list[OutputSwitch]] = {}
+    events: dict[int, list[TimedEvent]] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
-        switches.setdefault(i, []).append(
-            OutputSwitch(
-                name=event.name,
-                value=event.value,
-                t=event.t,
-                due=event.due,
-                s=event.s,
-                point=event.point,
-                text=format_event(event),
-            )
-        )
+        events.setdefault(i, []).append(event)
     contours: dict[int, list[tuple[float, str]]] = {}
     named = table.named_contours
     for contour, i in zip(named, table.points_at([t for t, _ in named]), strict=True):
@@ -268,7 +246,7 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
             dq=dq,
             ddq=ddq,
             analog={key: values[i] for key, values in analog.items()},
-            events=tuple(switches.get(i, ())),
+            events=tuple(events.get(i, ())),
             contours=tuple(contours.get(i, ())),
         )
         for i, (t, (q, degrees, dq, ddq)) in enumerate(zip(table.t.tolist(), rows, strict=True))

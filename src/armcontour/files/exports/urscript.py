@@ -16,7 +16,6 @@ from armcontour.core.errors import InvalidInput
 from armcontour.files.exports.table import (
     POSITION_DECIMALS,
     SetPointTable,
-    format_event,
     format_rows,
     write_pieces,
 )
@@ -152,7 +151,7 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
 
 def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     """Command that switches the output of an event, or writes a message if it has none."""
-    words, comment = format_event(event), f"  # {format_event(event)} at {event.t:.6f} s\n"
+    words, comment = event.text, f"  # {event.text} at {event.t:.6f} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
         return f"  set_standard_digital_out({outputs[event.name]}, {state}){comment}"
