@@ -15,6 +15,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import armcontour as ac
+from armcontour.core.pool import open_lifeline
 from armcontour.geometry import RoundedPath
 
 settings.register_profile(
@@ -60,6 +61,13 @@ def own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
 
 
+@pytest.fixture(autouse=True, scope="session")
+def trackers() -> None:
+    """Two processes clean up after other processes; they start once and run until Python ends."""
+    for end in open_lifeline():
+        end.close()
+
+
 # Dask keeps the thread in which it packs messages until Python ends.
 KEPT_THREADS = ("Dask-Offload",)
 # Longest time for which a thread that was told to end is waited for [s].
@@ -79,9 +87,8 @@ def _resources() -> set[str]:
             resources.add(f"file {entry.name}: {entry.readlink()}")
     for entry in Path("/proc/self/task").glob("*/children"):
         with suppress(OSError):
-            for child in entry.read_text().split():
-                line = Path("/proc", child, "cmdline").read_bytes().replace(b"\0", b" ")
-                resources.add(f"process {child}: {line.decode(errors='replace')}")
+            # A process that has just started has not the command line yet that it will have.
+            resources |= {f"process {child}" for child in entry.read_text().split()}
     return resources
 
 

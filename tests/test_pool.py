@@ -2,7 +2,7 @@
 
 import os
 import sys
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 from functools import partial
 from operator import truediv
 
@@ -13,18 +13,18 @@ from hypothesis import strategies as st
 
 import armcontour as ac
 from armcontour.core import pool
-from armcontour.core.child_process import ProcessEnded, pack, unpack
-from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.core.pool import (
-    InProcess,
+    ProcessEnded,
     ProcessPool,
-    TaskQueue,
-    count_workers,
     map_in_order,
     map_in_processes,
     map_in_threads,
     open_executor,
+    pack,
+    run_all,
     split_evenly,
+    unpack,
 )
 
 # Functions that other processes can import.
@@ -39,7 +39,7 @@ def test_results_come_in_order(processes):
     results = map_in_processes(halve, items, processes=processes, done=progress_log.append)
     assert results == [1 / x for x in items]
     assert progress_log[0] == 0 and progress_log == sorted(progress_log) and progress_log[-1] < 30
-    with pytest.raises(ZeroDivisionError if processes == 1 else RuntimeError):
+    with pytest.raises(ZeroDivisionError):
         map_in_processes(halve, [1.0] * 20 + [0.0], processes=processes)
 
 
@@ -78,7 +78,6 @@ def test_an_error_comes_in_the_place_of_its_item(eager):
     assert [next(results) for _ in range(20)] == [1.0] * 20
     with pytest.raises(ZeroDivisionError):
         next(results)
-    # What no process can be sent is done here.
     assert list(map_in_order(lambda x: x + 1, list(range(9)))) == list(range(1, 10))
 
 
@@ -88,38 +87,37 @@ def test_a_frozen_application_does_all_itself(eager, monkeypatch):
     own_ids = [os.getpid()] * 20
     assert list(map_in_order(eval, [PID] * 20)) == own_ids
     assert map_in_processes(eval, [PID] * 20, processes=2) == own_ids
-    with ProcessPool(2) as pool:
-        assert pool.submit(eval, PID).result() == os.getpid()
+    with open_executor(2) as executor:
+        assert executor is None
 
 
 def test_a_pool_is_an_executor_of_other_processes():
     with ProcessPool(1) as pool:
         assert list(pool.map(abs, [-1, 2, -3])) == [1, 2, 3]
         assert pool.submit(eval, PID).result() != os.getpid()
-        # It computes in one thread, and starts no further processes.
+        # It computes in one thread.
         one = "__import__('os').environ['OMP_NUM_THREADS']"
         assert pool.submit(eval, one).result() == "1"
-        with pytest.raises(RuntimeError, match="ZeroDivisionError"):
-            pool.submit(eval, "1 / 0").result()
-        reports = []
-        tell = "__import__('armcontour.core.child_process', fromlist=['pack']).report_to_parent"
-        work = partial(eval, f"[{tell}(x) for x in 'ab'] and 3")
-        assert pool.submit_reporting(reports.append, work).result() == 3 and reports == ["a", "b"]
-        # An answer that is not read to its end is not taken for that of the next work.
+        # It can do nothing on the terminal.
+        assert pool.submit(eval, "__import__('os').isatty(1) or print('x')").result() is None
         with pytest.raises(ZeroDivisionError):
-            pool.submit_reporting(lambda report: 1 / 0, work).result()
-        assert pool.submit(abs, -5).result() == 5
-        # A process that ends costs its work only.
-        ended = pool.submit(eval, "__import__('os')._exit(3)")
+            pool.submit(eval, "1 / 0").result()
+        # New processes replace those of a pool in which a process has ended.
+        with pytest.raises(BrokenExecutor, match=r"SIGKILL\(-9\)"):
+            pool.submit(eval, "__import__('os').kill(__import__('os').getpid(), 9)").result()
         assert pool.submit(abs, -4).result() == 4
-        with pytest.raises(ProcessEnded, match="ended before"):
-            ended.result()
-    with pytest.raises(RuntimeError, match="shutdown"):
-        pool.submit(abs, 1)
 
 
-class Elsewhere(InProcess):
+class Elsewhere(Executor):
     """Works here, but is taken for another executor, to which work is sent in parts."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
 
 
 def test_an_executor_does_work_on_many_items():
@@ -128,7 +126,6 @@ def test_an_executor_does_work_on_many_items():
     assert results == [1 / x for x in items]
     assert progress_log[0] == 0 and progress_log == sorted(progress_log) and progress_log[-1] < 100
     assert map_in_processes(halve, [], executor=Elsewhere()) == []
-    # Errors of this package keep their class.
     with pytest.raises(InvalidInput):
         map_in_processes(ac.load_arm, ["no-such-arm"], executor=Elsewhere())
 
@@ -145,33 +142,33 @@ class Failing(Executor):
         return future
 
 
-@pytest.mark.parametrize("error", [CancelledError(), MemoryError(), ImportError("no armcontour")])
-def test_an_error_of_an_executor_is_one_of_this_package(error):
-    with pytest.raises(ExecutionError, match=type(error).__name__):
-        map_in_processes(halve, [1], executor=Failing(error))
+def taken(items):
+    return partial(next, iter(items), None)
+
+
+def test_the_error_of_an_executor_is_raised():
+    with pytest.raises(ImportError, match="no armcontour"):
+        map_in_processes(halve, [1], executor=Failing(ImportError("no armcontour")))
+    with pytest.raises(ProcessEnded, match=r"\(BrokenExecutor\).*memory"):
+        map_in_processes(halve, [1], executor=Failing(BrokenExecutor()))
 
 
 def test_a_lost_item_may_have_a_result():
-    with TaskQueue(halve, Failing(ProcessEnded("It has ended.")), lambda: -1.0) as crew:
-        crew.give(2)
-        assert len(crew) == 1 and crew.take() == [(2, -1.0)]
+    lost = run_all(halve, taken([2]), Failing(BrokenExecutor()), lambda error: error)
+    [(item, error)] = lost
+    assert item == 2 and error.startswith("A process ended before its work was done")
 
 
-def test_this_process_works_when_an_item_is_given():
-    with TaskQueue(halve, InProcess()) as crew:
-        crew.give(2)
-        assert len(crew) == 1 and crew.ahead == 1
-        assert crew.take() == [(2, 0.5)] and crew.take() == []
-        # An error is that of the work, as no other worker had a part in it.
-        with pytest.raises(ZeroDivisionError):
-            crew.give(0)
+def test_this_process_works_when_a_result_is_taken():
+    results = run_all(halve, taken([2, 0]), None)
+    assert next(results) == (2, 0.5)
+    with pytest.raises(ZeroDivisionError):
+        next(results)
 
 
 def test_options_that_do_not_go_together_are_refused():
-    with ProcessPool(3) as opened:
-        assert count_workers(opened) == 3 and count_workers(InProcess()) == 1
     for arguments, words in (
-        ((2, InProcess()), "An executor has its own workers"),
+        ((2, Elsewhere()), "An executor has its own workers"),
         ((-1, None), "workers must be 0 or more, but is -1"),
     ):
         with pytest.raises(InvalidInput, match=words), open_executor(*arguments):

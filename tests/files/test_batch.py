@@ -5,10 +5,10 @@ import json
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
+from tests.test_pool import Elsewhere
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
-from armcontour.core.pool import InProcess
 from armcontour.files import batch as module
 from armcontour.files import parse_job
 
@@ -72,11 +72,13 @@ def test_every_executor_gives_the_same_rows(file):
     with ThreadPoolExecutor(2) as threads:
         assert ac.batch(file, OVER, executor=threads).table() == table
     with pytest.raises(InvalidInput, match="has its own workers"):
-        ac.batch(file, OVER, executor=InProcess(), workers=2)
+        ac.batch(file, OVER, executor=Elsewhere(), workers=2)
 
 
-class Ending(InProcess):
+class Ending(Elsewhere):
     """Ends after some jobs, as a process that is killed."""
+
+    _max_workers = 1
 
     def __init__(self, after):
         self.left = after

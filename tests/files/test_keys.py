@@ -13,7 +13,7 @@ import pytest
 import yaml
 from tests.files.tables import refusals
 
-from armcontour.core import child_process  # noqa: F401 - copies of read-only mappings
+from armcontour.core import pool  # noqa: F401 - copies of read-only mappings
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import AtLeast, Choice, Ratio, Speed
 from armcontour.core.render import jsonable

@@ -1,33 +1,32 @@
 """Processes and clusters: order, errors, and processes that end, that are slow or killed."""
 
 import os
+import signal
+import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import suppress
 from functools import partial
-from multiprocessing import get_context, resource_tracker
+from multiprocessing import get_context
 from operator import truediv
-from threading import Timer
+from pathlib import Path
 
 import pytest
+from tests.slow.studio.test_workers import is_running
 
 from armcontour.core import pool
-from armcontour.core.child_process import ProcessEnded
-from armcontour.core.errors import ExecutionError
 from armcontour.core.pool import (
+    ProcessEnded,
     ProcessPool,
-    TaskQueue,
-    count_workers,
     map_in_order,
     map_in_processes,
-    open_executor,
+    run_all,
 )
 
 halve = partial(truediv, 1.0)
 PID = "__import__('os').getpid()"
 SLEEP = "__import__('time').sleep({})"
-# A process that multiprocessing starts once, and keeps until Python ends.
-resource_tracker.ensure_running()
 
 
 def test_moves_are_shared_by_all_processes(monkeypatch):
@@ -37,50 +36,84 @@ def test_moves_are_shared_by_all_processes(monkeypatch):
     pairs = list(map_in_order(eval, items))
     assert [k for k, _ in pairs] == list(range(200))
     assert len({pid for _, pid in pairs}) == 3
-    with pytest.raises(ExecutionError, match="ended before"):
-        map_in_processes(sys.exit, [3] * 20, processes=2)
+    with pytest.raises(ProcessEnded, match=r"EXIT\(3\)"):
+        map_in_processes(eval, ["__import__('os')._exit(3)"] * 20, processes=2)
 
 
 def test_a_pool_that_is_ended_waits_for_nothing():
-    pool = ProcessPool(2)
-    assert pool.submit(eval, "1").result() == 1
-    away = [pool.submit(eval, SLEEP.format(600)) for _ in range(3)]
-    begin = time.monotonic()
-    pool.end()
-    assert time.monotonic() - begin < 60 and all(x.done() for x in away)
+    with ProcessPool(2) as pool:
+        assert pool.submit(eval, "1").result() == 1
+        slow = [pool.submit(eval, SLEEP.format(600)) for _ in range(3)]
+        begin = time.monotonic()
+    assert time.monotonic() - begin < 60 and all(x.done() for x in slow)
     with pytest.raises(RuntimeError, match="shutdown"):
         pool.submit(abs, 1)
-    # Work that has not begun can be given up.
-    pool = ProcessPool(1)
-    slow = [pool.submit(eval, SLEEP.format(0.3)) for _ in range(9)]
-    pool.shutdown(cancel_futures=True)
-    assert sum(x.cancelled() for x in slow) >= 7
 
 
-def test_a_pool_that_is_killed_goes_on():
-    with ProcessPool(1) as pool:
-        slow = pool.submit(eval, SLEEP.format(600))
-        Timer(0.3, pool.kill).start()
-        with pytest.raises(ProcessEnded):
-            slow.result()
-        assert pool.submit(abs, -1).result() == 1
+def test_only_the_item_whose_process_ends_is_lost():
+    items = ["1", "__import__('os')._exit(3)", *["(__import__('time').sleep(0.1), 2)[1]"] * 9]
+    with ProcessPool(2) as pool:
+        results = run_all(eval, partial(next, iter(items), None), pool, lambda error: error)
+        found = dict(results)
+    assert found.pop(items[1]).startswith("A process ended before its work was done (EXIT(3))")
+    assert found == {"1": 1, items[2]: 2}
 
 
-@pytest.mark.parametrize("own_pool", [True, False])
-def test_executors_of_processes(own_pool):
-    pool = ProcessPool(1) if own_pool else ProcessPoolExecutor(1, mp_context=get_context("spawn"))
-    assert count_workers(pool) == 1
+def test_other_executors_of_processes():
+    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
     with pool:
         assert len(set(map_in_processes(eval, [PID] * 20, executor=pool)) - {os.getpid()}) == 1
-        with TaskQueue(eval, pool) as crew:
-            for text in [SLEEP.format(0.2), *["1"] * 20]:
-                crew.give(text)
-        assert pool.submit(eval, "2").result() == 2 and len(crew) == 21
-        with pytest.raises(ExecutionError, match=r"ended before it returned a result.*memory"):
+        with pytest.raises(BrokenExecutor, match="terminated abruptly"):
             map_in_processes(eval, ["__import__('os')._exit(3)"], executor=pool)
-    with pytest.raises(ExecutionError, match="accepts no work .*: it must be open"):
+    with pytest.raises(RuntimeError, match="terminated|shutdown"):
         map_in_processes(halve, [1], executor=pool)
-    with open_executor(2) as opened:
-        assert count_workers(opened) == 2
-    with pytest.raises(RuntimeError, match="shutdown"):
-        opened.submit(abs, 1)
+
+
+# A program that has two busy processes; it prints their ids.
+BUSY = """
+import os, sys, time
+from concurrent.futures import wait
+from armcontour.core.pool import ProcessPool
+with ProcessPool(2) as pool:
+    pool.submit(abs, 1).result()
+    print(*pool._pool._processes, flush=True)
+    wait([pool.submit(time.sleep, 600) for _ in range(2)])
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_processes_end_with_the_program_that_started_them(number, tmp_path):
+    (tmp_path / "busy.py").write_text(BUSY)
+    program = subprocess.Popen(
+        [sys.executable, "busy.py"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    with program:
+        pids = {int(x) for x in program.stdout.readline().split()}
+        assert len(pids) == 2 and all(map(is_running, pids))
+        # Ctrl-C reaches all processes of the terminal.
+        (os.killpg if number == signal.SIGINT else os.kill)(program.pid, number)
+        program.wait(20)
+        end = time.monotonic() + 20
+        # Also the processes that clean up after the others.
+        while any(map(is_running, pids)) or processes_of(program.pid):
+            assert time.monotonic() < end
+            time.sleep(0.05)
+
+
+def processes_of(session):
+    """Ids of the running processes that a program has started."""
+    return {
+        int(x.name)
+        for x in Path("/proc").iterdir()
+        if x.name.isdigit() and is_running(x.name) and session_of(x.name) == session
+    }
+
+
+def session_of(pid):
+    with suppress(OSError):
+        return os.getsid(int(pid))

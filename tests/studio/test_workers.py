@@ -1,15 +1,14 @@
 """Previews in a thread, and other work in a process; waits have no time limit."""
 
-from concurrent.futures import Future
-from threading import Condition, Event, Thread
+from threading import Condition, Event
 
 import pytest
 from tests.studio.session_pages import figure
 
-from armcontour.core.child_process import ProcessEnded
+from armcontour.core.pool import ProcessEnded
 from armcontour.studio import workers
 from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.tasks.dispatch import WARM, WARMUP_JOB
+from armcontour.studio.tasks.dispatch import WARMUP_JOB
 from armcontour.studio.workers import PreviewWorker, TaskWorker
 
 
@@ -61,45 +60,32 @@ def test_of_works_that_wait_only_the_latest_is_done():
     assert [x.header["id"] for x in heard.frames] == [1, 4]
 
 
-class Pool:
-    """A process as a test has it: it ends when it is killed, and has its tasks go on likewise."""
+class Process:
+    """A task process as a test has it: a long task ends when the process is killed."""
 
-    made = []
-
-    def __init__(self, processes):
-        Pool.made.append(self)
+    def __init__(self):
         self.killed = Event()
 
-    def submit(self, work, task):
-        assert task in (WARM, workers.NICE)
+    @property
+    def is_killed(self):
+        return self.killed.is_set()
 
-    def submit_reporting(self, heard, work):
-        (request,), future, killed = work.args, Future(), self.killed
-        future.set_running_or_notify_cancel()
-        if request.task == "long":
-            heard(PageFrame("progress", {"id": request.id}).pack())
-            Thread(target=lambda: (killed.wait(), self.end_of(future)), daemon=True).start()
-        elif request.task == "die":
-            self.end_of(future)
-        else:
-            future.set_result(PageFrame("result", {"id": request.id}).pack())
-        return future
-
-    def end_of(self, future):
-        future.set_exception(ProcessEnded("It has ended."))
+    def run(self, task_input, listener):
+        if task_input.task == "long":
+            listener(PageFrame("progress", {"id": task_input.id}))
+            self.killed.wait()
+        if task_input.task in ("long", "die"):
+            raise ProcessEnded("It has ended.")
+        return PageFrame("result", {})
 
     def kill(self):
         self.killed.set()
-        self.killed = Event()
-
-    end = kill
 
 
 @pytest.fixture
 def lane(monkeypatch):
     """A lane whose process is of this test, and what it delivers."""
-    monkeypatch.setattr(workers, "ProcessPool", Pool)
-    Pool.made = []
+    monkeypatch.setattr(workers, "TaskProcess", Process)
     heard = Heard()
     lane = TaskWorker(heard)
     yield lane, heard
@@ -113,13 +99,19 @@ def test_a_cancelled_task_ends_and_the_next_is_done(lane):
     heard.wait("d", "progress")
     lane.cancel("e")
     lane.cancel("d")
-    # They are over when `cancel` returns, whatever the process does.
-    assert {x.header["id"] for x in heard.frames if x.kind == "cancelled"} == {"d", "e"}
     heard.wait("f", "result")
     lane.cancel("f")
     assert [(x.kind, x.header["id"]) for x in heard.frames] == [
         *(("progress", "d"), ("cancelled", "e"), ("cancelled", "d"), ("result", "f"))
     ]
+
+
+def test_a_process_that_ends_fails_its_task_only(lane):
+    lane, heard = lane
+    lane.submit("a", "die", {})
+    lane.submit("b", "short", {})
+    heard.wait("b", "result")
+    assert [(x.kind, x.header["id"]) for x in heard.frames] == [("failed", "a"), ("result", "b")]
 
 
 def test_a_real_process_does_one_task_after_the_other():

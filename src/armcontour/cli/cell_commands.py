@@ -52,10 +52,7 @@ def init(
         raise InvalidInput(
             f"{file} already exists. Specify another file with --out, or add --force to replace it."
         )
-    try:
-        staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
-    except OSError as error:
-        raise staging.unwritable(file, error) from None
+    staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
     print_lines(
         f"{file} is a copy of the cell {cell}. Set its arm, its servo and the position of the "
         f"drawing. Then use: armcontour run DRAWING --cell {file} --out FOLDER"

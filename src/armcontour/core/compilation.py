@@ -18,10 +18,8 @@ from threading import Condition, Thread
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from armcontour.core import kernels
-from armcontour.core.child_process import can_start, is_child, processors
-from armcontour.core.errors import ArmContourError
 from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, waiting
-from armcontour.core.pool import TaskQueue, open_executor
+from armcontour.core.pool import can_start, is_child, open_executor, processors, run_all
 from armcontour.core.progress import COMPILING, Progress, Step, report_compiling, subprogress
 from armcontour.core.quintics import solve_banded
 
@@ -39,8 +37,6 @@ Key: TypeAlias = tuple[str, str]
 # A function, and the argument types of its calls as text.
 Calls: TypeAlias = tuple[Key, list[str]]
 LIST = FilePath(__file__).with_name("kernels.txt")
-# If the other processes fail with these errors, the run itself compiles the functions it needs.
-FAILURES = (ArmContourError, RuntimeError, OSError)
 # Memory of one compiling process [bytes].
 MEMORY = 0.4e9
 
@@ -81,7 +77,8 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
             report_compiling(step.names[-1])
 
     def work() -> None:
-        with suppress(*FAILURES):
+        # If the other processes fail, the run itself compiles the functions it needs.
+        with suppress(Exception):
             schedule.run_all()
         if schedule.is_done:
             _stamp(kind)
@@ -174,16 +171,9 @@ class CompilationSchedule:
         """Compile the functions in other processes."""
         self._tell(Step((), 0.0))
         try:
-            workers = _processes() if can_start() else 0
-            with (
-                open_executor(workers) as pool,
-                TaskQueue[Calls, int](compile_calls, pool) as queue,
-            ):
-                while self._remaining or len(queue):
-                    while len(queue) < queue.workers and (calls := self._take()):
-                        queue.give(calls)
-                    for (key, _), compiled in queue.take():
-                        self._finish(key, compiled)
+            with open_executor(_processes()) as pool:
+                for (key, _), compiled in run_all(compile_calls, self._take, pool):
+                    self._finish(key, compiled)
         finally:
             self.give_up()
 

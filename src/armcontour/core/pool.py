@@ -1,42 +1,36 @@
-"""Work on many items in threads, in other processes, or in this process."""
+"""Work on many items in threads, in processes of `loky`, by any executor, or in this process.
+
+Scripts that use processes need no `if __name__ == "__main__"`. A process ends when its parent
+process ends for any reason.
+"""
 
 from __future__ import annotations
 
-import subprocess
+import copyreg
+import gc
+import os
+import pickle
+import re
+import signal
+import sys
+import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-)
-from concurrent.futures import wait as wait_for
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent import futures
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import contextmanager, suppress
 from functools import lru_cache, partial
-from itertools import islice
-from threading import Lock
-from typing import Any, Generic, TypeVar, cast
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
-from armcontour.core.child_process import (
-    Packed,
-    ProcessEnded,
-    call,
-    can_start,
-    child_context,
-    end,
-    is_child,
-    pack,
-    processors,
-    start,
-    unpack,
-)
-from armcontour.core.errors import ArmContourError, ExecutionError, InvalidInput
+from armcontour.core.errors import ExecutionError, InvalidInput
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
 
 T = TypeVar("T")
 R = TypeVar("R")
+Packed: TypeAlias = tuple[bytes, tuple[bytes, ...]]
 # Largest number of threads for compiled work; combining their results is serial.
 MAX_THREADS = 8
 # Fewest items for other processes, because starting a process takes as long as several items.
@@ -49,9 +43,55 @@ MAX_PROCESSES = 8
 PARTS = 32
 # Longest wait for results [s]; between waits an interrupt is handled on all systems.
 PULSE = 1.0
-# Errors that mean that a working process ended; errors of Dask by name, because Dask is optional.
-LOST = (ProcessEnded, BrokenExecutor, CancelledError, MemoryError)
-LOST_NAMES = ("KilledWorker", "FutureCancelledError", "CommClosedError", "FutureLostError")
+# Environment of processes: libraries use one thread, because only `map_in_threads` uses several;
+# and no module is imported from the current folder, because its files could replace modules.
+ENVIRONMENT = dict.fromkeys(
+    (
+        *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"),
+        "PYTHONSAFEPATH",
+    ),
+    "1",
+)
+# Per thread: `busy` is True while the thread works for another process or an executor.
+_threads = threading.local()
+
+
+class ProcessEnded(ExecutionError):
+    """A process ended before its work was done."""
+
+    @classmethod
+    def because(cls, reason: str) -> ProcessEnded:
+        """The error with the signal or exit code of the process."""
+        return cls(
+            f"A process ended before its work was done ({reason}), for example because memory ran "
+            "out. Use fewer processes, or free some memory."
+        )
+
+
+def frozen_mapping(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
+    """Read-only copy of a mapping."""
+    return MappingProxyType(dict(mapping))
+
+
+# Pickle does not support read-only mappings, but some pickled dataclasses have such fields.
+copyreg.pickle(MappingProxyType, lambda x: (frozen_mapping, (dict(x),)))
+
+
+def processors() -> int:
+    """Number of processors available to this process."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def can_start() -> bool:
+    """True if processes can be started; a frozen application has no Python interpreter."""
+    return bool(sys.executable) and not getattr(sys, "frozen", False)
+
+
+def is_child() -> bool:
+    """True if this thread works for another process or an executor."""
+    return getattr(_threads, "busy", False)
 
 
 def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
@@ -60,7 +100,7 @@ def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
     count = 1 if is_child() else min(processors(), MAX_THREADS, len(items))
     if count < 2:
         return [work(x) for x in items]
-    with ThreadPoolExecutor(count) as pool:
+    with futures.ThreadPoolExecutor(count) as pool:
         return list(pool.map(work, items))
 
 
@@ -70,226 +110,168 @@ def split_evenly(count: int, parts: int) -> list[slice]:
     return [slice(count * k // number, count * (k + 1) // number) for k in range(number)]
 
 
-class InProcess(Executor):
-    """Executor that runs work in this process, at submission."""
-
-    def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
-        """Call a function at once."""
-        future: Future[R] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
-class ProcessPool(ThreadPoolExecutor):
-    """Executor of child processes; one thread of this process serves each of them."""
-
-    # Scripts that use the pool need no `if __name__ == "__main__"`. If a process ends during a
-    # call, the call raises `ProcessEnded`, and a new process replaces it. Other errors of the work
-    # are raised as RuntimeError with their text. If processes cannot be started, the work runs in
-    # threads of this process.
+class ProcessPool(Executor):
+    """Executor of processes; new processes replace them after one has ended."""
 
     def __init__(self, processes: int | None = None) -> None:
-        self.processes = processes or processors()
-        super().__init__(self.processes, "pool")
-        # Number of calls of `kill`; all processes; processes without work.
-        self._lock, self._kills = Lock(), 0
-        self._children = set[subprocess.Popen[bytes]]()
-        self._idle = list[subprocess.Popen[bytes]]()
+        self._max_workers = processes or processors()
+        self._pool: Any = None
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
         """Call a function in a process; function, arguments and result must be picklable."""
-        return self.submit_reporting(lambda reported: None, partial(fn, *args, **kwargs))
+        with suppress(BrokenExecutor):
+            if self._pool is not None:
+                return cast(Future[R], self._pool.submit(fn, *args, **kwargs))
+        from loky import ProcessPoolExecutor
 
-    def submit_reporting(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
-        """Call work in a process; `heard` receives its reports before the result."""
-        return super().submit(self._run_in_process, self._kills, heard, work)
+        reader, self._writer = open_lifeline()
+        self._pool = ProcessPoolExecutor(
+            self._max_workers,
+            initializer=begin_process,
+            initargs=(reader, gc.get_threshold()),
+            env=ENVIRONMENT,
+        )
+        return cast(Future[R], self._pool.submit(fn, *args, **kwargs))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes after the submitted work, or after the current work."""
-        super().shutdown(wait, cancel_futures=cancel_futures)
-        if wait:
-            self.kill()
+        """Kill the processes; unfinished work is lost."""
+        if self._pool is not None:
+            self._pool.shutdown(wait, kill_workers=True)
 
-    def kill(self) -> None:
-        """Cancel all submitted work by killing the processes; later work starts new processes."""
-        with self._lock:
-            self._kills += 1
-            for child in self._children:
-                child.kill()
-            while self._idle:
-                self._end(self._idle.pop())
 
-    def end(self) -> None:
-        """Kill the processes and shut down; unfinished work is lost."""
-        super().shutdown(wait=False, cancel_futures=True)
-        self.kill()
-        if can_start():
-            self.shutdown()
+def open_lifeline() -> tuple[Connection, Connection]:
+    """Both ends of a pipe; processes with the first end when this process closes the second."""
+    from multiprocessing import Pipe, resource_tracker
 
-    def _run_in_process(self, kills: int, heard: Callable[[Any], None], work: partial[R]) -> R:
-        """Run work in an idle or new process; `kills`: number of calls of `kill` at submission."""
-        if not can_start():
-            return work()
-        with self._lock:
-            if self._kills > kills:
-                raise ProcessEnded("The work was cancelled before a process started it.")
-            child = self._idle.pop() if self._idle else start()
-            self._children.add(child)
-        try:
-            return cast(R, call(child, work, heard))
-        finally:
-            with self._lock:
-                if self._kills == kills and child.poll() is None:
-                    self._idle.append(child)
-                else:
-                    self._end(child)
+    from loky.backend import resource_tracker as loky_tracker
 
-    def _end(self, child: subprocess.Popen[bytes]) -> None:
-        """End a process; the caller holds the lock."""
-        self._children.discard(child)
-        end(child)
+    # These processes must not import from the current folder, like the processes of the pool.
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        resource_tracker.ensure_running()
+        loky_tracker.ensure_running()
+    finally:
+        del os.environ["PYTHONSAFEPATH"]
+        if before is not None:
+            os.environ["PYTHONSAFEPATH"] = before
+    return Pipe(duplex=False)
+
+
+def begin_process(lifeline: Connection, threshold: tuple[int, int, int]) -> None:
+    """Prepare a process: it is quiet, leaves interrupts to its parent and ends with its parent."""
+    _threads.busy = True
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.set_threshold(*threshold)
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
+    os.dup2(null, 2)
+
+    def follow() -> None:
+        with suppress(EOFError, OSError):
+            lifeline.recv_bytes()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
 
 
 @contextmanager
 def open_executor(
     workers: int | None = None, executor: Executor | None = None
-) -> Iterator[Executor]:
-    """Context with `executor` if given, else with `workers` processes."""
-    # With 0 workers, the work runs in this process.
+) -> Iterator[Executor | None]:
+    """Context with `executor` if given, else with `workers` processes; None for this process."""
     if workers is not None and workers < 0:
         raise InvalidInput(f"workers must be 0 or more, but is {workers}.")
-    if workers is not None and executor is not None:
+    if executor is not None and workers is not None:
         raise InvalidInput("An executor has its own workers. Remove workers.")
-    if executor is not None:
+    if executor is not None or workers == 0 or not can_start():
         yield executor
-    elif workers == 0:
-        yield InProcess()
-    else:
-        pool = ProcessPool(workers)
-        try:
-            yield pool
-        finally:
-            # Remaining work is not needed, because its results were used or an error ended the
-            # context.
-            pool.end()
+        return
+    with ProcessPool(workers) as pool:
+        yield pool
 
 
-def count_workers(executor: Executor) -> int:
-    """Number of workers of an executor; number of processors if it is unknown."""
-    if isinstance(executor, InProcess):
-        return 1
-    if isinstance(executor, ProcessPool):
-        return executor.processes
-    cores = getattr(getattr(executor, "_client", None), "ncores", dict)
-    # A closed Dask client raises its error at submission.
-    with suppress(Exception):
-        if count := sum(cores().values()):
-            return int(count)
-    return getattr(executor, "_max_workers", None) or processors()
+def run_all(
+    work: Callable[[T], R],
+    take: Callable[[], T | None],
+    executor: Executor | None,
+    lost: Callable[[str], R] | None = None,
+) -> Iterator[tuple[T, R]]:
+    """Yield each item and its result as soon as the item is done.
 
-
-class TaskQueue(Generic[T, R]):
-    """Queue of items for an executor; results are returned in order of completion."""
-
-    # At its end, the context cancels the items that no worker has started.
-
-    def __init__(
-        self, work: Callable[[T], R], executor: Executor, lost: Callable[[], R] | None = None
-    ) -> None:
-        self.workers = count_workers(executor)
-        # Subclasses of InProcess may defer the work, so they are not local.
-        self._is_local = type(executor) is InProcess
-        self._work, self._executor, self._lost = work, executor, lost
-        self._call = None if self._is_local else partial(_apply_packed, pack(work))
-        self._done: list[tuple[T, R]] = []
-        self._pending: dict[Future[Packed], T] = {}
-
-    def __enter__(self) -> TaskQueue[T, R]:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        for future in self._pending:
+    Args:
+        work: Function that is applied to each item.
+        take: Called for the next item; returns None if none is ready.
+        executor: The executor, or None for this process.
+        lost: Result of an item whose process ended, from the message of the error. Without it,
+            the error is raised.
+    """
+    if executor is None:
+        while (item := take()) is not None:
+            yield item, work(item)
+        return
+    call = partial(_apply_packed, pack(work))
+    # Items that keep all workers busy; an executor with unknown workers gets all items.
+    workers = getattr(executor, "_max_workers", sys.maxsize)
+    pending: dict[Future[Packed], T] = {}
+    # Items that were in work when a process ended. Each is repeated without other items, so that
+    # the item whose process ends is known.
+    again: list[T] = []
+    repeated: T | None = None
+    try:
+        while True:
+            while not again and len(pending) <= 1.25 * workers and (item := take()) is not None:
+                pending[executor.submit(call, pack(item))] = item
+            if again and not pending:
+                repeated = again.pop()
+                pending[executor.submit(call, pack(repeated))] = repeated
+            if not pending:
+                return
+            futures.wait(pending, PULSE, futures.FIRST_COMPLETED)
+            # `wait` ignores futures that the executor cancelled; `done` includes them.
+            for future in [x for x in pending if x.done()]:
+                item = pending.pop(future)
+                try:
+                    result = unpack(future.result())
+                except BrokenExecutor as error:
+                    if item is not repeated:
+                        again.append(item)
+                        continue
+                    # loky names the signals or exit codes at the end of a long text.
+                    found = re.search(r"exit codes of the workers are \{(.*)\}", str(error))
+                    ended = ProcessEnded.because(found[1] if found else type(error).__name__)
+                    if lost is None:
+                        raise ended from None
+                    result = lost(str(ended))
+                yield item, result
+    finally:
+        for future in pending:
             future.cancel()
 
-    def __len__(self) -> int:
-        """Number of submitted items whose results were not returned yet."""
-        return len(self._done) + len(self._pending)
 
-    @property
-    def ahead(self) -> int:
-        """Number of submitted items that keeps all workers busy."""
-        return 1 if self._is_local else self.workers + self.workers // 4 + 1
+def pack(value: Any) -> Packed:
+    """Pickle a value; its arrays are read-only after `unpack`, like checked arrays."""
+    import cloudpickle
 
-    def give(self, item: T) -> None:
-        """Submit an item."""
-        if self._call is None:
-            self._done.append((item, self._work(item)))
-            return
-        try:
-            self._pending[self._executor.submit(self._call, pack(item))] = item
-        except Exception as error:
-            raise ExecutionError(
-                f"The executor accepts no work ({type(error).__name__}: {error}): it must be open, "
-                "and its workers must be running."
-            ) from None
+    # Arrays are read-only because the kernels are compiled for read-only arrays.
+    buffers: list[pickle.PickleBuffer] = []
+    data = cloudpickle.dumps(value, protocol=5, buffer_callback=buffers.append)
+    return data, tuple(bytes(x.raw()) for x in buffers)
 
-    def take(self) -> list[tuple[T, R]]:
-        """Wait for finished items; return them with their results; empty if none are submitted."""
-        while self._pending and not self._done:
-            wait_for(self._pending, timeout=PULSE, return_when=FIRST_COMPLETED)
-            # `wait_for` ignores futures that the executor cancelled; `done` includes them.
-            for future in [x for x in self._pending if x.done()]:
-                self._done.append((self._pending.pop(future), self._result(future)))
-        results, self._done = self._done, []
-        return results
 
-    def run_all(self, items: Iterable[T]) -> Iterator[tuple[T, R]]:
-        """Submit all items, at most `ahead` at once; yield each with its result when it is done."""
-        waiting = iter(items)
-        while True:
-            for item in islice(waiting, self.ahead - len(self)):
-                self.give(item)
-            if not len(self):
-                return
-            yield from self.take()
-
-    def _result(self, future: Future[Packed]) -> R:
-        """Result of an item; of `_lost`, if specified, for a lost worker; raises other errors."""
-        try:
-            result = unpack(future.result())
-        except (Exception, CancelledError) as error:
-            name = type(error).__name__
-            if isinstance(error, ProcessEnded) or name == "KilledWorker":
-                if self._lost is not None:
-                    return self._lost()
-                if isinstance(error, ProcessEnded):
-                    raise
-            if isinstance(error, LOST) or name in LOST_NAMES:
-                raise ExecutionError(
-                    f"A worker of the executor ended before it returned a result ({name}), for "
-                    "example because memory ran out. Use fewer workers, or more memory for each."
-                ) from None
-            if isinstance(self._executor, ProcessPool):
-                raise
-            raise ExecutionError(
-                f"The workers of the executor cannot do the work ({name}: {error}). They must have "
-                "the same version of armcontour as this process."
-            ) from None
-        if isinstance(result, ArmContourError):
-            raise result
-        return cast(R, result)
+def unpack(packed: Packed) -> Any:
+    """Unpickle a packed value."""
+    data, buffers = packed
+    return pickle.loads(data, buffers=buffers)
 
 
 def _apply_packed(work: Packed, item: Packed) -> Packed:
-    """Apply packed work to a packed item; errors of this package are returned with their class."""
+    """Apply packed work to a packed item."""
+    before, _threads.busy = is_child(), True
     try:
-        with child_context():
-            return pack(_unpack_work(work)(unpack(item)))
-    except ArmContourError as error:
-        return pack(error)
+        return pack(_unpack_work(work)(unpack(item)))
+    finally:
+        _threads.busy = before
 
 
 @lru_cache(maxsize=2)
@@ -307,28 +289,21 @@ def map_in_processes(
     done: Callable[[int], None] | None = None,
 ) -> list[R]:
     """Apply work to all items in other processes; results are in the order of the items."""
-    # An error of the work in another process is raised as a RuntimeError with its text.
-    tell = done or (lambda number: None)
     count = min(processes or processors(), len(items))
-    in_process = count < 2 or len(items) < FEWEST or is_child() or not can_start()
-    if executor is None and in_process:
-        executor = InProcess()
-    with nullcontext(executor) if executor else open_executor(count) as opened:
-        work_on_chunk = partial(_apply_to_chunk, work)
-        with TaskQueue[tuple[int, Sequence[T]], list[R]](work_on_chunk, opened) as queue:
-            slices = split_evenly(len(items), max(PARTS, 4 * queue.workers))
-            results_by_chunk: dict[int, list[R]] = {}
-            number = 0
-            for (k, part), results in queue.run_all(enumerate(items[x] for x in slices)):
-                tell(number)
-                results_by_chunk[k] = results
-                number += len(part)
+    in_process = count < 2 or len(items) < FEWEST or is_child()
+    workers = None if executor is not None else 0 if in_process else count
+    slices = split_evenly(len(items), max(PARTS, 4 * count))
+    results_by_chunk: dict[int, list[R]] = {}
+    number = 0
+    with open_executor(workers, executor) as opened:
+        chunks = iter([(x.start, items[x]) for x in slices])
+        take = partial(next, chunks, None)
+        for (start, _), results in run_all(lambda x: [work(y) for y in x[1]], take, opened):
+            if done is not None:
+                done(number)
+            results_by_chunk[start] = results
+            number += len(results)
     return [x for k in sorted(results_by_chunk) for x in results_by_chunk[k]]
-
-
-def _apply_to_chunk(work: Callable[[T], R], numbered: tuple[int, Sequence[T]]) -> list[R]:
-    """Apply work to the items of a numbered chunk."""
-    return [work(x) for x in numbered[1]]
 
 
 def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, None, None]:
@@ -344,11 +319,12 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
         return
     remaining = items[k:]
     parts = [remaining[x] for x in split_evenly(len(remaining), 8 * count)]
-    with open_executor(count) as pool:
-        futures = [pool.submit(_apply_to_chunk, work, (0, x)) for x in parts]
-        for part, future in zip(parts, futures, strict=True):
+    call = partial(_apply_packed, pack(lambda part: [work(x) for x in part]))
+    with ProcessPool(count) as pool:
+        submitted = [pool.submit(call, pack(x)) for x in parts]
+        for part, future in zip(parts, submitted, strict=True):
             try:
-                results = future.result()
+                results = unpack(future.result())
             except Exception:  # Pickle can raise any exception.
                 yield from map(work, part)
             else:

@@ -1,27 +1,24 @@
-"""Staging folders: hidden folders in which results are written before they are moved into place.
-
-A staging folder has a fixed name next to its destination and belongs to one process, which holds a
-lock on it. A second run with the same destination is therefore refused.
-"""
+"""Results that are written completely or not at all, in hidden folders that are then renamed."""
 
 from __future__ import annotations
 
 import errno
 import os
 import shutil
+import tempfile
 import threading
-import zlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path as FilePath
 
 from armcontour.core.errors import InvalidInput
 
 PREFIX = ".armcontour-"
-# Number of characters of a file's name in the name of its staging folder. They identify the file,
-# and with prefix and checksum the name stays below 255 bytes.
-LONGEST_NAME = 40
-
+# Folder in a result folder in which the next result is written.
+NEXT = f"{PREFIX}next"
+# Folder in `NEXT` for the previous result, which is removed after the replacement.
+OLD = ".old"
 # Fixes for errors of writing, by error number.
 FIXES = {
     **dict.fromkeys(
@@ -32,38 +29,41 @@ FIXES = {
     **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "choose a location in an existing folder"),
 }
 
-# Folder in a staging folder for the previous result, which is removed after the replacement.
-OLD = ".old"
-
 # Held while results are moved into place; a thread that ends the program waits for it.
 _placing = threading.Lock()
-# Open staging folders and their destinations; None for a destination that grows in parts.
-_open: dict[FilePath, FilePath | None] = {}
+# Hidden folders of this process, each with its destination and the folders created for it.
+_open: dict[FilePath, tuple[FilePath, list[FilePath]]] = {}
 
 
 class Staging:
-    """Staging folder of this process; a context manager that removes the folder at its end."""
+    """Hidden folder in a destination folder, which this process locks and creates if necessary.
 
-    def __init__(self, folder: FilePath, destination: FilePath, *, growing: bool = False) -> None:
-        self.folder = folder
+    Args:
+        destination: The folder, without links.
+        name: Its name in messages.
+
+    Raises:
+        InvalidInput: Another process writes to the destination, or was killed during `move`.
+    """
+
+    def __init__(self, destination: FilePath, name: FilePath) -> None:
+        self.folder = destination / NEXT
         # A signal must not end the program between these steps.
         with moving():
-            self._handle = _take(folder, destination)
-            _open[folder] = None if growing else destination
-
-    def __enter__(self) -> Staging:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.remove()
-
-    def empty(self) -> None:
-        """Remove the content of the folder."""
-        for inner in self.folder.iterdir():
-            if inner.is_dir() and not inner.is_symlink():
-                shutil.rmtree(inner)
-            else:
-                inner.unlink()
+            above = [destination, *destination.parents]
+            missing = above[: next(k for k, x in enumerate(above) if x.exists())]
+            destination.mkdir(parents=True, exist_ok=True)
+            self._release = lock(destination, name)
+            old = self.folder / OLD
+            if old.is_dir() and any(old.iterdir()):
+                self._release()
+                raise InvalidInput(
+                    f"A run was killed while it replaced the result in {name}. Move the "
+                    f"files in {old} elsewhere, and remove {self.folder}."
+                )
+            shutil.rmtree(self.folder, ignore_errors=True)
+            self.folder.mkdir()
+            _open[self.folder] = name, missing
 
     def move(self, moves: Sequence[tuple[FilePath, FilePath]]) -> None:
         """Rename files and folders, in order; if one rename fails, all are renamed back."""
@@ -74,32 +74,38 @@ class Staging:
                 for source, target in moves:
                     os.rename(source, target)
             except BaseException:
-                destination = _open.pop(self.folder)
                 for source, target in reversed(moves):
                     if os.path.lexists(target) and not os.path.lexists(source):
                         os.rename(target, source)
-                _open[self.folder] = destination
                 raise
 
     def remove(self) -> None:
         """Remove the folder with its content, and release the lock."""
-        if self.folder in _open:
-            shutil.rmtree(self.folder, ignore_errors=True)
-            del _open[self.folder]
-        if self._handle is not None:
-            os.close(self._handle)
-            self._handle = None
+        _remove(self.folder, _open.pop(self.folder)[1])
+        self._release()
 
 
-def hidden_sibling(file: FilePath) -> FilePath:
-    """Path of the staging folder next to a file or folder."""
-    checksum = zlib.crc32(os.fsencode(file.name))
-    return file.parent / f"{PREFIX}{file.name[:LONGEST_NAME]}-{checksum:08x}"
+def lock(folder: FilePath, name: FilePath) -> Callable[[], None]:
+    """Lock a folder until this process ends or calls the returned function; `name`: for messages.
 
+    Raises:
+        InvalidInput: Another process has the lock.
+    """
+    # Windows and some network file systems have no locks on folders.
+    with suppress(ImportError, OSError):
+        import fcntl
 
-def inside(folder: FilePath) -> FilePath:
-    """Path of the staging folder inside an existing folder."""
-    return folder / f"{PREFIX}next"
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(handle)
+            raise InvalidInput(
+                f"Another run is writing to {name}. Wait for its end, or choose another "
+                "destination."
+            ) from None
+        return partial(os.close, handle)
+    return lambda: None
 
 
 @contextmanager
@@ -117,59 +123,38 @@ def unwritable(target: object, error: OSError) -> InvalidInput:
 
 
 def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> None:
-    """Write a file completely, or not at all if writing fails."""
-    with Staging(hidden_sibling(file), file) as staging:
-        staging.empty()
-        fresh = staging.folder / file.name
-        write(fresh)
+    """Write a file completely, or not at all; raises InvalidInput if writing fails."""
+    try:
         with moving():
-            os.replace(fresh, file)
+            folder = FilePath(tempfile.mkdtemp(prefix=PREFIX, dir=file.parent))
+            _open[folder] = file, []
+        try:
+            write(folder / file.name)
+            with moving():
+                os.replace(folder / file.name, file)
+        finally:
+            _remove(folder, _open.pop(folder)[1])
+    except OSError as error:
+        raise unwritable(file, error) from None
+
+
+def _remove(folder: FilePath, created: list[FilePath]) -> None:
+    """Remove a hidden folder, and the folders that were created for it if they are empty."""
+    shutil.rmtree(folder, ignore_errors=True)
+    for x in created:
+        with suppress(OSError):
+            x.rmdir()
 
 
 def abandon(patience: float) -> list[str]:
-    """Remove all staging folders before a signal ends the program; return the lost files."""
+    """Remove all hidden folders before a signal ends the program; return the lost files."""
     # Current moves into place are completed first, for at most `patience` seconds. Afterwards no
     # result can be moved into place.
     if not _placing.acquire(timeout=patience):
-        # The staging folder may have the only copy of an earlier result, so it must stay.
+        # The hidden folder may have the only copy of an earlier result, so it must stay.
         return []
     ended = dict(_open)
-    for folder in ended:
+    for folder in [*ended] * 3:
         # The writing thread may add a file between these attempts.
-        for _ in range(3):
-            shutil.rmtree(folder, ignore_errors=True)
-            if not folder.exists():
-                break
-    return [str(x) for x in ended.values() if x is not None]
-
-
-def _take(folder: FilePath, destination: FilePath) -> int | None:
-    """Create a staging folder or take over one of a killed process; returns the locked handle."""
-    # Windows and some network file systems have no locks on folders. There the process that creates
-    # the folder owns it, and the handle is None.
-    handle, is_ours = None, True
-    try:
-        folder.mkdir()
-    except FileExistsError:
-        is_ours = False
-    try:
-        import fcntl
-
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # Another process may have removed its folder before this one locked it.
-        is_ours = os.path.samestat(os.fstat(handle), os.lstat(folder))
-    except BlockingIOError:
-        is_ours = False
-    except (ImportError, OSError):
-        pass
-    old = folder / OLD
-    if is_ours and not (old.is_dir() and any(old.iterdir())):
-        return handle
-    if handle is not None:
-        os.close(handle)
-    raise InvalidInput(
-        f"Another run is writing to {destination}, or was killed while it replaced an earlier "
-        f"result. Wait for its end, or choose another destination. If there is no other run, move "
-        f"any files in {old} elsewhere, and remove {folder}."
-    )
+        _remove(folder, ended[folder][1])
+    return [str(destination) for destination, _ in ended.values()]

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
@@ -21,7 +22,7 @@ from armcontour.core import checks, file_access, staging
 from armcontour.core.compilation import compile_kernels
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.pool import InProcess, TaskQueue, open_executor
+from armcontour.core.pool import open_executor, run_all
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import compare, jsonable, lay_out
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
@@ -152,7 +153,7 @@ def batch(
 
     Raises:
         InvalidInput: No job can be read, or the folder has other files.
-        ExecutionError: The executor accepts no work, or lost its workers; finished results remain.
+        Exception: An error of your own executor; finished results remain.
     """
     file, report = checks.read_file_path("batch", job), subprogress(progress)
     for key, values in over.items():
@@ -168,18 +169,18 @@ def batch(
     ):
         valid = _find_valid(lines)
         remaining = {key: x for key, x in tasks if key not in valid}
-        if remaining and not isinstance(opened, InProcess):
+        if remaining and opened is not None:
             # Compile here first; otherwise several processes would compile the same functions.
             compile_kernels("plane" if first.arm.dimension == 2 else "space", report)
         counts = Counter[str]()
-        with TaskQueue[Task, Line](reader, opened, _lost_worker) as queue:
-            for (key, _), line in queue.run_all(remaining.items()):
-                lines[key] = line | {"key": key}
-                add(lines[key])
-                counts[line["status"]] += 1
-                words = [f"{counts.total()} of {len(remaining)} jobs"]
-                words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
-                report(Step((", ".join(words),), counts.total() / len(remaining)))
+        take = partial(next, iter(remaining.items()), None)
+        for (key, _), line in run_all(reader, take, opened, _lost_job):
+            lines[key] = line | {"key": key}
+            add(lines[key])
+            counts[line["status"]] += 1
+            words = [f"{counts.total()} of {len(remaining)} jobs"]
+            words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
+            report(Step((", ".join(words),), counts.total() / len(remaining)))
         varied = [key for key in keys if len({json.dumps(x[key]) for x in patches}) > 1]
         rows = [
             row
@@ -243,9 +244,8 @@ class _Reader:
         return {"status": DONE, "runs": runs, "files": files}
 
 
-def _lost_worker() -> Line:
-    words = "The process of this job ended before the job was done, for example because memory ran "
-    return {"status": FAILED, "error": f"{words}out."}
+def _lost_job(error: str) -> Line:
+    return {"status": FAILED, "error": error}
 
 
 def _find_valid(lines: Mapping[str, Line]) -> set[str]:
@@ -288,9 +288,7 @@ def _open_results(folder: FilePath | None) -> Iterator[tuple[dict[str, Line], An
     with ExitStack() as stack:
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            # The lock refuses a second batch with the same folder.
-            lock = staging.Staging(folder / f"{staging.PREFIX}batch", folder, growing=True)
-            stack.enter_context(lock)
+            stack.callback(staging.lock(folder, folder))
             stream = stack.enter_context((folder / LINES).open("a+b"))
             lines = _read_lines(stream, folder / LINES)
         except OSError as error:

@@ -1,8 +1,9 @@
 """Result folders, which are written completely or not at all; other files do not change.
 
-A result is first written to a hidden folder. Then an earlier result is moved aside, the new result
-is moved to its place, and the earlier result is deleted. The summary of the earlier result is moved
-first and the new summary last, so that a folder without `summary.json` has no complete result.
+A result is first written to a hidden folder in its destination, which is locked. Then an earlier
+result is moved aside, the new result is moved to its place, and the earlier result is deleted. The
+summary of the earlier result is moved first and the new summary last, so that a folder without
+`summary.json` has no complete result.
 """
 
 from __future__ import annotations
@@ -69,25 +70,16 @@ class ResultFolder:
             raise InvalidInput(f"{folder} is not a folder. Choose another --out.")
         try:
             self._target = folder.resolve()
-            self._staging = staging.Staging(_staging_place(self._target), folder)
+            self._staging = staging.Staging(self._target, folder)
+            self._new = self._staging.folder / "new"
             try:
-                self._staging.empty()
+                self._new.mkdir()
                 self._find_earlier()
             except BaseException:
                 self._staging.remove()
                 raise
         except OSError as error:
             raise self._unwritable(error) from None
-
-    @property
-    def _new(self) -> FilePath:
-        return self._staging_folder("new")
-
-    def _staging_folder(self, name: str) -> FilePath:
-        """Path of the folder `name` in the staging folder; creates it if it does not exist."""
-        folder = self._staging.folder / name
-        folder.mkdir(exist_ok=True)
-        return folder
 
     def __enter__(self) -> ResultFolder:
         return self
@@ -123,8 +115,7 @@ class ResultFolder:
 
     def _find_earlier(self) -> list[str]:
         """Names of the files and folders of an earlier result, which may be replaced."""
-        hidden = staging.inside(self._target).name
-        present = _names_in(self._target) - {hidden}
+        present = _names_in(self._target) - {staging.NEXT}
         if not present:
             return []
         manifest = _manifest(self._target)
@@ -157,12 +148,9 @@ class ResultFolder:
         data = {"armcontour": __version__, "kind": self._kind, "files": checksums}
         text = json.dumps(data, indent=1)
         (self._new / MANIFEST).write_text(text + "\n", encoding="utf-8")
-        if self._staging.folder.parent != self._target:
-            self._target.parent.mkdir(parents=True, exist_ok=True)
-            self._staging.move([(self._new, self._target)])
-            return
         earlier = self._find_earlier()
-        old = self._staging_folder(staging.OLD)
+        old = self._staging.folder / staging.OLD
+        old.mkdir()
         fresh = sorted(_names_in(self._new), key=lambda x: x == SUMMARY)
         foreign = [x for x in fresh if os.path.lexists(self._target / x) and x not in earlier]
         if foreign:
@@ -175,14 +163,6 @@ class ResultFolder:
 
     def _unwritable(self, error: OSError) -> InvalidInput:
         return staging.unwritable(f"to the folder {self.folder}", error)
-
-
-def _staging_place(target: FilePath) -> FilePath:
-    """Path of the staging folder: in an existing destination, or in its nearest existing parent."""
-    if target.is_dir():
-        return staging.inside(target)
-    above = next(x for x in target.parents if x.exists())
-    return staging.hidden_sibling(above / "-".join(target.relative_to(above).parts))
 
 
 def _names_in(folder: FilePath) -> set[str]:

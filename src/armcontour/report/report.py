@@ -130,7 +130,4 @@ def write_report(
     """
     place = checks.read_file_path("write_report", file)
     page = render_report(study_of(study))
-    try:
-        staging.write_atomically(place, lambda x: x.write_text(page, encoding="utf-8"))
-    except OSError as error:
-        raise staging.unwritable(f"the report {place}", error) from None
+    staging.write_atomically(place, lambda x: x.write_text(page, encoding="utf-8"))

@@ -184,7 +184,7 @@ def place(
 
     Raises:
         InvalidInput: The run or an axis does not exist, or the grid is empty.
-        ExecutionError: The executor accepts no work, or has lost a worker.
+        ExecutionError: A process ended before its work was done.
     """
     checks.check_choice("move", move, (PART, BASE))
     axes = _read_grid(grid, job.arm.dimension)

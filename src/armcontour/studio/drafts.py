@@ -14,7 +14,7 @@ from pathlib import Path as FilePath
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_bytes
 from armcontour.core.progress import registered
-from armcontour.core.staging import Staging, unwritable, write_atomically
+from armcontour.core.staging import lock, unwritable, write_atomically
 
 BOM = "\ufeff"
 # Draft key of the document that the Studio shows if it is started without a file.
@@ -44,14 +44,15 @@ def running_studio() -> Iterator[None]:
     identity = os.urandom(8).hex()
     with registered(_studios, identity), ExitStack() as ending:
         with suppress(InvalidInput, OSError):
-            make_private(state_folder())
-            ending.enter_context(_lock(identity))
+            make_private(_lock_folder(identity))
+            ending.callback(shutil.rmtree, _lock_folder(identity), ignore_errors=True)
+            ending.callback(lock(_lock_folder(identity), state_folder()))
         yield
 
 
-def _lock(studio: str) -> Staging:
-    """Lock of a Studio, which ends with its process; raises InvalidInput while it is held."""
-    return Staging(state_folder() / f"running-{studio}", state_folder(), growing=True)
+def _lock_folder(studio: str) -> FilePath:
+    """Folder that a running Studio locks."""
+    return state_folder() / f"running-{studio}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +80,9 @@ class Draft:
         # The identity becomes a file name. Windows has no locks that end with their process.
         if studio.isalnum() and studio not in _studios and os.name != "nt":
             try:
-                _lock(studio).remove()
-            except (InvalidInput, OSError) as error:
-                return isinstance(error, InvalidInput)
+                lock(_lock_folder(studio), state_folder())()
+            except InvalidInput:
+                return True
         return False
 
     def write(self) -> bool:
@@ -159,7 +160,4 @@ def write_file(file: FilePath, content: bytes) -> None:
         if target.exists():
             shutil.copymode(target, fresh)
 
-    try:
-        write_atomically(target, write)
-    except OSError as error:
-        raise unwritable(file, error) from None
+    write_atomically(target, write)

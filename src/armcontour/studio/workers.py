@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import os
+import gc
 from collections import deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import CancelledError, Future
-from contextlib import suppress
 from functools import partial
 from threading import Condition, Thread
 from typing import Any, Protocol, TypeAlias
 
-from armcontour.core.child_process import ProcessEnded
 from armcontour.core.errors import ArmContourError
-from armcontour.core.pool import ProcessPool
+from armcontour.core.pool import ENVIRONMENT, ProcessEnded, open_lifeline
 from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.tasks.dispatch import WARM, TaskInput, work
-
-# Niceness of the task process, so that previews have priority.
-NICE = 10
+from armcontour.studio.tasks.dispatch import TaskInput, serve
 
 
 class StaleCheck(Protocol):
@@ -76,6 +70,40 @@ class PreviewWorker:
             return self._news.wait_for(lambda: self._newest > number, max(0.0, within))
 
 
+class TaskProcess:
+    """A process that runs tasks."""
+
+    def __init__(self) -> None:
+        from multiprocessing import Pipe
+
+        from loky.backend.process import LokyProcess
+
+        lifeline, self._writer = open_lifeline()
+        self._tasks, other_end = Pipe()
+        arguments = other_end, lifeline, gc.get_threshold()
+        self._process = LokyProcess(target=serve, args=arguments, daemon=True, env=ENVIRONMENT)
+        self._process.start()
+        self.is_killed = False
+        other_end.close()
+
+    def run(self, task_input: TaskInput, listener: Callable[[PageFrame], None]) -> PageFrame:
+        """Run a task and return its final frame; `listener` receives its progress."""
+        try:
+            self._tasks.send(task_input)
+            while (frame := PageFrame.unpack(self._tasks.recv_bytes())).kind == "progress":
+                listener(frame)
+        except (EOFError, OSError):
+            self._process.join()
+            raise ProcessEnded.because(f"exit code {self._process.exitcode}") from None
+        return frame
+
+    def kill(self) -> None:
+        """End the process, including a running task."""
+        self.is_killed = True
+        self._process.terminate()
+        self._process.join()
+
+
 class TaskWorker:
     """A process that runs tasks in order; started by the first task and after a cancellation."""
 
@@ -83,13 +111,9 @@ class TaskWorker:
         self._deliver = deliver
         self._news = Condition()
         self._waiting: deque[TaskInput] = deque()
-        self._running: TaskInput | None = None
-        self._future: Future[bytes] | None = None
-        self._pool: ProcessPool | None = None
-        self._is_open = True
-        # Frames that wait for delivery, oldest first.
-        self._frames: deque[PageFrame] = deque()
-        self._is_delivering = False
+        self._running: str | None = None
+        self._process: TaskProcess | None = None
+        self._is_cancelled, self._is_open = False, True
         self._thread = Thread(target=self._run, name="studio tasks", daemon=True)
         self._thread.start()
 
@@ -102,88 +126,44 @@ class TaskWorker:
     def cancel(self, id: str) -> None:
         """Cancel a task that is running or waiting."""
         with self._news:
-            waiting = [x for x in self._waiting if x.id == id]
-            running = self._running is not None and self._running.id == id
-            if not waiting and not running:
-                return
+            is_waiting = any(x.id == id for x in self._waiting)
             self._waiting = deque(x for x in self._waiting if x.id != id)
-            if running:
-                self._running = None
-                assert self._pool is not None and self._future is not None
-                if not self._future.cancel():
-                    self._pool.kill()
-            self._frames.append(PageFrame("cancelled", {"id": id}))
-        self._deliver_all()
+            if self._running == id and self._process is not None:
+                self._is_cancelled = True
+                self._process.kill()
+        if is_waiting:
+            self._deliver(PageFrame("cancelled", {"id": id}))
 
     def close(self) -> None:
         """End the process, including a running task."""
         with self._news:
-            self._waiting.clear()
-            self._running, self._is_open = None, False
+            self._is_open = False
+            if self._process is not None:
+                self._process.kill()
             self._news.notify()
-        # The lock is released first, because the thread of the tasks may wait for it.
-        if self._pool is not None:
-            self._pool.end()
         self._thread.join()
 
     def _run(self) -> None:
         """Run the tasks of the queue."""
-        while (future := self._next()) is not None:
-            assert self._pool is not None
-            try:
-                self._finish(PageFrame.unpack(future.result()))
-            except (ProcessEnded, RuntimeError, CancelledError) as error:
-                self._finish(PageFrame("failed", {"sentence": str(error)}))
-                # The new process loads its modules now, so that the next task starts sooner.
-                with suppress(RuntimeError):
-                    _warm_up(self._pool)
-
-    def _next(self) -> Future[bytes] | None:
-        """Wait for the next task and start it; returns its future, or None after `close`."""
-        with self._news:
-            self._news.wait_for(lambda: self._waiting or not self._is_open)
-            if not self._is_open:
-                return None
-            if self._pool is None:
-                self._pool = ProcessPool(1)
-                _warm_up(self._pool)
-            self._running = task_input = self._waiting.popleft()
-            self._future = self._pool.submit_reporting(
-                self._deliver_progress, partial(work, task_input)
-            )
-            return self._future
-
-    def _deliver_progress(self, data: bytes) -> None:
-        """Deliver progress, unless the task was cancelled."""
-        with self._news:
-            if self._running is not None:
-                self._frames.append(PageFrame.unpack(data))
-        self._deliver_all()
-
-    def _finish(self, frame: PageFrame) -> None:
-        """Deliver the final frame of the running task, unless it was cancelled."""
-        with self._news:
-            task_input, self._running = self._running, None
-            if task_input is not None:
-                self._frames.append(frame.stamped(id=task_input.id))
-        self._deliver_all()
-
-    def _deliver_all(self) -> None:
-        """Deliver queued frames without holding the lock; only one thread delivers at any time."""
         while True:
             with self._news:
-                if self._is_delivering or not self._frames:
+                self._news.wait_for(lambda: self._waiting or not self._is_open)
+                if not self._is_open:
                     return
-                self._is_delivering, frame = True, self._frames.popleft()
+                self._process = self._process or TaskProcess()
+                task_input, self._is_cancelled = self._waiting.popleft(), False
+                self._running = task_input.id
             try:
-                self._deliver(frame)
-            finally:
-                with self._news:
-                    self._is_delivering = False
-
-
-def _warm_up(pool: ProcessPool) -> None:
-    """Reduce the priority of the process and load the modules that tasks need."""
-    if hasattr(os, "nice"):
-        pool.submit(os.nice, NICE)
-    pool.submit(work, WARM)
+                frame = self._process.run(task_input, self._deliver)
+            except ProcessEnded as error:
+                frame = PageFrame("failed", {"sentence": str(error)})
+                self._process.kill()
+            with self._news:
+                self._running = None
+                if self._is_cancelled:
+                    frame = PageFrame("cancelled", {})
+                if not self._is_open:
+                    return
+                if self._process.is_killed:
+                    self._process = TaskProcess()
+            self._deliver(frame.stamped(id=task_input.id))

@@ -16,8 +16,11 @@ servo: {kp: 25 1/s, kv: 150 1/s}
 runs:
   only: {compensation: {method: inverse}, timing: {reserve: 2 %}}
 """
-HOSTILE = ("pickle", "copyreg", "typing", "subprocess", "yaml", "pandas", "pyarrow")
-PACKAGES = ("numpy", "scipy", "numba", "armcontour")
+HOSTILE = (
+    *("pickle", "copyreg", "typing", "subprocess", "signal", "multiprocessing", "yaml"),
+    *("pandas", "pyarrow", "cloudpickle"),
+)
+PACKAGES = ("numpy", "scipy", "numba", "loky", "armcontour")
 OVER = ("--over", "corners.tolerance=[1 mm, 2 mm]")
 COMMANDS = {
     "show": ("show", "line.csv"),
@@ -28,10 +31,9 @@ COMMANDS = {
     "check": ("check", "q.csv", "--arm", "pmk3s"),
 }  # fmt: skip
 COMMAND = "from armcontour.cli import main; main()"
-# The program has the folder in its own import path; the workers of the batch do not.
+# A program that runs in the folder, but was started from another one.
 PROGRAM = """
-import sys, pickle, yaml, pandas, scipy, numba, armcontour as ac
-sys.path[:0] = ['', '.', sys.argv[1]]
+import armcontour as ac
 found = ac.batch('job.yaml', {'corners.tolerance': ['1 mm', '2 mm']}, 'out', workers=2)
 assert len(found.rows) == 2, found
 """
@@ -59,8 +61,11 @@ def hostile(tmp_path):
 
 @pytest.mark.parametrize("name", [*COMMANDS, "program"])
 def test_nothing_is_imported_from_the_folder(hostile, name):
-    code, arguments = (COMMAND, COMMANDS[name]) if name in COMMANDS else (PROGRAM, (str(hostile),))
-    line = [sys.executable, "-P", "-c", code, *arguments]
+    code, arguments = (COMMAND, COMMANDS[name]) if name in COMMANDS else (PROGRAM, ())
+    file = hostile.parent / "own" / "program.py"
+    file.parent.mkdir()
+    file.write_text(code)
+    line = [sys.executable, file, *arguments]
     environment = {x: y for x, y in os.environ.items() if x != "NUMBA_CACHE_DIR"}
     if name == "program":
         # Commands set it themselves.

@@ -1,5 +1,7 @@
 """A real process of the worker of tasks that is cancelled, killed or left alone."""
 
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -36,8 +38,11 @@ def slow(heard):
 def test_a_process_that_dies_is_reported_and_replaced(slow, heard):
     slow.submit("g", "figures", LONG)
     heard.wait("g", "progress")
-    next(iter(slow._pool._children)).kill()
-    assert "ended before it returned a result" in heard.wait("g", "failed").header["sentence"]
+    os.kill(slow._process._process.pid, signal.SIGKILL)
+    assert (
+        "ended before its work was done (exit code -9)"
+        in (heard.wait("g", "failed").header["sentence"])
+    )
     slow.submit("h", "figures", {"text": WARMUP_JOB})
     assert figure(heard.wait("h", "figures").header, "duration") > 0
 
@@ -46,7 +51,7 @@ CODE = """
 import time
 from armcontour.studio.workers import TaskWorker
 from tests.slow.studio.test_workers import LONG
-lane = TaskWorker(lambda frame: print(*[x.pid for x in lane._pool._children], flush=True))
+lane = TaskWorker(lambda frame: print(lane._process._process.pid, flush=True))
 lane.submit('a', 'figures', LONG)
 time.sleep(60)
 """

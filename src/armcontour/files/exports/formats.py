@@ -313,7 +313,4 @@ def write_destination(file: FilePath, write: Callable[[FilePath], None]) -> None
         raise InvalidInput(f"Cannot write {str(file)!r}, because it is not a valid file name.")
     if file.is_dir():
         raise InvalidInput(f"Cannot write {file}, because a folder has this name.")
-    try:
-        staging.write_atomically(file, write)
-    except OSError as error:
-        raise staging.unwritable(file, error) from None
+    staging.write_atomically(file, write)

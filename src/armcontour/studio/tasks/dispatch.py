@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import os
-import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from armcontour.core import child_process
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
+from armcontour.core.pool import begin_process
 from armcontour.core.progress import Progress, Step
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, identify, learn, report
 from armcontour.studio.tasks.request import Request
 
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
 Listener: TypeAlias = Callable[[bytes], None]
 # Minimum interval of progress frames [s].
 PROGRESS_INTERVAL = 0.1
-# Period at which the process checks that its parent process exists [s].
-PARENT_CHECK_PERIOD = 1.0
+# Niceness of the task process, so that previews have priority.
+NICE = 10
 # Small job that is computed to load the modules that tasks need.
 WARMUP_JOB = """
 name: small
@@ -52,15 +54,20 @@ class TaskInput(NamedTuple):
     request: Mapping[str, Any]
 
 
-WARM = TaskInput("", "warm", {})
+def serve(tasks: Connection, lifeline: Connection, threshold: tuple[int, int, int]) -> None:
+    """Main loop of the task process: run tasks and send their frames."""
+    begin_process(lifeline, threshold)
+    if hasattr(os, "nice"):
+        os.nice(NICE)
+    # The modules that tasks need are loaded now, so that the first task starts sooner.
+    figures(Request(text=WARMUP_JOB))
+    while True:
+        tasks.send_bytes(work(tasks.recv(), tasks.send_bytes))
 
 
-def work(task_input: TaskInput, listener: Listener = child_process.report_to_parent) -> bytes:
-    """Run a task in the task process; returns the encoded final frame. WARM only loads modules."""
+def work(task_input: TaskInput, listener: Listener) -> bytes:
+    """Run a task; returns the encoded final frame, and sends progress to the listener."""
     id, task, request = task_input
-    if task_input == WARM:
-        _warm_up()
-        return b""
     task_progress = _TaskProgress(id, task, listener)
     try:
         frame = do(task, request, task_progress)
@@ -90,20 +97,6 @@ class _TaskProgress:
         remaining = (now - self._begin) * (1 - share) / share if share else None
         facts = {**self._facts, "steps": step.names, "share": share, "eta": remaining}
         self._listener(PageFrame("progress", facts).pack())
-
-
-def _warm_up() -> None:
-    """Load the modules that tasks need, and let this process end when its parent ends."""
-    if child_process.is_child() and hasattr(os, "nice"):
-        threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
-    figures(Request(text=WARMUP_JOB))
-
-
-def _end_with_parent(parent: int) -> None:
-    """End this process when its parent has ended, even during a task."""
-    while os.getppid() == parent:
-        time.sleep(PARENT_CHECK_PERIOD)
-    os._exit(1)
 
 
 def do(task: str, request: Mapping[str, Any], progress: Progress) -> PageFrame:
