@@ -9,13 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypeAlias
 
+from tools.job_schema import schema_text
+
 from armcontour.core.fields import parts_of
 from armcontour.core.quantities import About, AtLeast, Quantity
 from armcontour.core.text import capitalise
 from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.exports.formats import format_named
-from armcontour.files.job_file import json_schema
 from armcontour.files.job_model import RunModel, SharedModel
 from armcontour.files.job_text_edits import Keys
 from armcontour.files.patch import MERGED
@@ -133,7 +134,7 @@ def _groups() -> dict[str, list[Field]]:
     """Fields of each group, by title; the entry `at` of a field is its key path."""
     # If groups list only some keys of a mapping, the other keys are in the group that lists the
     # mapping.
-    schema = json_schema()
+    schema = json.loads(schema_text())
     tree = _fields(schema, schema["$defs"])
     run = _fields(schema["$defs"]["RunModel"], schema["$defs"])
     tree += [x for x in run if x["name"] not in {y["name"] for y in tree}]

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+from tools.job_schema import FILE, schema_text
+
 from armcontour.core import quantities
-from armcontour.files import json_schema
 from armcontour.robot.servo import ServoModel
 
 HERE = Path(__file__).parent
@@ -43,9 +44,9 @@ WORDS = {
 
 def published() -> dict[Path, str]:
     """The files on the keys of job files, with their texts."""
-    schema = json_schema()
-    tables = "\n\n".join(_tables(schema))
-    return {SCHEMA: json.dumps(schema, indent=2) + "\n", PAGE: f"{HEAD}\n{tables}\n"}
+    text = schema_text()
+    tables = "\n\n".join(_tables(json.loads(text)))
+    return {SCHEMA: text, FILE: text, PAGE: f"{HEAD}\n{tables}\n"}
 
 
 def _tables(schema: dict[str, Any]) -> Iterator[str]:
@@ -76,7 +77,7 @@ def _places(schema: dict[str, Any]) -> dict[str, str]:
         place, kind = queue.pop(0)
         for key, value in kind["properties"].items():
             for name, inner in _inside(value, f"{place}.{key}" if place else key):
-                if inner not in places and inner != schema.get("title"):
+                if inner not in places and inner != "JobModel":
                     places[inner] = name
                     queue.append((name, schema["$defs"][inner]))
     return places

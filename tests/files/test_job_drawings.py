@@ -147,7 +147,7 @@ path: {orientation: {axis: [0, 0, -1]}} => path.orientation ... in space
 process: {approach: 5 mm} => in the plane
 runs: {one: {end_time: 9 s}} => end_time requires a job with a single path
 name: "x\e]52;c;cHduZWQ=\e\\" => name of a job has the character U+001B
-process: {switch: {name: "a\a"}} => process.switch: The name of a switch
+process: {switch: {name: "a\a"}} => process.switch.name: has the character U+0007
 """
 
 

@@ -92,12 +92,12 @@ limits.speeed: 1 => unknown key limits.speeed: did you mean speed?
 runs.one.servo: {kp: 50 1/s} => runs.one.servo: servo applies to the whole job,
 corners: {tolerance: 0, 2 mm: null} => unknown key corners.2 mm: a comma ends
 corners: {} => corners requires either tolerance ... or both speed and acceleration
-corners.tolerance: -2 mm => corners.tolerance: must not be negative, but is -2 mm.
-runs.one.timing.method: shaped => timing.method: shaped ... {shape: free, toler
-runs.one.compensation: {method: full} => method: must be inverse, pole_placement, inverse_dynamics
+corners.tolerance: -2 mm => corners.tolerance: must not be negative, but is -2 mm
+runs.one.timing.method: shaped => timing.method: must be one of optimal, paper
+runs.one.compensation: {method: full} => method: must be one of inverse, pole_placement
 runs.one.compensation: {poles: [-1, -1]} => poles: must have at least 3 entries, but has 2
 runs.one.compensation: {method: inverse, gravity_feedforward: false} => gravity_feedforward requires
-runs.one.timing.knots: 1 => runs.one.timing.knots: must be at least 8, but is 1.
+runs.one.timing.knots: 1 => runs.one.timing.knots: must be a whole number from 8 to
 limits.speed: "0.1" => limits.speed: '0.1' has no unit
 limits.speed: 5 mm => limits.speed: must be a quantity in m/s
 path.points: [[0.3, .nan], [0.3, 0.2]] => path.points (item 1, item 2): must be finite
@@ -105,7 +105,7 @@ path.points: [[0.3, 0.2], [0.3, 0.2, 0.1]] => all have 2 or all have 3
 servo.order: first => remove its gain kv
 runs: {../up: {}} => runs.../up: the name must be
 path: {points: [[0, 0], [0, 1e308 m]]} => path.points (item 2, item 2) ... 1e+12 m, but is 1e308 m
-runs.one: {timing: {reserve: 10}} => runs.one.timing.reserve: ... but is 10. For ... write 10 %.
+runs.one: {timing: {reserve: 10}} => runs.one.timing.reserve: ... but is 10. For ... write 10 %
 """
 
 

@@ -92,7 +92,7 @@ arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... 
 arm: {name: ur5e, payload: {mass: 1, inertia: [1, 0, 0, 1, 0, 5]}} => arm.payload: No body can have
 seed: [0, 0, 0] => seed has 3 values, but the arm has 6 joints
 seed: {elbow: 0} => seed names the joints 'elbow' ... shoulder_lift_joint
-ignore_jerk: true => unknown key ignore_jerk: ... joint_jerk: inf
+ignore_jerk: true => unknown key ignore_jerk: the known keys are
 experiment: {step: 1 m} => experiment.step: must be a quantity in s
 {corners: {tolerance: 1mm, continuity: curvature}, runs: {a: {timing: {method: paper}}}} => .contin
 """
@@ -145,7 +145,7 @@ points: P, orientation: [] => path.orientation is an empty list
 points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}] => has 2 values ... 3 waypoints
 points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}, {axis: [0, 0, 1]}] => axis, or none
 points: P, orientation: [&x {follow_tangent: {up: [0, 0, 1]}}, *x, *x] => (item 1): follow_tangent
-points: P, orientation: {axis: [[0, 0, -1], [0, 0.1, -1]]} => path.orientation.axis: must be one
+points: P, orientation: {axis: [[0, 0, -1], [0, 0.1, -1]]} => orientation.axis: must have at least 3
 points: [[0.3, 0.2], [0.4, 0.2]], orientation: {axis: [0, 0, 1]} => three coordinates
 start: [0.4, 0, 0.2], segments: [{via: [0.5, 0.1, 0.2]}] => segments (item 1) requires either to
 """

@@ -15,14 +15,13 @@ from tests.files.tables import refusals
 
 from armcontour.core import pool  # noqa: F401 - copies of read-only mappings
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import AtLeast, Choice, Ratio, Speed
+from armcontour.core.quantities import AtLeast, Choice, PartialFields, Ratio, Speed
 from armcontour.core.render import jsonable
 from armcontour.core.yaml_loader import load
 from armcontour.files.cell import cell_names, cell_text
-from armcontour.files.file_keys import MappingKeys, SpecifiedKeys, read_keys
 from armcontour.files.job_model import CellModel
+from armcontour.files.keys import in_si, read_keys
 from armcontour.files.result_folder import to_json
-from armcontour.files.si_data import in_si
 from armcontour.robot.servo.model import Gains
 
 
@@ -64,7 +63,7 @@ class Driven(Wheel):
 
 
 def read(data):
-    return read_keys(MappingKeys(Driven), data, "cart.yaml")
+    return read_keys(Driven, data)
 
 
 def test_a_mapping_of_keys_becomes_the_dataclass():
@@ -72,23 +71,21 @@ def test_a_mapping_of_keys_becomes_the_dataclass():
     assert isinstance(vehicle, Driven)
     assert (vehicle.gains, vehicle.slip, vehicle.mode, vehicle.teeth) == (25.0, 0.1, "soft", 12)
     assert vehicle.wheels == (Wheel(speed=0.05),)
-    assert read({"gains": [1, "2 1/s"]}).gains == [1.0, 2.0]
+    assert read({"gains": [1, "2 1/s"]}).gains.tolist() == [1.0, 2.0]
     # Where the default is made anew, null is that default.
     np.testing.assert_array_equal(read({"gains": 1, "axis": None}).axis, np.zeros(3))
     # What is given is told from defaults, in the order of the fields.
-    specified = read_keys(SpecifiedKeys(Driven), {"slip": 0.5, "speed": None}, "cart.yaml")
+    specified = read_keys(PartialFields(Driven), {"slip": 0.5, "speed": None})
     assert list(specified.items()) == [("speed", None), ("slip", 0.5)]
-    assert read_keys(SpecifiedKeys(Driven), {}, "cart.yaml") == {}
-    assert read_keys(SpecifiedKeys(Driven, null=True), {"gains": None}, "cart.yaml") == {
-        "gains": None
-    }
+    assert read_keys(PartialFields(Driven), {}) == {}
+    assert read_keys(PartialFields(Driven, null=True), {"gains": None}) == {"gains": None}
 
 
 BAD = """
 {} => the key gains is missing
 {gains: 0} => gains: must be above zero, but is 0 1/s
-{gains: 1, mode: medium} => mode: must be soft or hard, not 'medium'
-{gains: 1, teeth: 2} => teeth: must be at least 3, but is 2
+{gains: 1, mode: medium} => mode: must be one of soft, hard, not 'medium'
+{gains: 1, teeth: 2} => teeth: must be a whole number of at least 3, but is 2
 {gains: 1, wheels: {}} => wheels: must be a list, not {}
 {gains: 1, sped: 1} => unknown key sped: did you mean speed?
 {gains: 1, wheels: [{}, {slip: 2}]} => wheels (item 2): A wheel must not slip
@@ -97,7 +94,7 @@ BAD = """
 
 
 def test_what_does_not_fit_is_refused_with_its_place():
-    refusals(lambda x: read(yaml.safe_load(x)), BAD, "cart.yaml: ")
+    refusals(lambda x: read(yaml.safe_load(x)), BAD)
 
 
 PAPER = resources.files("armcontour.jobs") / "library" / "paper.yaml"
@@ -133,7 +130,7 @@ def test_readers_make_the_same_of_it():
         data = load(text, name)
         values = in_si(data, CellModel)
         assert texts_with_units(data) and texts_with_units(values) == []
-        models = [read_keys(MappingKeys(CellModel), x, name) for x in (data, values)]
+        models = [read_keys(CellModel, x) for x in (data, values)]
         assert jsonable(asdict(models[0])) == jsonable(asdict(models[1]))
         assert in_si(values, CellModel) == values
     # What is no such quantity stays.

@@ -96,7 +96,7 @@ def test_a_shape_goes_to_every_run_that_can_have_it():
 
 
 BAD = """
-{corners.shape: round} => corners.shape: must be arc or free, not 'round'
+{corners.shape: round} => corners.shape: must be one of arc, free, not 'round'
 {corners.shape: free} => runs.slow.corners.speed determines the radius of arcs
 {limits.speed: 1 mm} => limits.speed: must be a quantity in m/s
 {limits.sped: 1} => unknown key limits.sped: did you mean speed?

@@ -50,8 +50,8 @@ def test_refuses_what_makes_no_program():
         (lambda: program(Event(name="a", s=0.1), contour()), "event a"),
         (lambda: program(Event(name="a", s=0.1), contour()), "event a"),
         (lambda: Program.from_path([1, 2], "This needs a Path"), "This needs", "list"),
-        (lambda: contour([[0, 0], [1, 1]]), "Path", "list"),
-        (lambda: Rapid(path=[[0, 0], [1, 1]]), "rapid", "list"),
+        (lambda: contour([[0, 0], [1, 1]]), "Path", "must be a Path, not [["),
+        (lambda: Rapid(path=[[0, 0], [1, 1]]), "rapid", "must be a Path, not [["),
         (lambda: contour(name="c", events=events_beyond), "laser", "0.2", "0.1"),
         (lambda: Event(name=""), "name"),
         (lambda: Event(name=3), "text"),
@@ -138,7 +138,7 @@ def test_names_are_a_line_of_80_printable_characters():
         words = "81 characters, more than 80" if len(name) > 80 else "not printable"
         refused(
             (lambda x=name: Event(name=x), "name of an event", words),
-            (lambda x=name: Event(name="a", value=x), "a: The value of an event", words),
+            (lambda x=name: Event(name="a", value=x), "a: value of an event", words),
             (lambda x=name: contour(name=x), "name of a contour", words),
             (lambda x=name: contour(layer=x), "layer of a contour", words),
             (lambda x=name: Process(off_between=(x,)), "off_between", words),

@@ -20,7 +20,7 @@ def test_a_pierce_needs_a_switch_and_an_active_lead():
     refused(
         # Letters of a text would be names of outputs that do not exist, and the laser on in rapids.
         (lambda: Process(off_between="spindle"), "off_between", "list of names", "'spindle'"),
-        (lambda: Process(switch="laser"), "process needs a Switch", "switch, not str"),
+        (lambda: Process(switch="laser"), "switch of a process must be a Switch", "not 'laser'"),
         (lambda: Process(pierce=pierce), "switch"),
         (lambda: Process(pierce=pierce, switch=LASER, lead_in=idle), "active"),
         (lambda: Pierce(time=0.0), "time of a pierce"),

@@ -165,7 +165,7 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
         (partial(ac.evaluate, execution, BEND), "2 contours"),
         (partial(ac.evaluate, plain, program), "1 contour,"),
         (partial(ac.trace, one, ARM), "trace takes a Path, not a Program"),
-        (partial(ac.check, plain.set_points.trajectory, ARM, LIMITS, "path"), "not str"),
+        (partial(ac.check, plain.set_points.trajectory, ARM, LIMITS, "path"), "not 'path'"),
     ):
         refuses(call, InvalidInput, words)
     planned, whole = plain.set_points.trajectory, Program(moves=(Contour(path=BEND),))

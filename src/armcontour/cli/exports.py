@@ -186,7 +186,7 @@ def export(
     options: StoredExportOptions,
 ) -> None:
     """Export the set-points or the plan of an earlier result for a robot controller."""
-    from armcontour.core.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput, error_context
     from armcontour.core.render import figure
     from armcontour.core.text import capitalise
     from armcontour.files.exports.formats import (
@@ -198,7 +198,7 @@ def export(
         outputs_of,
         write_destination,
     )
-    from armcontour.files.file_keys import MappingKeys, read_keys
+    from armcontour.files.keys import read_keys
     from armcontour.files.trajectory_file import read_run
     from armcontour.jobs.exports import Exports
     from armcontour.verification.evaluation import duration_row
@@ -208,11 +208,9 @@ def export(
     patch, names = read_patch(options)
     with name_options(names):
         data = {str(keys[-1]): value for keys, value in patch.items()}
-        chosen: Exports = read_keys(
-            MappingKeys(Exports),
-            {"formats": [kind], "outputs": dict(run.outputs), **data},
-            "export",
-        )
+        data = {"formats": [kind], "outputs": dict(run.outputs), **data}
+        with error_context("export"):
+            chosen: Exports = read_keys(Exports, data)
     format = format_named(kind, chosen)
     if chosen.cycle is not None and not options.reference:
         raise InvalidInput("--cycle requires --reference, because set-points have a fixed cycle.")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import resources
@@ -68,13 +67,11 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
     try:
         yield
     except InvalidInput as error:
-        for key, option in options.items():
-            # A key without dots can also be an ordinary word of the message. Therefore it counts as
-            # a key only after a colon.
-            begin = r"\b" if "." in key else ": (unknown key )?"
-            if re.search(rf"{begin}{re.escape(key)}\b", str(error)):
-                raise error.with_location(option).with_traceback(error.__traceback__) from None
-        raise
+        keys = ".".join(map(str, error.key))
+        option = next((x for key, x in options.items() if f"{keys}.".startswith(f"{key}.")), None)
+        if option is None:
+            raise
+        raise error.with_location(option).with_traceback(error.__traceback__) from None
 
 
 def library_file(name: str) -> FilePath:

@@ -56,14 +56,16 @@ def show(
 
 def _read(file: FilePath, options: DrawingOptions, progress: Progress) -> Program:
     """Read a drawing with the options of the command."""
+    from armcontour.core.errors import error_context
     from armcontour.files.drawings.read import read_path
     from armcontour.files.drawings.read_options import ReadOptions
-    from armcontour.files.file_keys import MappingKeys, read_keys
+    from armcontour.files.keys import read_keys
 
     patch, names = read_patch(options)
     data = {str(key): value for (_, key), value in patch.items()}
-    with name_options({key.removeprefix("path."): option for key, option in names.items()}):
-        reading = read_keys(MappingKeys(ReadOptions), data, file.name)
+    outer = {key.removeprefix("path."): option for key, option in names.items()}
+    with name_options(outer), error_context(file.name):
+        reading = read_keys(ReadOptions, data)
     return read_path(file, reading, progress=progress)
 
 

@@ -12,13 +12,12 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Annotated, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import (
     ArmContourError,
@@ -26,7 +25,7 @@ from armcontour.core.errors import (
     ControllerRefused,
     InvalidInput,
 )
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import AtLeast, Axes, Quantity
 from armcontour.core.render import number
 from armcontour.core.result import Row
@@ -57,8 +56,7 @@ EVENTS = {
 Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Stop(Checked):
     """Set-points that replace those of a motion from a cycle on, and end at rest on its path.
 
@@ -71,8 +69,7 @@ class Stop(Checked):
     q: Positions
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Motion(Checked):
     """Set-points at the cycles of a controller, with its stops.
 
@@ -91,8 +88,7 @@ class Motion(Checked):
     band: Annotated[FloatArray, Quantity("rad"), Axes("joints")] | None = None
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class PlayedMotion(Checked):
     """Record of a motion by its controller.
 

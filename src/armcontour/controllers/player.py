@@ -16,11 +16,10 @@ from armcontour.controllers.commands import (
     uncompensated_motion,
 )
 from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion
-from armcontour.core import checks
 from armcontour.core.bounded_differences import differences
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
-from armcontour.core.fields import checked
+from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import AngularDistance, Factor
 from armcontour.core.render import Result, number
@@ -53,8 +52,7 @@ ROUNDING = 1e-6
 ATTEMPTS = 3
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Played(Result):
     """A motion of a robot, or the motion that a dry run has checked.
 

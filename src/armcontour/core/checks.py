@@ -243,17 +243,6 @@ class Immutable:
             )
 
 
-def freeze_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
-    """Read-only result of `check_numbers`; `values` itself if it is a valid read-only array."""
-    if isinstance(values, np.ndarray) and _is_frozen(values) and values.size:
-        # NaN fails both comparisons.
-        if values.max() <= LARGEST and values.min() >= -LARGEST:
-            return values
-    array = check_numbers(name, values)
-    array.setflags(write=False)
-    return array
-
-
 def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
     """Return `values` as a new float array, all finite and at most LARGEST."""
     array = np.array(floats(name, values, unit))
@@ -368,35 +357,25 @@ def check_count(work: str, values: float, fix: str) -> None:
 
 def positive(name: str, value: Any, unit: str = "") -> float:
     """Return `value` as a finite float above zero, at least SMALLEST."""
-    checked = check_number(name, value, unit)
-    if checked <= 0:
-        raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
-    if checked < SMALLEST:
-        raise InvalidInput(
-            f"{name} must be at least {SMALLEST:g}{suffix(unit)}, but is {checked:g}{suffix(unit)}."
-        )
-    return checked
-
-
-def check_range(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
-    """Return `value` as a float from `low` to `high`."""
-    checked = not_negative(name, value, unit) if low == 0 else check_number(name, value, unit)
-    if low > 0 >= checked:
-        raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
-    if not low <= checked <= high:
-        raise InvalidInput(
-            f"{name} must be from {low:g} to {high:g}{suffix(unit)}, but is "
-            f"{checked:g}{suffix(unit)}."
-        )
-    return checked
+    return check_range(name, value, SMALLEST, LARGEST, unit)
 
 
 def not_negative(name: str, value: Any, unit: str = "") -> float:
     """Return `value` as a finite float that is zero or above."""
+    return check_range(name, value, 0.0, LARGEST, unit)
+
+
+def check_range(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
+    """Return `value` as a float from `low` to `high`."""
     checked = check_number(name, value, unit)
-    if checked < 0:
-        raise InvalidInput(f"{name} must not be negative, but is {checked:g}{suffix(unit)}.")
-    return checked
+    if low <= checked <= high:
+        return checked
+    needed = f"be from {low:g} to {high:g}{suffix(unit)}"
+    if checked <= 0 < low:
+        needed = "be above zero"
+    elif checked < 0 == low:
+        needed = "not be negative"
+    raise InvalidInput(f"{name} must {needed}, but is {checked:g}{suffix(unit)}.")
 
 
 def check_int(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
@@ -462,19 +441,20 @@ def derivative(order: Any, highest: int = HIGHEST) -> int:
     )
 
 
-def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> str:
+def check_name(name: str, value: Any, *, longest: int = LONGEST_NAME, needed: bool = False) -> str:
     """Return `value` if it is a name: printable text of limited length, possibly empty."""
     if not isinstance(value, str):
-        raise InvalidInput(f"The {description} must be text, not {show(value)}.")
+        raise InvalidInput(f"{name} must be text, not {show(value)}.")
+    if needed and not value.strip():
+        raise InvalidInput(f"{name} must not be empty.")
     if len(value) > longest:
         raise InvalidInput(
-            f"The {description} has {len(value)} characters, more than {longest}, the maximum: "
-            f"{show(value)}."
+            f"{name} has {len(value)} characters, more than {longest}, the maximum: {show(value)}."
         )
     if not value.isprintable():
         bad = next(x for x in value if not x.isprintable())
         raise InvalidInput(
-            f"The {description} has the character U+{ord(bad):04X}, which is not printable: "
+            f"{name} has the character U+{ord(bad):04X}, which is not printable: "
             f"'{make_printable(value)}'."
         )
     return value
@@ -509,6 +489,8 @@ ORIGINS = {
 }
 # Classes whose values users write as arguments of other functions and classes.
 OWNERS = ("Limits", "ServoModel")
+# Classes of values that messages repeat.
+PLAIN = (bool, int, float, str, list, dict, type(None))
 # Descriptions of other classes in annotations.
 WORDS: dict[Any, str] = {
     bool: "True or False",
@@ -520,18 +502,19 @@ WORDS: dict[Any, str] = {
 }
 
 
-def check_type(user: str, value: Any, *kinds: type, role: str = "") -> None:
-    """Check that a value is an object of one of some classes."""
+def check_type(name: str, value: Any, *kinds: type) -> Any:
+    """Return a value if it is an object of one of some classes."""
     if isinstance(value, kinds):
-        return
-    names = [
+        return value
+    words = [
         WORDS.get(x) or f"{'an' if x.__name__[0] in 'AEIO' else 'a'} {x.__name__}"
         for x in kinds
         if x is not np.bool_
     ]
-    words = [f"{' or '.join(names)}{role and f' as {role}'}", ORIGINS.get(kinds[0].__name__, "")]
-    needed = ", ".join(x for x in words if x)
-    raise InvalidInput(f"{user} needs {needed}, not {type(value).__name__}.")
+    origin = ORIGINS.get(kinds[0].__name__, "")
+    needed = f"{' or '.join(words)}{origin and f', {origin}'}"
+    shown = show(value) if isinstance(value, PLAIN) else type(value).__name__
+    raise InvalidInput(f"{name} must be {needed}, not {shown}.")
 
 
 def explain_calls(constructed: type[C]) -> type[C]:

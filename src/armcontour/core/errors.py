@@ -24,9 +24,9 @@ for programs. Messages count joints, segments, waypoints, corners and items of a
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
-from armcontour.core.text import to_line
+from armcontour.core.text import Keys, key_text, to_line
 
 
 class ArmContourError(Exception):
@@ -46,6 +46,9 @@ class ArmContourError(Exception):
         limit: Name of the active limit.
         needed: Required value (unit of the limit).
         allowed: Allowed value (unit of the limit).
+        key: Names and indices, from 0, of the wrong value: keys of a file, from the outermost one,
+            or the field of a class or the argument of a function. Empty if unknown.
+        value: The wrong value, for a file as it is written; None if unknown.
     """
 
     exit_code = 1
@@ -62,6 +65,8 @@ class ArmContourError(Exception):
         limit: str | None = None,
         needed: float | None = None,
         allowed: float | None = None,
+        key: Keys = (),
+        value: object = None,
     ) -> None:
         # Messages repeat text of files, which must not control the terminal.
         super().__init__(to_line(message))
@@ -73,6 +78,8 @@ class ArmContourError(Exception):
         self.limit = limit
         self.needed = needed
         self.allowed = allowed
+        self.key = key
+        self.value = value
 
     def with_location(self, location: str) -> ArmContourError:
         """Copy of the error with a location before its message.
@@ -80,26 +87,27 @@ class ArmContourError(Exception):
         Args:
             location: The location, such as the name of a file; a colon follows.
         """
-        return type(self)(
-            f"{location}: {self}",
-            point=self.point,
-            index=self.index,
-            s=self.s,
-            t=self.t,
-            joint=self.joint,
-            limit=self.limit,
-            needed=self.needed,
-            allowed=self.allowed,
-        )
+        error = type(self)(f"{location}: {self}")
+        vars(error).update(vars(self))
+        return error
 
 
 @contextmanager
-def error_context(location: str) -> Iterator[None]:
-    """Context that adds a location, such as the name of a run, to the message of an error."""
+def error_context(location: str, *keys: str | int) -> Iterator[None]:
+    """Context that adds a location, such as the name of a run, and keys of a file to an error."""
+    # An empty location is not added. An error that has the whole key already keeps it.
     try:
         yield
     except ArmContourError as error:
-        raise error.with_location(location).with_traceback(error.__traceback__) from None
+        located = error.with_location(location) if location else error
+        if keys and error.key[:1] != keys[:1]:
+            located.key = (*keys, *error.key)
+        raise located.with_traceback(error.__traceback__) from None
+
+
+def key_context(*keys: str | int) -> AbstractContextManager[None]:
+    """Context that adds keys of a file to the message and the key of an error."""
+    return error_context(key_text(keys), *keys)
 
 
 class InvalidInput(ArmContourError, ValueError):

@@ -1,7 +1,7 @@
 """Checks of fields and arguments by their annotations: type, finiteness, sign, shape and choices.
 
 An annotation such as `speed: Speed | None` is the only declaration: `check` and `checked` use it
-here, and `files/file_keys.py` derives keys of files, their JSON schema and their tables from it.
+here, and `files/keys.py` reads keys of files by it.
 """
 
 from __future__ import annotations
@@ -9,19 +9,19 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, dataclass, field, fields
 from functools import cache, wraps
-from types import UnionType
+from types import NoneType, UnionType
 from typing import (
     Annotated,
     Any,
     ClassVar,
     Literal,
-    NamedTuple,
     ParamSpec,
     TypeVar,
     Union,
     cast,
+    dataclass_transform,
     get_args,
     get_origin,
     get_type_hints,
@@ -33,12 +33,15 @@ from armcontour.core import checks
 from armcontour.core.checks import Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import AtLeast, Axes, Choice, Named, Quantity
-from armcontour.core.text import capitalise, shorten, show
+from armcontour.core.text import shorten, show
 
 P = ParamSpec("P")
 R = TypeVar("R")
-# Function that returns the checked value, or the value itself if no conversion was needed.
-Reader = Callable[[Any], Any]
+C = TypeVar("C")
+# Function of a value and of the words for it in messages, such as "speed of limits". Returns the
+# checked value, or the value itself if no conversion was needed.
+Reader = Callable[[Any, str], Any]
+UNIONS = (Union, UnionType)
 # Shapes: one number; one number for all joints or one per joint; these, or two bounds per joint;
 # any array.
 SINGLE = (Axes(),)
@@ -47,6 +50,20 @@ BOUNDED = (*PER_JOINT, Axes("joints", 2))
 ANY_SHAPE = (Axes(...),)
 # Largest number of values that Python compares faster than NumPy.
 FEW = 16
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
+def declared(**options: Any) -> Callable[[type[C]], type[C]]:
+    """Decorate a class that users construct: a frozen dataclass with slots and keyword-only fields.
+
+    Wrong arguments of its constructor raise InvalidInput.
+    """
+
+    def make(cls: type[C]) -> type[C]:
+        options_of_class = {"frozen": True, "slots": True, "kw_only": True, **options}
+        return checks.explain_calls(dataclass(**options_of_class)(cls))
+
+    return make
 
 
 class Checked(Frozen):
@@ -86,14 +103,20 @@ def check(value: Any) -> None:
     """Check the fields of a dataclass by their annotations; convert numbers, freeze arrays."""
     kind: Any = type(value)
     readers, shapes = _readers(kind)
+    name = ""
     try:
-        for name, read, default in readers:
+        for name, who, read, default in readers:
             original = getattr(value, name)
-            if original is not default and (checked := read(original)) is not original:
-                object.__setattr__(value, name, checked)
+            if original is not default:
+                checked = _read_named(name, read, original, who)
+                if checked is not original:
+                    object.__setattr__(value, name, checked)
         if shapes:
             _refuse_misfits(value, shapes)
     except InvalidInput as error:
+        quantity = quantities(kind).get(name)
+        if quantity is not None and quantity.endless:
+            error.limit = name
         # Only fields are used, because properties `name` and `source` may depend on the invalid
         # field.
         named = {x.name for x in fields(kind)} & {"source", "name"} - {name}
@@ -101,6 +124,16 @@ def check(value: Any) -> None:
         if not isinstance(location, str) or not location:
             raise
         raise error.with_location(shorten(location, checks.LONGEST_NAME)) from None
+
+
+def _read_named(name: str, read: Reader, value: Any, who: str) -> Any:
+    """Checked value of a field or an argument, whose name is added to the key of an error."""
+    try:
+        return read(value, who)
+    except InvalidInput as error:
+        error.key = (name, *error.key)
+        error.value = value if isinstance(value, bool | int | float | str) else None
+        raise
 
 
 @cache
@@ -127,9 +160,12 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     def call(*args: Any, **keywords: Any) -> R:
         readers = _readers_of_arguments(function)
         positional = [
-            readers[k](x) if k in readers else x for k, x in zip(names, args, strict=False)
+            _read_named(k, readers[k], x, k) if k in readers else x
+            for k, x in zip(names, args, strict=False)
         ]
-        named = {k: readers[k](x) if k in readers else x for k, x in keywords.items()}
+        named = {
+            k: _read_named(k, readers[k], x, k) if k in readers else x for k, x in keywords.items()
+        }
         # `explained` is repeated here, because a second wrapper would change the stack level of
         # warnings.
         try:
@@ -141,24 +177,15 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-class _Field(NamedTuple):
-    """Words for a field or argument in messages: its owner, its name, and both in one phrase."""
-
-    user: str
-    role: str
-    who: str
-
-
 @cache
-def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, Axes]]]:
-    """Readers of a dataclass's fields, with defaults; shapes of fields that share an axis."""
+def _readers(kind: Any) -> tuple[list[tuple[str, str, Reader, Any]], list[tuple[str, Axes]]]:
+    """Names, words, readers and defaults of a dataclass's fields; shapes that share an axis."""
     hints = get_type_hints(kind, include_extras=True)
-    user = _noun(kind)
     readers, shapes = [], []
     for name, default in ((x.name, x.default) for x in fields(kind) if x.init):
-        field = _Field(capitalise(user), name, f"{name} of {user}")
-        if (read := _reader(hints[name], field)) is not None:
-            readers.append((name, read, default if _fits(default, read) else MISSING))
+        if (read := reader_of(hints[name])) is not None:
+            known = default if _fits(default, read) else MISSING
+            readers.append((name, f"{name} of {_noun(kind)}", read, known))
         for hint in (hints[name], *get_args(hints[name])):
             axes = _find(Axes, getattr(hint, "__metadata__", ()))
             if axes is not None:
@@ -173,7 +200,7 @@ def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, 
 def _fits(default: Any, read: Reader) -> bool:
     """True if a default is valid without conversion; invalid defaults are replaced later."""
     try:
-        return default is not MISSING and read(default) is default
+        return default is not MISSING and read(default, "") is default
     except InvalidInput:
         return False
 
@@ -181,10 +208,9 @@ def _fits(default: Any, read: Reader) -> bool:
 @cache
 def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
     """Readers of the arguments of a function by name; the function checks arrays itself."""
-    user = function.__qualname__.removesuffix(".__init__")
     hints = get_type_hints(function, include_extras=True)
     readers = {
-        name: _reader(hint, _Field(user, name, name))
+        name: reader_of(hint)
         for name, hint in hints.items()
         if name != "return" and np.ndarray not in [get_origin(x) for x in (hint, *get_args(hint))]
     }
@@ -203,62 +229,59 @@ def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
     return next((x for x in marks if isinstance(x, kind)), None)
 
 
-def _reader(hint: Any, field: _Field) -> Reader | None:
+@cache
+def reader_of(hint: Any) -> Reader | None:
     """Reader of values with an annotation; None if all values are valid."""
-    kinds, origin, parts = checks.kinds_of(hint), get_origin(hint), get_args(hint)
+    origin, parts = get_origin(hint), get_args(hint)
     # Type aliases, such as `npt.NDArray` in newer versions of NumPy, hide the class.
-    assert not hasattr(origin, "__value__"), f"{field.who}: {hint} is an alias"
-    if origin in (dict, Mapping):
-        return _read_mapping(parts[1], field)
-    if kinds and (Mapping not in kinds or hint is Mapping):
-        return _read_kinds(kinds, field)
+    assert not hasattr(origin, "__value__"), f"{hint} is an alias"
     if origin is Annotated:
-        return _read_annotated(parts[0], parts[1:], field)
-    if origin in (Union, UnionType):
-        return _read_union(parts, field)
+        return _read_annotated(parts[0], parts[1:])
+    if origin in UNIONS:
+        return _read_union(parts)
     if origin is Literal:
-        return lambda value: checks.check_choice(field.who, value, parts)
+        return lambda value, who: checks.check_choice(who, value, parts)
+    if origin in (dict, Mapping):
+        return _read_mapping(reader_of(parts[1]))
     if origin is np.ndarray:
-        return _read_numbers(hint, None, ANY_SHAPE, field)
-    if origin is tuple:
-        return _read_tuple(parts, field)
-    if origin is Sequence:
-        return _read_tuple((*parts, ...), field)
+        return _read_numbers(hint, None, ANY_SHAPE)
+    if origin in (tuple, list, Sequence):
+        return _read_list(parts)
     if hint is float:
-        return _read_numbers(hint, None, SINGLE, field)
-    return _read_whole(AtLeast(None), field.who) if hint is int else None
+        return _read_numbers(hint, None, SINGLE)
+    if hint is int:
+        return _read_whole(AtLeast(None))
+    kinds = checks.kinds_of(hint)
+    return _read_kinds(kinds) if kinds else None
 
 
-def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
-    """Reader of objects of some classes."""
-    return lambda value: (
-        value
-        if isinstance(value, kinds)
-        else checks.check_type(field.user, value, *kinds, role=field.role)
-    )
+def _read_kinds(kinds: tuple[type, ...]) -> Reader:
+    return lambda value, who: checks.check_type(who, value, *kinds)
 
 
-def _read_annotated(base: Any, marks: tuple[Any, ...], field: _Field) -> Reader | None:
+def _read_annotated(base: Any, marks: tuple[Any, ...]) -> Reader | None:
     """Reader of values with metadata."""
-    who, quantity, axes = field.who, _find(Quantity, marks), _find(Axes, marks)
+    quantity, axes = _find(Quantity, marks), _find(Axes, marks)
     if quantity is not None or (axes is not None and get_origin(base) is np.ndarray):
         shapes: tuple[Axes, ...] = BOUNDED if quantity and quantity.bounds else PER_JOINT
         shapes = SINGLE if base is float else (axes,) if axes is not None else shapes
-        return _read_numbers(base, quantity, shapes, field)
+        return _read_numbers(base, quantity, shapes)
     for mark in marks:
         if isinstance(mark, Choice):
-            return _read_choice(mark.known, base is str, who)
+            return _read_choice(mark.known, base is str)
         if isinstance(mark, AtLeast):
-            return _read_whole(mark, who)
+            return _read_whole(mark)
         if isinstance(mark, Named):
-            return lambda value: _read_name(value, mark, who)
-    return _reader(base, field)
+            return lambda value, who: checks.check_name(
+                who, value, longest=mark.most, needed=mark.needed
+            )
+    return reader_of(base)
 
 
-def _read_choice(choices: tuple[str, ...], single: bool, who: str) -> Reader:
+def _read_choice(choices: tuple[str, ...], single: bool) -> Reader:
     """Reader of one choice; unless `single`, it also reads a sequence of choices."""
 
-    def read(value: Any) -> Any:
+    def read(value: Any, who: str) -> Any:
         if single or isinstance(value, str):
             return checks.check_choice(who, value, choices)
         values = checks.check_sequence(who, value, str, "texts")
@@ -268,34 +291,26 @@ def _read_choice(choices: tuple[str, ...], single: bool, who: str) -> Reader:
     return read
 
 
-def _read_name(value: Any, mark: Named, who: str) -> str:
-    """Check a printable text of limited length."""
-    name = checks.check_name(who, value, longest=mark.most)
-    checks.raise_if(mark.needed and not name.strip(), f"The {who} must not be empty.")
-    return name
+def _read_whole(mark: AtLeast) -> Reader:
+    return lambda value, who: checks.check_int(who, value, mark.least, mark.most)
 
 
-def _read_whole(mark: AtLeast, who: str) -> Reader:
-    """Reader of an integer."""
-    return lambda value: checks.check_int(who, value, mark.least, mark.most)
-
-
-def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
+def _read_union(parts: tuple[Any, ...]) -> Reader | None:
     """Reader of None, texts and one other kind, or of several kinds by their classes if known."""
     texts = [x for x in parts if x is str or _is_text(x)]
-    others = [x for x in parts if x not in (*texts, bool, type(None))]
+    others = [x for x in parts if x not in (*texts, bool, NoneType)]
     if len(texts) > 1 or len(others) > 1:
         kinds = [checks.kinds_of(x) for x in parts]
-        return _read_kinds(sum(kinds, ()), field) if all(kinds) else None
-    passing: tuple[type, ...] = (type(None),) if type(None) in parts else ()
+        return _read_kinds(sum(kinds, ())) if all(kinds) else None
+    passing: tuple[type, ...] = (NoneType,) if NoneType in parts else ()
     passing += (bool, np.bool_) if bool in parts else ()
-    text, other = (_reader(x[0], field) if x else None for x in (texts, others))
+    text, other = (reader_of(x[0]) if x else None for x in (texts, others))
 
-    def read(value: Any) -> Any:
+    def read(value: Any, who: str) -> Any:
         if isinstance(value, passing):
             return value
         use = text if not others or (texts and isinstance(value, str)) else other
-        return value if use is None else use(value)
+        return value if use is None else use(value, who)
 
     return read
 
@@ -307,36 +322,35 @@ def _is_text(hint: Any) -> bool:
     )
 
 
-def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
+def _read_list(parts: tuple[Any, ...]) -> Reader:
     """Reader that converts a list to a tuple."""
-    many = parts[1:] == (...,)
-    each = [_reader(x, field) for x in (parts[:1] if many else parts)]
-    kinds, count = checks.kinds_of(parts[0]) if many else (), None if many else len(parts)
+    count = None if parts[1:] in ((), (...,)) else len(parts)
+    each = [reader_of(x) for x in (parts if count else parts[:1])]
+    item, kinds = parts[0], () if count else checks.kinds_of(parts[0])
     names = [
         f"{x.__name__}{'es' if x.__name__.endswith('ch') else 's'}" for x in kinds if x is not str
     ]
-    plain = "texts" if kinds else "names" if _is_text(parts[0]) else "values"
+    plain = "texts" if kinds else "names" if _is_text(item) else "values"
     noun = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
 
-    def read(value: Any) -> Any:
-        values = checks.check_sequence(field.who, value, kinds or object, noun, count)
+    def read(value: Any, who: str) -> Any:
+        values = checks.check_sequence(who, value, kinds or object, noun, count)
         if kinds:
             return values
-        every = zip(each * len(values) if many else each, values, strict=True)
-        return tuple(x if item is None else item(x) for item, x in every)
+        every = zip(each if count else each * len(values), values, strict=True)
+        return tuple(x if read_item is None else read_item(x, who) for read_item, x in every)
 
     return read
 
 
-def _read_mapping(kind: Any, field: _Field) -> Reader:
+def _read_mapping(each: Reader | None) -> Reader:
     """Reader of a mapping whose values are of one kind."""
-    each = _reader(kind, field) or (lambda value: value)
 
-    def read(value: Any) -> Any:
-        checks.check_type(field.user, value, Mapping, role=field.role)
-        for key, item in value.items():
+    def read(value: Any, who: str) -> Any:
+        checks.check_type(who, value, Mapping)
+        for key, item in value.items() if each is not None else ():
             try:
-                each(item)
+                each(item, who)  # type: ignore[misc]
             except InvalidInput as error:
                 raise error.with_location(show(key)) from None
         return value
@@ -344,12 +358,9 @@ def _read_mapping(kind: Any, field: _Field) -> Reader:
     return read
 
 
-def _read_numbers(
-    base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...], field: _Field
-) -> Reader:
+def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]) -> Reader:
     """Reader of a number, or of a read-only array of one of the shapes, within a range."""
     (low, high), unit = (quantity.range, quantity.words) if quantity else ((-np.inf, np.inf), "")
-    limit = field.role if quantity is not None and quantity.endless else None
     # Element type of the array.
     kind = get_args(get_args(base)[1])[0] if get_origin(base) is np.ndarray else np.float64
     needed = "be one number" if shapes is SINGLE else f"have shape {shapes[0]}"
@@ -363,10 +374,10 @@ def _read_numbers(
         (len(x.axes), [(i, n) for i, n in enumerate(x.axes) if isinstance(n, int)]) for x in shapes
     ]
 
-    def freeze(value: Any) -> Any:
-        return _freeze_array(value, kind, field.who, unit)
+    def freeze(value: Any, who: str) -> Any:
+        return _freeze_array(value, kind, who, unit)
 
-    def read(value: Any) -> Any:
+    def read(value: Any, who: str) -> Any:
         # Fast paths for most values. NaN fails the comparisons.
         if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value
@@ -378,18 +389,17 @@ def _read_numbers(
                 few = np.array(value)
                 few.setflags(write=False)
                 return few
-        array = freeze(value)
+        array = freeze(value, who)
         fits = shapes[0].axes == (...,) or any(
             array.ndim == n and all(array.shape[i] == x for i, x in fixed) for n, fixed in lengths
         )
         if not fits or (per_joint and not array.size):
             raise InvalidInput(
-                f"{field.who} must {needed}{checks.in_unit(unit)}, but has shape {array.shape}.",
-                limit=limit,
+                f"{who} must {needed}{checks.in_unit(unit)}, but has shape {array.shape}."
             )
         if quantity is not None:
             paired = quantity.bounds and array.ndim == 2
-            _refuse_outside(array * (-1.0, 1.0) if paired else array, quantity, field, limit)
+            _refuse_outside(array * (-1.0, 1.0) if paired else array, quantity, who)
         return float(array) if shapes is SINGLE else array
 
     return freeze if quantity is None and shapes is ANY_SHAPE else read
@@ -404,7 +414,7 @@ def _freeze_array(value: Any, kind: Any, who: str, unit: str) -> Any:
     return checks.freeze(array)
 
 
-def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:
+def _refuse_outside(array: Any, quantity: Quantity, who: str) -> None:
     """Check numbers against the range of their quantity; the message has the first wrong number."""
     low, high = quantity.range
     # NaN fails both comparisons.
@@ -423,9 +433,8 @@ def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | 
         needed = "be a lower bound below zero and an upper bound above zero"
         value = -value if index[1] == 0 else value
     raise InvalidInput(
-        f"{field.who} must {needed}, but is {value:g}{unit}{location}.",
+        f"{who} must {needed}, but is {value:g}{unit}{location}.",
         index=index[0] if index else None,
-        limit=limit,
     )
 
 
@@ -440,5 +449,6 @@ def _refuse_misfits(value: Any, shapes: list[tuple[str, Axes]]) -> None:
                 needed, first = axis_lengths[axis]
                 raise InvalidInput(
                     f"{name} of {_noun(type(value))} has shape {lengths}, but must have shape "
-                    f"{shape} with {axis} = {needed}, as {first} has."
+                    f"{shape} with {axis} = {needed}, as {first} has.",
+                    key=(name,),
                 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Value
 from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import declared
 from armcontour.core.quantities import WHOLE_TURN
 
 # Tolerance of `R^T R - I` for rotation matrices R, which are then made orthonormal.
@@ -25,8 +26,7 @@ ORIGIN = checks.frozen_array(np.zeros(3))
 IDENTITY = checks.frozen_array(np.eye(3))
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Frame(Value):
     """Position and orientation of a frame in another frame.
 

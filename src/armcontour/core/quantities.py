@@ -1,14 +1,15 @@
 """Kinds of quantities, as annotations of fields: unit, example, range.
 
-`core/fields.py` checks fields by them, `files/units.py` converts text of users, and
-`files/file_keys.py` derives keys of files.
+`core/fields.py` checks fields by them, `files/keys.py` reads keys of files, and `files/units.py`
+converts text of users.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import EllipsisType
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from armcontour.core.checks import LARGEST, LONGEST_NAME, SMALLEST, FloatArray
 
@@ -131,8 +132,46 @@ class PartialFields:
     """Values of some fields of a dataclass, by their names: annotates a mapping."""
 
     of: type
+    null: bool = False  # Whether every key of a file may be `null`
+    omit: tuple[str, ...] = ()  # Fields that are no keys
 
 
+@dataclass(frozen=True, slots=True)
+class Items:
+    """Length of a list or a mapping of a file: annotates its type."""
+
+    least: int
+    most: int | None = None
+
+    def problem(self, n: int) -> str:
+        """Words after the key for a wrong length; empty for a right one."""
+        high = self.most is not None and n > self.most
+        bound = self.most if high else self.least
+        if not high and n >= self.least:
+            return ""
+        entries = "one entry" if bound == 1 else f"{bound} entries"
+        return f"must have at {'most' if high else 'least'} {entries}, but has {n}"
+
+
+@dataclass(frozen=True, slots=True)
+class Convert:
+    """Conversion of a value of a file by a function that may raise ValueError: annotates a type."""
+
+    convert: Callable[[Any], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """Key of a file that differs from its field: annotates the field."""
+
+    name: str = ""
+    hint: Any = None  # Annotation of the key
+    default: Any = None
+    text: str = ""
+    omit: bool = False  # Whether the field has no key
+
+
+NO_KEY = Key(omit=True)
 Name = Annotated[str, Named()]
 NeededName = Annotated[str, Named(needed=True)]
 Seed = Annotated[int, AtLeast(0)]

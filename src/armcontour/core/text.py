@@ -12,8 +12,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from html import escape
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeAlias
 
+# Keys of a value in a file, from the outermost one; items of lists count from 0.
+Keys: TypeAlias = tuple[str | int, ...]
+# Maximum length of a key in a message [characters].
+MAX_KEY_LENGTH = 80
 # Largest number of characters of a value that a message repeats.
 MAX_SHOWN = 40
 # Longest message [characters]; a longer one would repeat the content of a file.
@@ -57,6 +61,20 @@ def show(value: Any) -> str:
     text = _short.repr(value) if not isinstance(value, str) else repr(value[: MAX_SHOWN + 1])
     long = len(value) > MAX_SHOWN if isinstance(value, str) else len(text) > MAX_SHOWN
     return f"{text[:MAX_SHOWN]}..." if long else text
+
+
+def key_text(keys: Sequence[int | str]) -> str:
+    """Text of a key path for messages, with items of lists counted from 1."""
+    text = ""
+    for i, key in enumerate(keys):
+        if isinstance(key, str):
+            key = shorten(key, MAX_KEY_LENGTH)
+            text += f".{key}" if text else key
+        elif i and isinstance(keys[i - 1], int):
+            text = f"{text[:-1]}, item {key + 1})"
+        else:
+            text += f" (item {key + 1})"
+    return text
 
 
 def list_some(names: Sequence[str], maximum: int) -> str:

@@ -11,14 +11,14 @@ from typing import Any
 from armcontour.core.checks import LONGEST_NAME
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
+from armcontour.core.quantities import PartialFields
 from armcontour.core.text import make_printable, shorten
-from armcontour.core.yaml_loader import load
-from armcontour.files.file_keys import SpecifiedKeys, read_keys
 from armcontour.files.job_arm import arm_of
-from armcontour.files.job_file import job_of, job_text, model_of, read_data
+from armcontour.files.job_file import file_context, job_of, job_text, read_data
 from armcontour.files.job_model import CellModel, PathModel
 from armcontour.files.job_path import part_of, read_drawing
 from armcontour.files.job_text_edits import REMOVE, move_files
+from armcontour.files.keys import read_keys
 from armcontour.files.patch import Patch, apply_patch, write_patch
 from armcontour.files.scene_file import scene_of
 from armcontour.jobs import Job
@@ -60,7 +60,8 @@ def read_cell(
     # The drawing replaces the geometry of a job file, but not its frame and its reader options.
     values: Patch = {("path", key): value for key, value in (path or {}).items()}
     data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
-    model = model_of(CellModel, data, source)
+    with error_context(source):
+        model: CellModel = read_keys(CellModel, data)
     # Messages of errors in the drawing name only the drawing, not the cell.
     program = read_drawing(model.path, str(model.path.file), folder, reading)
     with error_context(source):
@@ -70,15 +71,18 @@ def read_cell(
 def read_cell_arm(cell: str | FilePath) -> Arm:
     """Read the arm of a cell, or of a job file, with its tool, work frame and payload."""
     text, source, folder = _read_cell_text(str(cell))
-    with error_context(source):
-        model = model_of(CellModel, read_data(text, source), source)
+    data = read_data(text, source)
+    with file_context(text, source):
+        model: CellModel = read_keys(CellModel, data)
         return arm_of(model.arm, folder)
 
 
 def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
     """Arm (None if not specified) and scene of a cell or job file; other keys may be missing."""
     text, source, folder = _read_cell_text(str(cell))
-    specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
+    data = read_data(text, source)
+    with file_context(text, source):
+        specified = read_keys(PartialFields(CellModel), data)
     model, path, scene = (
         specified.get("arm"),
         specified.get("path", PathModel()),

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
-from contextlib import nullcontext
+import json
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from importlib import resources
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
@@ -12,17 +14,16 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput, error_context
+from armcontour.core.errors import ArmContourError, InvalidInput, error_context, key_context
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
-from armcontour.core.text import show
+from armcontour.core.text import Keys, key_text, show
 from armcontour.core.yaml_loader import load
-from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_model import JobModel, PathModel, RunModel
 from armcontour.files.job_path import part_of, path_of
-from armcontour.files.key_errors import Patch
+from armcontour.files.keys import Patch, read_keys
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job, Rounding, Run
@@ -96,14 +97,30 @@ def parse_job(
         InvalidInput: As in `read_job`.
     """
     data = read_data(text, source)
-    with error_context(source):
+    with file_context(text, source, patch):
         if patch:
             from armcontour.files.patch import apply_patch
 
             data = apply_patch(data, patch)
-    model = model_of(JobModel, data, source)
-    with error_context(source):
+        model: JobModel = read_keys(JobModel, data)
         return job_of(model, folder or FilePath(), reading)
+
+
+@contextmanager
+def file_context(text: str, source: str, patch: Patch | None = None) -> Iterator[None]:
+    """Context that adds the name of a file, and the line of the wrong key, to the message."""
+    try:
+        with error_context(source):
+            yield
+    except ArmContourError as error:
+        from armcontour.files.job_text_edits import line_of
+
+        line = line_of(text, error.key) if error.key and error.key not in (patch or ()) else None
+        if line is not None:
+            sentence = str(error)
+            stop = sentence[-1] if sentence[-1:] == "." else ""
+            error.args = (f"{sentence.removesuffix('.')} (line {line}){stop}",)
+        raise
 
 
 def read_data(text: str, source: str) -> dict[str, Any]:
@@ -114,18 +131,11 @@ def read_data(text: str, source: str) -> dict[str, Any]:
     return data
 
 
-def model_of(kind: type[Model], data: Mapping[str, Any], source: str) -> Model:
-    """Check the keys of a job, and make its model."""
-    model: Model = read_keys(MappingKeys(kind), data, source)
-    return model
-
-
 def json_schema() -> dict[str, Any]:
     """JSON Schema of job files, as a dictionary."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **schema_of(MappingKeys(JobModel)),
-    }
+    file = resources.files("armcontour.files") / "job.schema.json"
+    schema: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return schema
 
 
 def job_of(
@@ -153,9 +163,12 @@ def parts_of(
     drawing: Program | None = None,
 ) -> tuple[Arm, Path | Program, Scene | None]:
     """Make the parts of a job that can need other files: its arm, its path and its scene."""
-    arm = arm_of(model.arm, folder)
-    drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
-    scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
+    with error_context("", "arm"):
+        arm = arm_of(model.arm, folder)
+    with error_context("", "path"):
+        drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
+    with error_context("", "scene"):
+        scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
     return arm, drawn, scene
 
 
@@ -172,11 +185,13 @@ def _start(seed: list[float] | dict[str, float] | None, arm: Arm) -> dict[str, A
 def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
     """Joint positions of the key `seed` in the order of the arm's joints [rad], (dof,)."""
     if isinstance(seed, list):
-        return checks.per_joint("seed", seed, arm.dof, "rad")
+        with error_context("", "seed"):
+            return checks.per_joint("seed", seed, arm.dof, "rad")
     if set(seed) != set(arm.joint_names):
         raise InvalidInput(
             f"seed names the joints {', '.join(map(show, seed))}, but the joints of {arm.name} are "
-            f"{', '.join(arm.joint_names)}. Name each of these joints once, or write a list."
+            f"{', '.join(arm.joint_names)}. Name each of these joints once, or write a list.",
+            key=("seed",),
         )
     return np.array([seed[x] for x in arm.joint_names])
 
@@ -186,7 +201,7 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
     path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.certificate is not None and model.certificate.run is not None:
-        _check_run_names("certificate.run", [model.certificate.run], model)
+        _check_run_name(("certificate", "run"), model.certificate.run, model)
     return Job(
         name=model.name,
         title=model.title or model.name,
@@ -206,7 +221,7 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
 
 def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
     """Servo model with the values of `differs`, and with one value per joint."""
-    with error_context(key):
+    with key_context(key):
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
 
@@ -222,9 +237,9 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     """Make a run of a job; keys that the run does not specify have the values of the job."""
     chosen = model.corners or job.corners
     corners = chosen if isinstance(chosen, Rounding) else None
-    with error_context("limits"):
+    with key_context("limits"):
         limits = resolve_limits("A job", arm, Limits(**job.limits))
-    with error_context(f"runs.{name}.limits"):
+    with key_context("runs", name, "limits"):
         limits = resolve_limits("A run", arm, Limits(**model.limits), limits)
     if corners is not None and limits.centripetal_acceleration is None:
         # With `corners.speed`, this acceleration determines the corner radius. It also limits the
@@ -232,34 +247,40 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
     commands = {**job.command_limits, **model.command_limits}
     command_limits = None
-    key = f"runs.{name}.command_limits" if model.command_limits else "command_limits"
-    with error_context(key):
+    keys: Keys = ("runs", name) if model.command_limits else ()
+    with key_context(*keys, "command_limits"):
         if commands:
             from armcontour.motion.nearest_commands import check_command_limits
 
             command_limits = check_command_limits(Limits(**commands), arm.dof)
     if corners is not None:
-        key = "corners" if model.corners is None else f"runs.{name}.corners"
-        with error_context(f"Run {name}") if model.corners is None else nullcontext():
-            corners.check(model.timing.method, key)
+        keys = ("corners",) if model.corners is None else ("runs", name, "corners")
+        with error_context(f"Run {name}" if model.corners is None else "", *keys):
+            corners.check(model.timing.method, key_text(keys))
         if corners.tolerance is None:
-            _check_corner_speed(key, corners, limits)
+            _check_corner_speed(keys, corners, limits)
     cycle = model.cycle or job.cycle or DEFAULT_CYCLE
     compensation = model.compensation or default_compensation(job.servo, arm, job.experiment)
     compensation = dataclasses.replace(compensation, command_limits=command_limits)
-    with error_context(f"runs.{name}"):
-        return Run(
-            name=name,
-            timing=_timing(model, cycle),
-            compensation=compensation,
-            limits=limits,
-            rounding=corners,
-            cycle=cycle,
-            end_time=model.end_time,
-            experiment=job.experiment,
-            accuracy=job.accuracy,
-            default_compensation=model.compensation is None,
-        )
+    try:
+        with error_context(f"runs.{name}"):
+            return Run(
+                name=name,
+                timing=_timing(model, cycle),
+                compensation=compensation,
+                limits=limits,
+                rounding=corners,
+                cycle=cycle,
+                end_time=model.end_time,
+                experiment=job.experiment,
+                accuracy=job.accuracy,
+                default_compensation=model.compensation is None,
+            )
+    except InvalidInput as error:
+        key = str(error.key[0]) if error.key else ""
+        inherited = getattr(job, key, None) is not None and getattr(model, key, None) is None
+        error.key = error.key if inherited else ("runs", name, *error.key)
+        raise
 
 
 def _timing(model: RunModel, cycle: float) -> PlanOptions:
@@ -276,22 +297,24 @@ def _timing(model: RunModel, cycle: float) -> PlanOptions:
     return model.timing
 
 
-def _check_corner_speed(key: str, corners: Rounding, limits: Limits) -> None:
+def _check_corner_speed(keys: Keys, corners: Rounding, limits: Limits) -> None:
     """Check that rounding of corners without a tolerance has a speed and an acceleration."""
     if corners.speed is None or limits.centripetal_acceleration is None:
         raise InvalidInput(
-            f"{key} requires either tolerance, the largest corner error, or both speed and "
-            "acceleration."
+            f"{key_text(keys)} requires either tolerance, the largest corner error, or both speed "
+            "and acceleration.",
+            key=keys,
         )
 
 
-def _check_run_names(key: str, names: Sequence[str], job: JobModel) -> None:
-    """Check that the job has the named runs."""
-    for name in names:
-        if name not in job.runs:
-            raise InvalidInput(
-                f"{key} names the run {name}, but the runs of the job are {', '.join(job.runs)}."
-            )
+def _check_run_name(keys: Keys, name: str, job: JobModel) -> None:
+    """Check that the job has the named run."""
+    if name not in job.runs:
+        raise InvalidInput(
+            f"{key_text(keys)} names the run {name}, but the runs of the job are "
+            f"{', '.join(job.runs)}.",
+            key=keys,
+        )
 
 
 def add_process(

@@ -2,39 +2,41 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
-
-from pydantic import BeforeValidator, Field
 
 from armcontour.control.compensation import CompensationOptions, compensator
 from armcontour.core.quantities import (
     About,
     Angle,
     AtLeast,
+    Convert,
     Distance,
     Interval,
+    Items,
     JointAccelerations,
     JointJerks,
     JointRanges,
     JointVelocities,
     Length,
+    PartialFields,
 )
 from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
-from armcontour.files.file_keys import Methods, SpecifiedKeys
-from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides, Place, PlantModel, Point
+from armcontour.files.keys import Methods
 from armcontour.files.robots.tree import ArmOptions
 from armcontour.files.scene_file import (
     BodyModel,
     Direction,
     LinkShapeModel,
+    Place,
     RotationModel,
     SceneModel,
 )
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
-from armcontour.planning import METHODS, PlanOptions, Shaped
+from armcontour.planning import METHODS, PlanOptions
 from armcontour.planning.options import FASTEST
 from armcontour.program import Process
 from armcontour.robot import Limits
@@ -43,17 +45,21 @@ from armcontour.robot.servo import ServoModel
 
 # Topic of options in the help of commands.
 POSITION = "Cell and position of the drawing"
-RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
+Point = Annotated[list[Length], Items(2, 3)]
+# Names of runs, which are names of files.
+RUN_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
+# Results of an identification, which are no parameters of a plant.
+IDENTIFIED = ("model_error", "logged_velocity", "logged_acceleration", "contour_ratio", "programs")
 
 
-def _method(value: Any) -> Any:
-    """Reject the timing method that changes the path; in a job, `corners` changes the path."""
-    if value == Shaped.method:
+def _run_name(name: str) -> str:
+    """Check the name of a run."""
+    if not re.match(RUN_NAME, name):
         raise ValueError(
-            "shaped is not a timing method of a job. Write corners: {shape: free, tolerance: 1 "
-            "mm}, with timing: {method: optimal}"
+            "the name must be letters, digits, - and _, 64 at most, with a letter or digit first, "
+            f"but is {show(name)}"
         )
-    return value
+    return name
 
 
 Timing = Annotated[
@@ -62,7 +68,6 @@ Timing = Annotated[
         "Timing of the path.",
         "The fastest timing (optimal), the paper's (paper), or uniform speed (conventional).",
         tuple(METHODS.values()),
-        (BeforeValidator(_method),),
     ),
 ]
 Compensation = Annotated[
@@ -76,26 +81,6 @@ Compensation = Annotated[
         has_default=False,
     ),
 ]
-
-
-def _axis(value: Any) -> Any:
-    """Reject a list of axes instead of one axis; returns the value unchanged."""
-    if isinstance(value, list) and value and all(isinstance(x, list) for x in value):
-        raise ValueError(
-            "must be one direction, such as [0, 0, -1]. For one direction per waypoint, write a "
-            "list of mappings, orientation: [{axis: [0, 0, -1]}, {axis: [0, 0.1, -1]}, ...]"
-        )
-    return value
-
-
-def _orientation(value: Any) -> Any:
-    """Reject a list of numbers instead of an orientation; returns the value unchanged."""
-    if isinstance(value, list) and value and not isinstance(value[0], dict):
-        raise ValueError(
-            f"must be a mapping such as {{axis: [0, 0, -1]}} or {{rpy: [180 deg, 0, 0]}}, or a "
-            f"list with one mapping per waypoint, not {show(value)}"
-        )
-    return value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,7 +173,7 @@ class OrientationModel(RotationModel):
             axis is free.
     """
 
-    axis: Annotated[Direction | None, BeforeValidator(_axis)] = None
+    axis: Direction | None = None
     follow_tangent: FollowModel | None = None
     axis_only: bool = False
 
@@ -240,19 +225,7 @@ class PathModel(ReadOptions):
         About("--rpy", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
     ] = None
     repeat: RepeatModel | None = None
-    orientation: Annotated[
-        OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
-    ] = None
-
-
-# The search ends by itself, so that only Python limits its iterations.
-KEY_OVERRIDES[SegmentModel] = KeyOverrides(omit=frozenset({"tag"}))
-KEY_OVERRIDES[Rounding] = KeyOverrides(omit=frozenset({"iterations"}))
-KEY_OVERRIDES[ArmModel] = KeyOverrides(
-    types={
-        **dict.fromkeys(("joint_limits", "srdf"), str | None),
-    }
-)
+    orientation: OrientationModel | list[OrientationModel] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,8 +258,8 @@ class SharedModel:
         cycle: Time between set-points [s]; by default 4 ms.
     """
 
-    limits: Annotated[dict[str, Any], SpecifiedKeys(Limits)] = field(default_factory=dict)
-    command_limits: Annotated[dict[str, Any], SpecifiedKeys(CommandLimitsModel)] = field(
+    limits: Annotated[dict[str, Any], PartialFields(Limits)] = field(default_factory=dict)
+    command_limits: Annotated[dict[str, Any], PartialFields(CommandLimitsModel)] = field(
         default_factory=dict
     )
     corners: Rounding | Literal["sharp"] | None = None
@@ -344,9 +317,11 @@ class JobModel(SharedModel):
     process: Process | None = None
     accuracy: Distance | None = None
     servo: ServoModel
-    plant: Annotated[dict[str, Any], SpecifiedKeys(PlantModel, null=True)] | None = None
+    plant: (
+        Annotated[dict[str, Any], PartialFields(ServoModel, null=True, omit=IDENTIFIED)] | None
+    ) = None
     experiment: Experiment | None = None
-    runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
+    runs: Annotated[dict[Annotated[str, Convert(_run_name)], RunModel], Items(1)]
     certificate: CertificateGoal | None = None
     scene: SceneModel | None = None
     export: Exports | None = None

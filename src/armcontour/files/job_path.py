@@ -9,13 +9,13 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput, error_context
+from armcontour.core.errors import InvalidInput, error_context, key_context
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
+from armcontour.core.text import Keys, key_text
 from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import OrientationModel, PathModel, RepeatModel, SegmentModel
-from armcontour.files.key_errors import key_text
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
 from armcontour.program import Contour, Program, contour_called
@@ -123,7 +123,8 @@ def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Prog
         if not isinstance(orientation, OrientationModel):
             raise InvalidInput(
                 "path.orientation must be a single mapping for a file, not a list, because all "
-                "contours have the same orientation."
+                "contours have the same orientation.",
+                key=("path", "orientation"),
             )
         if any(x.path.orientation is not None for x in program.contours):
             note = f"path.orientation is ignored, because {program.source} has tool orientations."
@@ -140,7 +141,7 @@ def part_of(model: PathModel) -> Frame:
 
 def _repeat(program: Program, grid: RepeatModel, names: Sequence[str] | None) -> Program:
     """Repeat a program in a grid; `names` selects single copies, or all copies of a contour."""
-    with error_context("path.repeat"):
+    with key_context("path", "repeat"):
         copies = program.repeated(**dataclasses.asdict(grid))
     if names is None:
         return copies
@@ -172,7 +173,7 @@ def _positions(model: PathModel) -> Path:
         raise InvalidInput("path requires exactly one of points, start with segments, and file.")
     if model.points is not None:
         points = _points(model.points)
-        with error_context("path.points"):
+        with key_context("path", "points"):
             return Path.polyline(points)
     assert model.start is not None and model.segments is not None
     return _segment_chain(model.start, model.segments)
@@ -185,17 +186,18 @@ def _points(points: list[list[float]]) -> FloatArray:
     if len({len(x) for x in points}) > 1:
         raise InvalidInput("path.points must all have 2 or all have 3 coordinates.")
     for i, point in enumerate(points):
-        _check_range(key_text(("path", "points", i)), point)
+        _check_range(("path", "points", i), point)
     return np.array(points).reshape(len(points), -1)
 
 
-def _check_range(key: str, point: Sequence[float]) -> None:
+def _check_range(keys: Keys, point: Sequence[float]) -> None:
     """Check that coordinates [m] are at most MAX_COORDINATE, so that rounding errors are small."""
     far = max(map(abs, point), default=0.0)
     if far > MAX_COORDINATE:
         raise InvalidInput(
-            f"{key} has a coordinate of {far:.3g} m, but at most {MAX_COORDINATE:g} m are allowed. "
-            "Check its unit."
+            f"{key_text(keys)} has a coordinate of {far:.3g} m, but at most {MAX_COORDINATE:g} m "
+            "are allowed. Check its unit.",
+            key=keys,
         )
 
 
@@ -205,13 +207,13 @@ def _segment_chain(start: list[float], models: list[SegmentModel]) -> Path:
         raise InvalidInput("path.segments is empty, but a path needs at least one segment.")
     segments: list[Line | Arc] = []
     point = list(start)
-    _check_range("path.start", point)
+    _check_range(("path", "start"), point)
     for i, segment in enumerate(models):
         for name in ("to", "via", "center"):
-            _check_range(key_text(("path", "segments", i, name)), getattr(segment, name) or ())
-        segments.append(_segment(point, segment, key_text(("path", "segments", i))))
+            _check_range(("path", "segments", i, name), getattr(segment, name) or ())
+        segments.append(_segment(point, segment, ("path", "segments", i)))
         point = list(segment.to) if segment.to is not None else _end(segments)
-    with error_context("path.segments"):
+    with key_context("path", "segments"):
         return Path(segments=segments)
 
 
@@ -221,12 +223,12 @@ def _end(segments: list[Line | Arc]) -> list[float]:
         (*_, end) = Path(segments=segments[-1:]).vertices.tolist()
     except InvalidInput:
         # Raise the error again, with the number of the segment in the whole path.
-        with error_context("path.segments"):
+        with key_context("path", "segments"):
             (*_, end) = Path(segments=segments).vertices.tolist()
     return list(end)
 
 
-def _segment(start: list[float], segment: SegmentModel, key: str) -> Line | Arc:
+def _segment(start: list[float], segment: SegmentModel, keys: Keys) -> Line | Arc:
     """Line or arc of a model, from a start point."""
     segment_limits = SegmentLimits(
         **{y.name: getattr(segment, y.name) for y in dataclasses.fields(SegmentLimits)}
@@ -235,7 +237,7 @@ def _segment(start: list[float], segment: SegmentModel, key: str) -> Line | Arc:
     if segment.to is not None and all(y is None for y in around):
         if segment.via is None:
             return Line(start=start, end=segment.to, segment_limits=segment_limits)
-        with error_context(key):
+        with key_context(*keys):
             return Arc.through(start, segment.via, segment.to, segment_limits=segment_limits)
     if (
         segment.to is None
@@ -251,18 +253,19 @@ def _segment(start: list[float], segment: SegmentModel, key: str) -> Line | Arc:
             segment_limits=segment_limits,
         )
     raise InvalidInput(
-        f"{key} requires either to (a line), or via and to (an arc through points), or center and "
-        "angle (an arc)."
+        f"{key_text(keys)} requires either to (a line), or via and to (an arc through points), or "
+        "center and angle (an arc).",
+        key=keys,
     )
 
 
 def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
     """Path with one tool orientation for its whole length; `location` is for messages."""
-    _check_single_rotation("path.orientation", orientation)
+    _check_single_rotation(("path", "orientation"), orientation)
     follow = orientation.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
     rotation = rotation_of(key, orientation if follow is None else follow)
-    with error_context(location):
+    with error_context(location, "path", "orientation"):
         if orientation.axis is not None:
             return path.pointing(orientation.axis)
         if follow is not None:
@@ -274,7 +277,7 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
     """Path with one tool orientation per waypoint."""
     for i, orientation in enumerate(models):
         key = key_text(("path", "orientation", i))
-        _check_single_rotation(key, orientation)
+        _check_single_rotation(("path", "orientation", i), orientation)
         if orientation.follow_tangent is not None:
             raise InvalidInput(
                 f"{key}: follow_tangent applies to the whole path. Write it as a single mapping, "
@@ -286,7 +289,7 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
         )
     axes = [x.axis for x in models if x.axis is not None]
     if len(axes) == len(models):
-        with error_context("path.orientation"):
+        with key_context("path", "orientation"):
             return path.pointing(np.array(axes))
     if axes or len({x.axis_only for x in models}) > 1:
         raise InvalidInput(
@@ -294,15 +297,16 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
             "for axis_only."
         )
     turned = [rotation_of(key_text(("path", "orientation", i)), x) for i, x in enumerate(models)]
-    with error_context("path.orientation"):
+    with key_context("path", "orientation"):
         return path.oriented(np.array(turned), axis_only=models[0].axis_only)
 
 
-def _check_single_rotation(key: str, orientation: OrientationModel) -> None:
+def _check_single_rotation(keys: Keys, orientation: OrientationModel) -> None:
     """Check that an orientation has exactly one of the keys ORIENTATIONS."""
     names = [name for name in ORIENTATIONS if getattr(orientation, name) is not None]
     if len(names) != 1:
         raise InvalidInput(
-            f"{key} requires exactly one of {', '.join(ORIENTATIONS)}, but has "
-            f"{' and '.join(names) or 'none'}."
+            f"{key_text(keys)} requires exactly one of {', '.join(ORIENTATIONS)}, but has "
+            f"{' and '.join(names) or 'none'}.",
+            key=keys,
         )

@@ -13,12 +13,11 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import yaml
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.text import Keys, key_text
 from armcontour.core.yaml_loader import TAG, Loader, load
 from armcontour.files.job_arm import ARM_FILES
-from armcontour.files.key_errors import key_text
 
 Key: TypeAlias = str | int
-Keys: TypeAlias = tuple[Key, ...]
 # Replacement of the characters from a begin to before an end by a text.
 Splice: TypeAlias = tuple[int, int, str]
 # Keys whose values are file names relative to the folder of the job file.
@@ -158,12 +157,6 @@ def _file_names(data: Any, keys: Keys = (), name: Any = None) -> Iterator[tuple[
         name in FILE_NAME_KEYS or (name == "arm" and data.lower().endswith(ARM_FILES))
     ):
         yield keys, data
-
-
-def key_in(sentence: str) -> str:
-    """Key in the error message of a job, such as "limits.speed"; empty if it has no key."""
-    named = re.search(r": (?:unknown key )?([\w-]+(?:\.[\w-]+)*)", sentence)
-    return named[1] if named else ""
 
 
 def line_of(text: str, keys: Sequence[Key]) -> int | None:

@@ -12,12 +12,12 @@ from typing import Any
 from armcontour import planning
 from armcontour.control import compensation
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import show, suggest
+from armcontour.core.text import Keys, show, suggest
 from armcontour.core.yaml_loader import load
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.job_model import JobModel, RunModel
-from armcontour.files.job_text_edits import REMOVE, Change, Keys, change_data, value_at, write_data
-from armcontour.files.key_errors import Patch as Patch
+from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_at, write_data
+from armcontour.files.keys import Patch as Patch
 from armcontour.jobs.job import ARC, FREE
 from armcontour.motion import Method
 
@@ -77,7 +77,7 @@ def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
     if keys[0] == "runs" and isinstance(runs, Mapping) and (len(keys) < 2 or keys[1] not in runs):
         names = [str(x) for x in runs]
         hint = suggest("".join(map(str, keys[1:2])), names, f"the runs are {', '.join(names)}.")
-        raise InvalidInput(f"{'.'.join(map(str, keys))} names no run of the job: {hint}")
+        raise InvalidInput(f"{'.'.join(map(str, keys))} names no run of the job: {hint}", key=keys)
     if run is not None and keys[0] in IN_RUN:
         value = value_at(data, ("runs", run, keys[0]))
         merged = keys[0] in MERGED and len(keys) > 1
@@ -170,7 +170,8 @@ def _set_corner_option(
         raise InvalidInput(
             f"{'.'.join(map(str, keys))} requires a run with rounded corners and the timing "
             "method optimal, but the job has no such run. Write timing: {method: optimal} in a "
-            "run, or set corners.tolerance if only the corners are missing."
+            "run, or set corners.tolerance if only the corners are missing.",
+            key=keys,
         )
 
 
@@ -196,7 +197,8 @@ def _set_value(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
             outer = ".".join(map(str, keys[:k]))
             raise InvalidInput(
                 f"{outer} is {show(outer_value)}, which has no key {keys[k]}. Set the whole value "
-                f"of {outer}."
+                f"of {outer}.",
+                key=keys,
             )
     old = value_at(data, keys)
     if keys == ("path", "layers") and isinstance(old, Mapping) and isinstance(value, list):

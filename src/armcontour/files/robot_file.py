@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.core.errors import InvalidInput, error_context
+from armcontour.core.errors import InvalidInput, error_context, key_context
 from armcontour.core.fields import quantities
 from armcontour.core.file_access import read_text
-from armcontour.core.quantities import Angle, Length
+from armcontour.core.quantities import Angle, Length, PartialFields
 from armcontour.core.render import figure
 from armcontour.core.yaml_loader import load
-from armcontour.files.file_keys import MappingKeys, SpecifiedKeys, read_keys
+from armcontour.files.keys import read_keys
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 
@@ -60,7 +60,8 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
             f"{location.name} has joint limits of MoveIt, which belong to the arm. Specify it with "
             "arm.joint_limits of a job."
         )
-    specified = read_keys(SpecifiedKeys(LimitsFile), data, location.name)
+    with error_context(location.name):
+        specified = read_keys(PartialFields(LimitsFile), data)
     deviations = [specified.pop(name, None) for name in ("deviation", "orientation_deviation")]
     with error_context(location.name):
         limits = resolve_limits(location.name, arm, Limits(**specified))
@@ -75,8 +76,9 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
             f"{file.name} has no key servo with gains. Specify a job file, or the servo.yaml of an "
             "identification."
         )
-    servo: ServoModel = read_keys(MappingKeys(ServoModel), data["servo"], f"{file.name}: servo")
-    return servo.for_joints(dof)
+    with error_context(file.name), key_context("servo"):
+        servo: ServoModel = read_keys(ServoModel, data["servo"])
+        return servo.for_joints(dof)
 
 
 # Comments on parameters of a servo file, after their units.

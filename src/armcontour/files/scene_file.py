@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import Frame, exp, from_rpy, rotations
-from armcontour.core.quantities import Choice, Distance, Length, Turn
-from armcontour.core.text import list_some, show
-from armcontour.files.file_keys import Number
-from armcontour.files.key_overrides import Place
+from armcontour.core.quantities import Choice, Distance, Items, Length, Turn
+from armcontour.core.text import list_some
 from armcontour.robot import Arm
 from armcontour.robot.scene import (
     ASSUMED_GAP,
@@ -50,8 +47,9 @@ BODY_KEYS = {
 OPTIONAL_KEYS = {"halfspace": ("normal",), "mesh": ("unit",)}
 # Maximum number of links that a message lists.
 MAX_NAMED = 40
-Angles = Annotated[list[Turn], Field(min_length=3, max_length=3)]
-Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
+Angles = Annotated[list[Turn], Items(3, 3)]
+Quaternion = Annotated[list[float], Items(4, 4)]
+Place = Annotated[list[Length], Items(3, 3)]
 
 
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
@@ -207,17 +205,7 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
     return HalfSpace()
 
 
-def check_direction(value: Any) -> Any:
-    """Check that a direction is a list of three numbers; returns the value unchanged."""
-    shaped = isinstance(value, list) and len(value) == 3
-    if not shaped or any(isinstance(x, list | dict) for x in value):
-        raise ValueError(f"must be three numbers such as [0, 0, -1], but is {show(value)}")
-    return value
-
-
-Direction = Annotated[
-    list[Number], Field(min_length=3, max_length=3), BeforeValidator(check_direction)
-]
+Direction = Annotated[list[float], Items(3, 3)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from typing import Annotated
 
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import angle_between, exp, log
 from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.quintics import rescale
@@ -36,8 +36,7 @@ LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 FINITE = Quantity("", within=(-np.finfo(np.float64).max, np.finfo(np.float64).max))
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Orientation(Checked):
     """Tool orientation along a path, in n pieces.
 

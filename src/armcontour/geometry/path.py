@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import Frame, Pose, angle_between
 from armcontour.core.quantities import Factor, Size, Tolerance
 from armcontour.core.text import count_noun, digits, format_table, short_repr
@@ -38,8 +38,7 @@ SAME_BREAK = 1e-12
     tangent="path(s, 1), or tangents",
     points="vertices, or path(s)",
 )
-@checks.explain_calls
-@dataclass(frozen=True, kw_only=True, eq=False)
+@declared(eq=False, slots=False)
 class Path(Checked):
     """A continuous chain of lines and arcs in the plane or in space, as a function of arc length.
 

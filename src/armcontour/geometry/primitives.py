@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import field
+from typing import Annotated, Any
 
 import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, check_number, check_numbers
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
-from armcontour.core.quantities import Distance, Speed
+from armcontour.core.fields import Checked, declared
+from armcontour.core.quantities import NO_KEY, Distance, Speed
 from armcontour.geometry.segments import Segments
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class SegmentLimits(Checked):
     """Process requirements of one segment; stricter limits of the job override them.
 
@@ -33,7 +32,7 @@ class SegmentLimits(Checked):
 
     speed: Speed | None = None
     tolerance: Distance | None = None
-    tag: str | None = None
+    tag: Annotated[str | None, NO_KEY] = None
 
     def columns(self, n: int) -> dict[str, Any]:
         """The requirements as columns of a table of segments.
@@ -53,8 +52,7 @@ class SegmentLimits(Checked):
 NO_LIMITS = SegmentLimits()
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Line:
     """A straight segment from `start` to `end` [m].
 
@@ -73,8 +71,7 @@ class Line:
     segment_limits: SegmentLimits = NO_LIMITS
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Arc:
     """A circular segment from `start` around `center` [m].
 
@@ -204,7 +201,9 @@ def tabulate(segments: Iterable[Line | Arc]) -> Segments:
                 f"Segment {i + 1} must be a Line or an Arc, not a {type(segment).__name__}.",
                 index=i,
             )
-        checks.check_type(f"Segment {i + 1}", segment.segment_limits, SegmentLimits)
+        checks.check_type(
+            f"segment_limits of segment {i + 1}", segment.segment_limits, SegmentLimits
+        )
     rows = [_line(x, i) if isinstance(x, Line) else _arc(x, i) for i, x in enumerate(listed)]
     if not rows:
         raise InvalidInput("A path needs at least one segment.")

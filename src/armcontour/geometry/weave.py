@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -10,9 +11,10 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import log
 from armcontour.core.quantities import (
+    NO_KEY,
     Duration,
     Frequency,
     Size,
@@ -48,8 +50,7 @@ ROUNDING = 1e-12
 MAX_DWELL = 0.8
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Weave(Checked):
     """Weaving to both sides of a seam, perpendicular to the seam and to the tool axis.
 
@@ -68,7 +69,7 @@ class Weave(Checked):
     frequency: Frequency | None = None
     dwell: Duration = 0.0
     speed: Speed | None = None
-    tolerance: Tolerance = 1e-5
+    tolerance: Annotated[Tolerance, NO_KEY] = 1e-5
 
     def _check_together(self) -> None:
         if (self.pitch is None) == (self.frequency is None):

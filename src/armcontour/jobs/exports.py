@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import PurePath
 from typing import Annotated
 
-from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import About, AtLeast, Factor, Interval, Quantity
 from armcontour.core.text import show
 
@@ -40,8 +39,7 @@ def ending_of(format: str) -> str:
     return PurePath(format.removesuffix(TEMPLATE)).suffix or ".txt"
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Exports(Checked):
     """Files for robot controllers that `run` writes.
 

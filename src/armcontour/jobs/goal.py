@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -10,12 +10,14 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, quantities
+from armcontour.core.fields import Checked, declared, quantities
 from armcontour.core.quantities import (
     DEAD_TIME,
     GAIN_ERROR,
+    NO_KEY,
     About,
     Axes,
+    Key,
     PlainNumber,
     Tolerance,
 )
@@ -26,8 +28,7 @@ from armcontour.robot.servo import ServoModel
 EACH = (" (independent for each joint)", " (the same error for all joints)")
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Uncertainty(Checked):
     """The uncertainty set (box): ranges of the errors of a servo's parameters.
 
@@ -45,7 +46,7 @@ class Uncertainty(Checked):
 
     gains: Annotated[FloatArray | float, GAIN_ERROR, Axes(...)] = 0.0
     dead_time: Annotated[FloatArray | float, DEAD_TIME] = 0.0
-    dead_time_shared: bool = False
+    dead_time_shared: Annotated[bool, Key("shared")] = False
 
     def _check_together(self) -> None:
         shape = np.shape(self.gains)
@@ -86,8 +87,7 @@ class Uncertainty(Checked):
         return np.concatenate([gains if servo.kv is not None else gains * [[1.0], [0.0]], [error]])
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class CertificateGoal(Checked):
     """Requirements that a certified plan meets.
 
@@ -116,7 +116,7 @@ class CertificateGoal(Checked):
     rms: Tolerance | None = None
     box: Uncertainty | None = None
     run: str | None = None
-    slowest: PlainNumber = 2.0
+    slowest: Annotated[PlainNumber, NO_KEY] = 2.0
 
     def _check_together(self) -> None:
         if self.tolerance is None and self.servo_error is None:

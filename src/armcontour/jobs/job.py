@@ -12,9 +12,10 @@ from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import (
+    NO_KEY,
     About,
     Acceleration,
     AngularDistance,
@@ -113,8 +114,7 @@ SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Rounding(Checked):
     """Rounding of corners: by `tolerance`, or by `speed` and `acceleration`.
 
@@ -138,7 +138,7 @@ class Rounding(Checked):
 
     shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
     tolerance: Annotated[Distance | None, About("--tolerance", usual=(1e-5, 2e-2))] = None
-    iterations: Annotated[int, AtLeast(0)] = DEFAULT_ITERATIONS
+    iterations: Annotated[int, AtLeast(0), NO_KEY] = DEFAULT_ITERATIONS
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
@@ -212,8 +212,7 @@ class Rounding(Checked):
 TRANSITION_TOLERANCE = 1e-5
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Run(Checked):
     """A run: limits and methods for one plan of the job, to be compared with other runs.
 
@@ -310,8 +309,7 @@ class Run(Checked):
         return self.timing.duration if isinstance(self.timing, Optimal) else None
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Job(Checked):
     """A path, an arm, a servo, and the runs that are compared.
 

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
@@ -41,8 +41,7 @@ class MotionSource(Protocol):
         """The motion from samples `indices` to the next samples; None if it is unknown."""
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Execution(Checked):
     """Motion of the joints of a plant, from the first set-point until rest.
 
@@ -265,6 +264,7 @@ def check_cycle(cycle: float) -> float:
             f"{interval / 1e3:g} in Python.",
             needed=interval,
             allowed=INTERVALS[1],
+            key=("cycle",),
         )
     return checks.check_range("cycle", interval, *INTERVALS, "s")
 
@@ -292,8 +292,7 @@ class LimitCost(Frozen):
         return text if largest is None else f"{text}, contour error {number(largest, 'm')} at most"
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class SetPoints(Checked):
     """Joint set-points at regular times.
 

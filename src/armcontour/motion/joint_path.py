@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, NoReturn
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import Axes, Choice
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
@@ -34,8 +34,7 @@ NO_DIRECTION = 1e-12
 NO_STOPS = checks.frozen_array([])
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class JointPath(Checked):
     """Joint positions as a function of arc length, a quintic per interval, with derivatives.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import product
 from typing import Annotated, Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.render import number
 from armcontour.core.sampling import GAP, check_samples, describe_bursts
@@ -27,8 +27,7 @@ FEWEST = 50
 NEAR_A_TURN = 0.6
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Log(Checked):
     """Set-points and measured positions of joints at the same times.
 

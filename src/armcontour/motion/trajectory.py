@@ -17,7 +17,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import Interval
 from armcontour.core.render import number
 from armcontour.core.text import count_kinds, count_noun, draw, format_table, short_repr, to_html
@@ -167,8 +167,7 @@ def to_columns(samples: Any) -> dict[str, FloatArray]:
     velocities="dq",
     accelerations="ddq",
 )
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@declared(eq=False, repr=False)
 class Trajectory(Checked):
     """Joint positions over time, made of consecutive time laws; derivatives can jump at breaks.
 

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Options
+from armcontour.core.fields import Options, declared
 from armcontour.core.quantities import (
     About,
     AngularDistance,
@@ -43,8 +43,7 @@ MAX_ITERATIONS = 150
 DEFAULT_ITERATIONS, MAX_SHAPES = 60, 10_000
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class PlanOptions(Options):
     """Options of all timing methods.
 
@@ -70,8 +69,7 @@ class PlanOptions(Options):
     accept: Callable[[JointPath], bool] | None = None
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Optimal(PlanOptions):
     """Options of the method "optimal", in addition to those of `PlanOptions`.
 
@@ -117,8 +115,7 @@ class Optimal(PlanOptions):
                 )
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Shaped(PlanOptions):
     """Options of the method "shaped", in addition to those of `PlanOptions`.
 
@@ -148,8 +145,7 @@ class Shaped(PlanOptions):
     intervals: Intervals | None = None
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Paper(PlanOptions):
     """Options of the paper's method for lines and arcs, in addition to those of `PlanOptions`.
 
@@ -175,8 +171,7 @@ class Paper(PlanOptions):
         check_cycle(self.cycle)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Conventional(PlanOptions):
     """Options of the method "conventional", uniform tool speed: those of `PlanOptions`.
 

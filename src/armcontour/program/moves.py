@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +14,12 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import Frame, Pose
 from armcontour.core.quantities import (
     Distance,
     Interval,
+    Key,
     Length,
     Name,
     NeededName,
@@ -57,8 +58,7 @@ MAX_MOVES = 100_000
 MAX_SEGMENTS = 1_000_000
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Event(Checked):
     """An output that is switched at a position of a contour, or while the tool is at rest.
 
@@ -80,7 +80,7 @@ class Event(Checked):
 
     name: NeededName = field(kw_only=False)
     value: Value = field(default=True, kw_only=False)
-    s: Distance = 0.0
+    s: Annotated[Distance, Key("at")] = 0.0
     lead_time: Time = 0.0
 
     @property
@@ -89,8 +89,7 @@ class Event(Checked):
         return self.name == TOOL and not isinstance(self.value, bool | np.bool_)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Contour(Checked):
     """A path along which the process is on.
 
@@ -202,8 +201,7 @@ def _check_spacing(name: str, spacing: float | None, copies: int) -> float:
     return distance if copies > 1 else 0.0
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Rapid(Checked):
     """A positioning motion with the tool off, at the arm's limits.
 
@@ -221,8 +219,7 @@ class Rapid(Checked):
     path: Path | None = field(default=None, kw_only=False)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Dwell(Checked):
     """A pause during which the tool is at rest.
 
@@ -239,8 +236,7 @@ class Dwell(Checked):
 Move = Contour | Rapid | Dwell | Event
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@declared(eq=False, repr=False)
 class Program(Checked):
     """Moves in order. The planner adds rapids between contours that do not meet.
 
@@ -365,7 +361,7 @@ class Program(Checked):
         for move in self.moves:
             if isinstance(move, Contour):
                 path = change(move.path)
-                checks.check_type("Program.mapped", path, Path, role="result")
+                checks.check_type("result of change", path, Path)
                 factor = path.length / move.path.length
                 events = tuple(replace(e, s=min(e.s * factor, path.length)) for e in move.events)
                 work = None if move.work is None else (move.work[0] * factor, move.work[1] * factor)

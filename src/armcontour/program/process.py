@@ -6,22 +6,27 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput, error_context
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import (
+    NO_KEY,
     About,
     AtLeast,
     Choice,
+    Convert,
     Direction,
     Distance,
     Duration,
     Factor,
     Interval,
+    Items,
+    Key,
+    Length,
     Name,
     NeededName,
     PartialFields,
@@ -34,6 +39,12 @@ from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
 from armcontour.program.moves import Event, Value
 
+# In a file, "auto" is the length of a lead that the arm needs.
+LEAD_LENGTH = Key(
+    hint=Annotated[Literal["auto"] | Distance, Convert(lambda x: None if x == "auto" else x)],
+    default="auto",
+)
+BEGIN = Key(hint=Literal["auto", "drawn"] | Distance | Annotated[list[Length], Items(2, 3)])
 SHAPES = ("line", "arc")
 SIDES = ("left", "right")
 # The waste side of a contour.
@@ -52,8 +63,7 @@ TOOL_SIDES = {"climb": "left", "conventional": "right"}
 DIRECTIONS = (DRAWN, *TOOL_SIDES, "clockwise", "counterclockwise")
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Lead(Checked):
     """A part of the path before or after a contour, on which the tool accelerates or decelerates.
 
@@ -66,14 +76,13 @@ class Lead(Checked):
         active: Whether the process is on along the lead, as in cutting.
     """
 
-    length: Size | None = field(default=None, kw_only=False)
+    length: Annotated[Size | None, LEAD_LENGTH] = field(default=None, kw_only=False)
     shape: Annotated[str, Choice(SHAPES)] = "line"
     side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     active: bool = False
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Switch(Checked):
     """Events that switch the process on at the start of a contour, and off at its end.
 
@@ -99,8 +108,7 @@ class Switch(Checked):
             )
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Pierce(Checked):
     """Piercing of the material before every contour, with the process on.
 
@@ -114,8 +122,7 @@ class Pierce(Checked):
     height: Distance = 0.0
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Analog(Checked):
     """An analog output, such as a power or a flow, that follows the planned tool speed.
 
@@ -146,8 +153,7 @@ class Analog(Checked):
     follows: Name = ""
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Tabs(Checked):
     """Parts of closed contours that are not cut, because the switch of the process is off there.
 
@@ -166,8 +172,7 @@ class Tabs(Checked):
             raise InvalidInput("Tabs need exactly one of count and spacing.")
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class LayerProcess:
     """Values for the contours of one layer, instead of those of the process.
 
@@ -194,8 +199,7 @@ class LayerProcess:
     direction: Annotated[str, Choice(DIRECTIONS)] = DRAWN
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Process(Checked):
     """Requirements of a process that are added to the contours of a program.
 
@@ -254,13 +258,13 @@ class Process(Checked):
         InvalidInput: A value is not valid.
     """
 
-    begin: str | float | Sequence[float] = AUTO
+    begin: Annotated[str | float | Sequence[float], BEGIN] = AUTO
     overlap: Distance = 0.0
     lead_in: Lead | None = None
     lead_out: Lead | None = None
     approach: Distance = 0.0
     retract: Distance = 0.0
-    up: Direction = field(default_factory=lambda: UP)
+    up: Annotated[Direction, NO_KEY] = field(default_factory=lambda: UP)
     dwell: Duration = 0.0
     pierce: Pierce | None = None
     switch: Switch | None = None
@@ -270,10 +274,12 @@ class Process(Checked):
     passes: Annotated[int, AtLeast(1, MAX_PASSES)] = 1
     tabs: Tabs | None = None
     weave: Weave | None = None
-    by_layer: Mapping[str, Annotated[Mapping[str, Any], PartialFields(LayerProcess)]] = field(
-        default_factory=dict
+    by_layer: Mapping[str, Annotated[Mapping[str, Any], PartialFields(LayerProcess, null=True)]] = (
+        field(default_factory=dict)
     )
-    layers: Mapping[str, SegmentLimits] = field(default_factory=lambda: NO_LAYERS)
+    layers: Annotated[Mapping[str, SegmentLimits], NO_KEY] = field(
+        default_factory=lambda: NO_LAYERS
+    )
     order: Annotated[str, Choice(ORDERS)] = "auto"
     kerf: Distance | None = None
     kerf_side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE

@@ -61,7 +61,7 @@ def resolve_limits(
     # `arm` may be any object with `dof` and `limits`, because timing of a joint path needs nothing
     # else. A trajectory has both attributes but is callable, so it is refused here.
     if callable(arm) or not (hasattr(arm, "dof") and hasattr(arm, "limits")):
-        checks.check_type(user, arm, Arm)
+        checks.check_type("arm", arm, Arm)
     if limits is not None and not isinstance(limits, Limits):
         raise InvalidInput(
             f"{user} needs Limits, such as arm.limits.replace(speed=0.1), not "
@@ -234,7 +234,7 @@ class Arm(Immutable, ABC):
         if shapes is not None:
             from armcontour.robot.scene import ArmShapes
 
-            checks.check_type("with_shapes", shapes, ArmShapes)
+            checks.check_type("shapes", shapes, ArmShapes)
         for shape in () if shapes is None else shapes.shapes:
             if not 0 <= shape.link <= self.dof:
                 raise InvalidInput(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -14,12 +14,16 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame, rotations
 from armcontour.core.quantities import (
     Axes,
+    Convert,
     CoulombFrictions,
+    Inertia,
+    Items,
     JointArmatures,
+    Key,
     Mass,
     Name,
     Quantity,
@@ -30,10 +34,19 @@ from armcontour.core.quantities import (
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
 LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
+# A file has the components xx, xy, xz, yy, yz and zz of the symmetric tensor.
+TENSOR = Key(
+    hint=Annotated[
+        list[Inertia],
+        Items(6, 6),
+        Convert(lambda x: np.array(x)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]),
+    ],
+    text="xx, xy, xz, yy, yz and zz about the centre of mass, along the axes of the tip [kg m²]; a "
+    "point by default.",
+)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Payload(Checked):
     """A load at the tool, in the frame of the chain's tip.
 
@@ -52,10 +65,10 @@ class Payload(Checked):
     """
 
     mass: Mass = field(kw_only=False)
-    center: Annotated[FloatArray, LENGTH, Axes(3)] = field(
+    center: Annotated[FloatArray, Quantity("m", "5 mm"), Axes(3)] = field(
         default_factory=lambda: np.zeros(3), kw_only=False
     )
-    inertia: Annotated[FloatArray, INERTIA, Axes(3, 3)] = field(
+    inertia: Annotated[FloatArray, INERTIA, Axes(3, 3), TENSOR] = field(
         default_factory=lambda: np.zeros((3, 3))
     )
 
@@ -63,8 +76,7 @@ class Payload(Checked):
         check_inertia("the payload", self.inertia)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Chain(Checked):
     """Revolute joints in series, each with the link after the joint; arrays have one row per joint.
 

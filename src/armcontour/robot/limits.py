@@ -15,7 +15,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked, parts_of
+from armcontour.core.fields import Checked, checked, declared, parts_of
 from armcontour.core.quantities import (
     About,
     AccelerationLimit,
@@ -65,8 +65,7 @@ class Limit:
         return self.quantity.words
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Limits(Checked):
     """Limits of the joints and of the tool.
 

@@ -9,10 +9,9 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Axes, Choice, Distance, Length, Name, Quantity, Size
 
@@ -30,8 +29,7 @@ class Shape(Checked, ABC):
         """Centre [m], (3,), and radius [m] of a bounding ball."""
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Sphere(Shape):
     """A ball about the origin."""
 
@@ -43,8 +41,7 @@ class Sphere(Shape):
         return np.zeros(3), self.radius
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Capsule(Shape):
     """All points near a segment of the z axis that is centred at the origin."""
 
@@ -57,8 +54,7 @@ class Capsule(Shape):
         return np.zeros(3), self.length / 2 + self.radius
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Cylinder(Shape):
     """A round cylinder along the z axis, centred at the origin."""
 
@@ -71,8 +67,7 @@ class Cylinder(Shape):
         return np.zeros(3), float(np.hypot(self.length / 2, self.radius))
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Box(Shape):
     """A box about the origin."""
 
@@ -85,8 +80,7 @@ class Box(Shape):
         return np.zeros(3), float(np.linalg.norm(self.size) / 2)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class HalfSpace(Shape):
     """All points below the plane z = 0, such as a table or a floor."""
 
@@ -96,8 +90,7 @@ class HalfSpace(Shape):
         return np.zeros(3), np.inf
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
+@declared(eq=False, weakref_slot=True)
 class Mesh(Shape):
     """A triangle mesh; distances are those of its convex hull or of the triangles."""
 
@@ -228,8 +221,7 @@ AT_BASE: Literal["base"] = "base"
 NO_FLOOR: Literal["none"] = "none"
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class Margins(Checked):
     """Smallest allowed distances between bodies, by the kind of pair.
 
@@ -247,8 +239,7 @@ class Margins(Checked):
 MARGINS = Margins()
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Obstacle(Checked):
     """A body in the cell.
 
@@ -275,8 +266,7 @@ class Obstacle(Checked):
     allow: tuple[Name, ...] = ()
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Scene(Checked):
     """The obstacles in an arm's cell.
 

@@ -135,7 +135,7 @@ def simulate(
 
 def check_joints(set_points: SetPoints, arm: Arm) -> None:
     """Raise an error if set-points and arm have different numbers of joints."""
-    checks.check_type("A plant", set_points, SetPoints)
+    checks.check_type("set_points", set_points, SetPoints)
     if set_points.q.shape[1] != arm.dof:
         raise InvalidInput(
             f"The set-points and the arm must have the same joints, but the set-points have "

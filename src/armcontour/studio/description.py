@@ -7,19 +7,18 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import About
-from armcontour.core.text import describe_fields
+from armcontour.core.text import Keys
 from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_model import JobModel, RunModel
-from armcontour.files.job_text_edits import Keys, key_in, line_of, value_at
-from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
+from armcontour.files.job_text_edits import line_of, value_at
+from armcontour.files.keys import key_fields, kinds_of_keys, leaves, quantity_of
 from armcontour.files.patch import full_key, locate_key
-from armcontour.files.si_data import alternatives, quantity_of
 from armcontour.files.units import unit_of
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
@@ -152,7 +151,7 @@ def document_frame(document: Document, state: JobState, run: str) -> PageFrame:
         "draft": None if document.earlier is None else document.source,
         "start": document.key == START,
         "sentence": None if state.error is None else str(state.error),
-        "line": state.error and line_of(document.text, key_in(str(state.error)).split(".")),
+        "line": None if state.error is None else line_of(document.text, state.error.key),
     }
     return PageFrame("document", header)
 
@@ -237,20 +236,15 @@ def settings(
     kind_of_file: type = JobModel, outer: Keys = ()
 ) -> Iterator[tuple[Keys, About, Any, str]]:
     """Yield the keys with an `About`: key path, `About`, annotation and description."""
-    overrides, texts = (
-        KEY_OVERRIDES.get(kind_of_file, KeyOverrides()),
-        describe_fields(kind_of_file),
-    )
-    hints = get_type_hints(kind_of_file, include_extras=True)
-    for field in dataclasses.fields(kind_of_file):
-        if field.name in overrides.omit:
-            continue
-        keys, hint = (*outer, overrides.names.get(field.name, field.name)), hints[field.name]
-        for about in getattr(hint, "__metadata__", ()):
+    order = [x.name for x in dataclasses.fields(kind_of_file)]
+    fields = sorted(key_fields(kind_of_file).items(), key=lambda x: order.index(x[1].name))
+    for key, field in fields:
+        keys = (*outer, key)
+        for about in getattr(field.hint, "__metadata__", ()):
             if isinstance(about, About):
-                yield keys, about, hint, texts[field.name]
-        for kind in alternatives(hint):
-            if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+                yield keys, about, field.hint, field.text
+        for leaf in leaves(field.hint):
+            for kind in kinds_of_keys(leaf):
                 yield from settings(kind, keys)
 
 

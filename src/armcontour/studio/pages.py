@@ -12,7 +12,6 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.files.job_text_edits import key_in
 from armcontour.studio.description import document_frame
 from armcontour.studio.editor import Editor, Revision
 from armcontour.studio.handles import is_blank
@@ -232,7 +231,7 @@ class Display:
             self.show_document()
         facts = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
         about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
-        self.send(PageFrame("refusal", {**facts, **about, "key": key_in(str(error))}))
+        self.send(PageFrame("refusal", {**facts, **about, "key": ".".join(map(str, error.key))}))
         if dropped:
             self.show()
 

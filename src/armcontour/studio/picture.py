@@ -13,7 +13,6 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
 from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data
-from armcontour.files.job_text_edits import key_in
 from armcontour.geometry import Path, RoundedPath
 from armcontour.jobs import Run
 from armcontour.jobs.verdict import time_limit_row
@@ -152,7 +151,7 @@ def refusal_header(
     return {
         **{"tier": tier, "run": run, "sentence": str(error)},
         **{"error": type(error).__name__, "exit": error.exit_code, "limit": error.limit},
-        **{"needed": error.needed, "allowed": error.allowed, "key": key_in(str(error))},
+        **{"needed": error.needed, "allowed": error.allowed, "key": ".".join(map(str, error.key))},
         "at": {name: x for name, x in position.items() if x is not None},
     }
 

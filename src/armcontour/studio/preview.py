@@ -17,9 +17,10 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress
 from armcontour.files.job_arm import arm_of
-from armcontour.files.job_file import assemble_job, model_of
+from armcontour.files.job_file import assemble_job
 from armcontour.files.job_model import JobModel
 from armcontour.files.job_path import part_of, placed_path, unplaced_path
+from armcontour.files.keys import read_keys
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
@@ -311,7 +312,9 @@ def path_only(data: Mapping[str, Any]) -> dict[str, Any]:
 def _model_of(data: Mapping[str, Any]) -> JobModel:
     if not isinstance(data, Mapping):
         raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
-    return model_of(JobModel, data, "job")
+    with error_context("job"):
+        model: JobModel = read_keys(JobModel, data)
+    return model
 
 
 def _expect_errors(job: Job, run: Run, executed: Execution, path: Program) -> ExpectedErrors | None:

@@ -387,7 +387,7 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
     ]
     refusals(lambda x: export(six, tmp_path / x[0], **x[1]), [((a, b), c) for a, b, c in cases])
     wrong = [
-        (lambda: URScriptFormat(outputs=["tool"]), "needs a mapping"),
+        (lambda: URScriptFormat(outputs=["tool"]), "must be a mapping"),
         (lambda: CsvFormat(derivatives=3), "derivatives ... from 0 to 2"),
         (lambda: RosYamlFormat(outputs={"tool": 0}), "no argument 'outputs'"),
         (lambda: TemplateFormat(), "needs template"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -13,8 +12,8 @@ from armcontour.control.compensation.set_points import SETTLING, set_point_times
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Options, checked
-from armcontour.core.quantities import About
+from armcontour.core.fields import Options, checked, declared
+from armcontour.core.quantities import About, Items, Key, Pole
 from armcontour.motion import DEFAULT_CYCLE, LONGEST_CLOCK, SetPoints, Trajectory, check_cycle
 from armcontour.motion.set_point_check import check_set_points, describe_excess
 from armcontour.robot import Arm, Limits
@@ -22,10 +21,16 @@ from armcontour.robot.servo import ServoModel
 
 # Relative tolerance of durations, which have rounding errors because they are sums.
 DURATION_TOLERANCE = 1e-9
+# Poles in a file.
+POLES = Key(
+    hint=Annotated[
+        Annotated[list[Pole], Items(3, 3)] | list[Annotated[list[Pole], Items(3, 3)]] | None,
+        About(),
+    ]
+)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class CompensationOptions(Options):
     """Options of all methods of `compensate`; base of the options of each method.
 
@@ -42,8 +47,7 @@ class CompensationOptions(Options):
     command_limits: Limits | None = None
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Inverse(CompensationOptions):
     """Exact inverse of the unsaturated servo; options are those of `CompensationOptions`.
 
@@ -58,8 +62,7 @@ class Inverse(CompensationOptions):
     method = "inverse"
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class PolePlacement(CompensationOptions):
     """The paper's compensator (26) for servos of order "second"; extends `CompensationOptions`.
 
@@ -73,11 +76,10 @@ class PolePlacement(CompensationOptions):
     """
 
     method = "pole_placement"
-    poles: Annotated[npt.ArrayLike | None, About()] = None
+    poles: Annotated[npt.ArrayLike | None, About(), POLES] = None
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class InverseDynamics(CompensationOptions):
     """Inverse of drives that move the arm's rigid bodies; extends `CompensationOptions`.
 
@@ -100,8 +102,7 @@ class InverseDynamics(CompensationOptions):
     controller: Arm | None = None
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class NoCompensation(CompensationOptions):
     """Set-points on the trajectory without time advance; options as in `CompensationOptions`.
 

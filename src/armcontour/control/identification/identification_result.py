@@ -337,7 +337,7 @@ class Prediction(Result):
         Raises:
             InvalidInput: The arm has another number of joints.
         """
-        checks.check_type("tool_errors", arm, Arm)
+        checks.check_type("arm", arm, Arm)
         if arm.dof != self.log.dof:
             raise InvalidInput(
                 f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "

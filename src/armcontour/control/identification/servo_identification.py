@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, ClassVar
 
@@ -34,7 +34,7 @@ from armcontour.control.identification.servo_validation import MAX_WEAK, RECORD,
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Options, checked
+from armcontour.core.fields import Options, checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Choice, Interval, Quantity
 from armcontour.core.sampling import white_noise
@@ -51,8 +51,7 @@ MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": 
 INTERVALS = (5e-5, 0.1)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class ServoFit(Options):
     """Options of `identify` for independent joint servos.
 

@@ -10,10 +10,9 @@ import numpy as np
 from armcontour.control.identification.joint_fit import split_logs
 from armcontour.control.identification.saturation_detection import LEAST_SHARE, find_saturation
 from armcontour.control.learning.lifted_model import Lifted
-from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
@@ -31,8 +30,7 @@ SATURATED = "Learning assumes a linear response: plan with a larger reserve."
 MAX_GAPS = 0.1
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class Recording(Checked):
     """Measured joint positions over time.
 

@@ -6,13 +6,12 @@ import dataclasses
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.file_access import SMALL
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import (
@@ -104,8 +103,7 @@ MAX_COORDINATE = 1e6
 UNKNOWN = ("refuse", "skip")
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class ReadOptions(Checked):
     """Options for reading a drawing, G-code or a table of waypoints.
 

@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 from armcontour.core import checks, staging
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import AtLeast
 from armcontour.files.exports.ros import GoalTolerances, select_points, write_ros_yaml
 from armcontour.files.exports.table import SetPointTable, make_table, write_csv
@@ -82,8 +82,7 @@ class ExportFormat(Checked):
         raise NotImplementedError
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class CsvFormat(ExportFormat):
     """Table as CSV text (.csv).
 
@@ -104,8 +103,7 @@ class CsvFormat(ExportFormat):
         write_csv(table, file)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class RosYamlFormat(ExportFormat):
     """A trajectory_msgs/msg/JointTrajectory of ROS 2 as YAML text (.yaml).
 
@@ -149,8 +147,7 @@ class RosYamlFormat(ExportFormat):
         write_ros_yaml(self.select(table), file, tolerances=self.tolerances)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class URScriptFormat(ExportFormat):
     """Program for robots of Universal Robots (.script).
 
@@ -174,8 +171,7 @@ class URScriptFormat(ExportFormat):
         write_urscript(table, file, self.outputs, call=self.call)
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class TemplateFormat(ExportFormat):
     """Robot program that a jinja2 template generates.
 

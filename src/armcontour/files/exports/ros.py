@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path as FilePath
 from textwrap import indent
@@ -15,7 +15,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Duration, Quantity
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.files.exports.table import (
@@ -42,8 +42,7 @@ SETTLING = 0.5
 TOLERANCE = "- name: %s\n  position: %.6f\n  velocity: 0.0\n  acceleration: 0.0\n"
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class GoalTolerances(Checked):
     """Tolerances of a goal of the action FollowJointTrajectory.
 

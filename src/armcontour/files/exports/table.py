@@ -91,7 +91,7 @@ class SetPointTable(Checked):
 
     def _check_together(self) -> None:
         analog = {
-            key: checks.freeze_numbers(f"analog output {key} of {self.name!r}", x)
+            key: checks.freeze(checks.check_numbers(f"analog output {key} of {self.name!r}", x))
             for key, x in self.analog.items()
         }
         object.__setattr__(self, "analog", MappingProxyType(analog))
@@ -239,7 +239,7 @@ def tabulate(
         derivatives = 0 if about.get("command_limits") is not None else 2
     checks.check_int("derivatives", derivatives, 0, 2)
     if arm is not None:
-        checks.check_type("export", arm, Arm)
+        checks.check_type("arm", arm, Arm)
         if arm.dof != dof:
             raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
     if joint_names is None:

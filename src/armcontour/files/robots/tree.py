@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path as FilePath
 
-from armcontour.core import checks
 from armcontour.core.checks import check_name
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.file_access import ENDINGS
 from armcontour.core.text import list_some, plain_number, show
 
@@ -24,8 +23,7 @@ MAX_CHARACTERS = 1000
 ANY_OPTIONS = ("joint_limits", "srdf", "calibration")
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
+@declared()
 class ArmOptions(Checked):
     """Options for loading an arm.
 

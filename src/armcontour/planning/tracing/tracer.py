@@ -105,7 +105,7 @@ def trace_all(
         )
     checks.positive("tracing tolerance", tolerance, "m")
     if limits is not None:
-        checks.check_type("trace", limits, Limits)
+        checks.check_type("limits", limits, Limits)
         arm = arm.with_limits(limits)
     if isinstance(arm, PlanarTwoLink):
         if seed is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import DEAD_TIME, About, AtLeast, Choice, OwnAccelerations, Quantity
 
 INTERPOLATIONS = ("linear", "step", "cubic")
@@ -56,8 +56,7 @@ FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", within=(0.0, MAX_FEE
 AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, np.pi))]
 
 
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@declared(eq=False)
 class ServoModel(Checked):
     """Model of the joint servos: response of each joint to its command u, with dead time `tau`.
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.quantities import Quantity
-from armcontour.files.file_keys import MappingKeys, read_keys
 from armcontour.files.job_model import PathModel
 from armcontour.files.job_path import FILE_OPTIONS, path_of
 from armcontour.files.job_text_edits import Change, change_data
+from armcontour.files.keys import read_keys
 from armcontour.files.units import write_like
 from armcontour.geometry import Path
 from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
@@ -161,7 +161,8 @@ def _assigned_keys(path: Path, i: int) -> dict[str, Any]:
 
 def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
     """Raise InvalidInput if the path of the waypoints differs from the path of the drawing."""
-    model = read_keys(MappingKeys(PathModel), written, "the waypoints")
+    with error_context("the waypoints"):
+        model = read_keys(PathModel, written)
     copy = path_of(model, FilePath(), handles.job.arm.dimension)
     assert isinstance(copy, Path)
     alike = len(copy) == len(path) and abs(copy.vertices - path.vertices).max() <= SAME

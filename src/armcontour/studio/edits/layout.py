@@ -10,16 +10,14 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import exp, quaternions, shortest, to_rpy
 from armcontour.core.quantities import Quantity
-from armcontour.core.text import plain_number
-from armcontour.files.file_keys import MappingKeys as Model
-from armcontour.files.file_keys import read_keys
+from armcontour.core.text import Keys, plain_number
 from armcontour.files.job_model import FrameModel, OrientationModel
-from armcontour.files.job_text_edits import Change, Keys, value_at
+from armcontour.files.job_text_edits import Change, value_at
+from armcontour.files.keys import in_si, read_keys
 from armcontour.files.scene_file import rotation_of
-from armcontour.files.si_data import in_si
 from armcontour.files.units import read_quantity, write_like
 from armcontour.geometry.prescribed_orientation import POINTING_DOWN
 from armcontour.studio.edits.keys import format_value
@@ -126,7 +124,8 @@ def _find_orientation(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None,
     orientation = value_at(data, KEYS) or {}
     if isinstance(orientation, list):
         return None
-    model = read_keys(Model(OrientationModel), orientation, "job")
+    with error_context("job"):
+        model = read_keys(OrientationModel, orientation)
     follow = model.follow_tangent
     if model.axis is not None or not orientation:
         axis = np.array([0.0, 0.0, -1.0] if model.axis is None else model.axis)

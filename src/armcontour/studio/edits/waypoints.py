@@ -9,8 +9,8 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import show
-from armcontour.files.job_text_edits import Change, Keys, value_at
+from armcontour.core.text import Keys, show
+from armcontour.files.job_text_edits import Change, value_at
 from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import (
     CENTER,
