@@ -16,7 +16,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.text import count_noun
 from armcontour.robot.chain import Chain, Payload
-from armcontour.robot.limits import DIRECTED, JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
+from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
 
 if TYPE_CHECKING:
     from armcontour.robot.dynamics import Dynamics
@@ -82,7 +82,7 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
         values, arm_values = getattr(limits, name), getattr(arm.limits, name)
         if values is None or arm_values is None or values is arm_values:
             continue
-        requested, has = (_as_ceilings(name, x, arm.dof) for x in (values, arm_values))
+        requested, has = (_as_ceilings(name, x, arm.dof) for x in (limits, arm.limits))
         scale = np.maximum(np.abs(has), 1.0 if name in JOINT_RANGE else 0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
             excess = np.where(
@@ -107,16 +107,14 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
     )
 
 
-def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
-    """Upper bounds, (1, 1) or (1, dof); directed limits have a second row: negated lower bounds."""
-    array = np.asarray(values, dtype=np.float64)
+def _as_ceilings(name: str, limits: Limits, dof: int) -> FloatArray:
+    """Upper bounds, (1, 1) or (rows, dof); the second row has negated lower bounds of a limit."""
     if name in TOOL_LIMITS:
-        return array.reshape(1, 1)
-    if array.ndim == 2:
-        return np.stack([array[:, 1], -array[:, 0]])
-    sign = -1.0 if name == "joint_lower" else 1.0
-    rows = 2 if name in DIRECTED else 1
-    return sign * np.broadcast_to(array, (rows, dof))
+        return np.reshape(getattr(limits, name), (1, 1))
+    low, high = limits.joint_range(dof) if name in JOINT_RANGE else limits.bounds(name, dof)
+    if name == "joint_lower":
+        return -low[None]
+    return high[None] if name == "joint_upper" else np.stack([high, -low])
 
 
 class Arm(Immutable, ABC):

@@ -26,8 +26,8 @@ from armcontour.files.robots.tree import (
 )
 from armcontour.robot.arm import Arm
 from armcontour.robot.chain import Chain, Payload
-from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
-from armcontour.robot.limits import UNITS as LIMIT_UNITS
+from armcontour.robot.limits import LIMITS as RECORDS
+from armcontour.robot.limits import Limits
 from armcontour.robot.planar import LinkTube, PlanarTwoLink
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 from armcontour.robot.serial import SerialArm
@@ -53,11 +53,8 @@ UNITS = {
     "coulomb": "N m",
     "gravity": "m/s^2",
 }
-# Required units of limits; in arm files powers are written as ^2 and ^3.
-LIMITS = {
-    name: LIMIT_UNITS[name].replace("²", "^2").replace("³", "^3")
-    for name in (*JOINT_LIMITS, *JOINT_RANGE)
-}
+# Required units of limits
+LIMITS = {name: x.quantity.unit for name, x in RECORDS.items() if x.kind == "joint"}
 # Arms and links of calibrations of UR, and keys of a link: position [m], and angles [rad].
 CALIBRATED_ARMS = ("ur5e", "ur10e")
 CALIBRATED_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
