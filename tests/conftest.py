@@ -7,15 +7,16 @@ import os
 import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from loky.backend import resource_tracker as loky_tracker
 
 import armcontour as ac
-from armcontour.core.pool import open_lifeline
 from armcontour.geometry import RoundedPath
 
 settings.register_profile(
@@ -64,8 +65,8 @@ def own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
 @pytest.fixture(autouse=True, scope="session")
 def trackers() -> None:
     """Two processes clean up after other processes; they start once and run until Python ends."""
-    for end in open_lifeline():
-        end.close()
+    resource_tracker.ensure_running()
+    loky_tracker.ensure_running()
 
 
 # Dask keeps the thread in which it packs messages until Python ends.

@@ -200,3 +200,15 @@ def test_an_earlier_result_has_the_derivatives_that_its_run_had(method, tmp_path
     # Set-points have 12 decimals in a result, the derivatives of a spline follow.
     atol = 1e-11 if method == "none" else 2e-6
     np.testing.assert_allclose(from_file.ddq, expected.ddq, atol=atol)
+
+
+def test_a_refused_folder_is_not_locked(tmp_path, monkeypatch):
+    def fail(*_, **options):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(FilePath, "mkdir", lambda x, *_, **y: fail() if x.name[0] == "." else None)
+        with pytest.raises(InvalidInput, match="No space left on device; free some space"):
+            ResultFolder(tmp_path)
+    write(tmp_path, ["report.html"])
+    assert contents(tmp_path) == {"report.html", "summary.json"}

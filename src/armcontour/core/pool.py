@@ -124,14 +124,14 @@ class ProcessPool(Executor):
                 return cast(Future[R], self._pool.submit(fn, *args, **kwargs))
         from loky import ProcessPoolExecutor
 
-        reader, self._writer = open_lifeline()
-        self._pool = ProcessPoolExecutor(
-            self._max_workers,
-            initializer=begin_process,
-            initargs=(reader, gc.get_threshold()),
-            env=ENVIRONMENT,
-        )
-        return cast(Future[R], self._pool.submit(fn, *args, **kwargs))
+        with starting_processes() as (lifeline, self._writer):
+            self._pool = ProcessPoolExecutor(
+                self._max_workers,
+                initializer=begin_process,
+                initargs=(lifeline, gc.get_threshold()),
+                env=ENVIRONMENT,
+            )
+            return cast(Future[R], self._pool.submit(fn, *args, **kwargs))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Kill the processes; unfinished work is lost."""
@@ -139,23 +139,33 @@ class ProcessPool(Executor):
             self._pool.shutdown(wait, kill_workers=True)
 
 
-def open_lifeline() -> tuple[Connection, Connection]:
-    """Both ends of a pipe; processes with the first end when this process closes the second."""
+@contextmanager
+def starting_processes() -> Iterator[tuple[Connection, Connection]]:
+    """Context in which processes are started; yields both ends of a pipe.
+
+    Processes with the first end (`begin_process`) end when this process closes the second.
+    """
     from multiprocessing import Pipe, resource_tracker
 
     from loky.backend import resource_tracker as loky_tracker
 
-    # These processes must not import from the current folder, like the processes of the pool.
+    # Also the processes that clean up after others must not import from the current folder.
     before = os.environ.get("PYTHONSAFEPATH")
     os.environ["PYTHONSAFEPATH"] = "1"
+    resource_tracker.ensure_running()
+    loky_tracker.ensure_running()
+    del os.environ["PYTHONSAFEPATH"]
+    if before is not None:
+        os.environ["PYTHONSAFEPATH"] = before
+    if not hasattr(signal, "pthread_sigmask"):
+        yield Pipe(duplex=False)
+        return
+    # The terminal interrupts all processes, but only this one handles interrupts.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        resource_tracker.ensure_running()
-        loky_tracker.ensure_running()
+        yield Pipe(duplex=False)
     finally:
-        del os.environ["PYTHONSAFEPATH"]
-        if before is not None:
-            os.environ["PYTHONSAFEPATH"] = before
-    return Pipe(duplex=False)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def begin_process(lifeline: Connection, threshold: tuple[int, int, int]) -> None:

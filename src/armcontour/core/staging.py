@@ -7,8 +7,8 @@ import os
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path as FilePath
 
@@ -29,7 +29,7 @@ FIXES = {
     **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "choose a location in an existing folder"),
 }
 
-# Held while results are moved into place; a thread that ends the program waits for it.
+# Held while results are moved into place; a signal waits for it before it ends the program.
 _placing = threading.Lock()
 # Hidden folders of this process, each with its destination and the folders created for it.
 _open: dict[FilePath, tuple[FilePath, list[FilePath]]] = {}
@@ -49,27 +49,30 @@ class Staging:
     def __init__(self, destination: FilePath, name: FilePath) -> None:
         self.folder = destination / NEXT
         # A signal must not end the program between these steps.
-        with moving():
+        with _placing:
             above = [destination, *destination.parents]
             missing = above[: next(k for k, x in enumerate(above) if x.exists())]
             destination.mkdir(parents=True, exist_ok=True)
             self._release = lock(destination, name)
             old = self.folder / OLD
-            if old.is_dir() and any(old.iterdir()):
+            try:
+                if old.is_dir() and any(old.iterdir()):
+                    raise InvalidInput(
+                        f"A run was killed while it replaced the result in {name}. Move the files "
+                        f"in {old} elsewhere, and remove {self.folder}."
+                    )
+                shutil.rmtree(self.folder, ignore_errors=True)
+                self.folder.mkdir()
+            except (InvalidInput, OSError):
                 self._release()
-                raise InvalidInput(
-                    f"A run was killed while it replaced the result in {name}. Move the "
-                    f"files in {old} elsewhere, and remove {self.folder}."
-                )
-            shutil.rmtree(self.folder, ignore_errors=True)
-            self.folder.mkdir()
+                raise
             _open[self.folder] = name, missing
 
     def move(self, moves: Sequence[tuple[FilePath, FilePath]]) -> None:
         """Rename files and folders, in order; if one rename fails, all are renamed back."""
         for source, _ in moves:
             source.lstat()
-        with moving():
+        with _placing:
             try:
                 for source, target in moves:
                     os.rename(source, target)
@@ -108,14 +111,6 @@ def lock(folder: FilePath, name: FilePath) -> Callable[[], None]:
     return lambda: None
 
 
-@contextmanager
-def moving() -> Iterator[None]:
-    """Context in which results are moved into place; signals do not end the program meanwhile."""
-    # Only renames belong in this context, so that it is short.
-    with _placing:
-        yield
-
-
 def unwritable(target: object, error: OSError) -> InvalidInput:
     """Error for a destination that cannot be written, with a fix."""
     advice = FIXES.get(error.errno or 0, "choose another location")
@@ -125,12 +120,12 @@ def unwritable(target: object, error: OSError) -> InvalidInput:
 def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> None:
     """Write a file completely, or not at all; raises InvalidInput if writing fails."""
     try:
-        with moving():
+        with _placing:
             folder = FilePath(tempfile.mkdtemp(prefix=PREFIX, dir=file.parent))
             _open[folder] = file, []
         try:
             write(folder / file.name)
-            with moving():
+            with _placing:
                 os.replace(folder / file.name, file)
         finally:
             _remove(folder, _open.pop(folder)[1])

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from threading import Event, RLock, Thread
+from threading import Event, RLock
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -260,12 +260,9 @@ class Scheduler:
 
     def close(self) -> None:
         """End the task processes and the worker threads."""
-        workers = [x for x in (self._figures_worker, self._task_worker) if x is not None]
-        closing = [Thread(target=x.close, daemon=True) for x in workers]
-        for thread in closing:
-            thread.start()
-        for thread in closing:
-            thread.join()
+        for worker in (self._figures_worker, self._task_worker):
+            if worker is not None:
+                worker.close()
         self._done.set()
         self._preview_worker.close()
         self._detail_worker.close()

@@ -10,7 +10,7 @@ from threading import Condition, Thread
 from typing import Any, Protocol, TypeAlias
 
 from armcontour.core.errors import ArmContourError
-from armcontour.core.pool import ENVIRONMENT, ProcessEnded, open_lifeline
+from armcontour.core.pool import ENVIRONMENT, ProcessEnded, starting_processes
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.dispatch import TaskInput, serve
 
@@ -78,11 +78,11 @@ class TaskProcess:
 
         from loky.backend.process import LokyProcess
 
-        lifeline, self._writer = open_lifeline()
         self._tasks, other_end = Pipe()
-        arguments = other_end, lifeline, gc.get_threshold()
-        self._process = LokyProcess(target=serve, args=arguments, daemon=True, env=ENVIRONMENT)
-        self._process.start()
+        with starting_processes() as (lifeline, self._writer):
+            arguments = other_end, lifeline, gc.get_threshold()
+            self._process = LokyProcess(target=serve, args=arguments, daemon=True, env=ENVIRONMENT)
+            self._process.start()
         self.is_killed = False
         other_end.close()
 
