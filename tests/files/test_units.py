@@ -9,14 +9,14 @@ import pytest
 from tests.files.tables import refusals
 
 from armcontour.core.quantities import Quantity
-from armcontour.files.csv_table import Title, read_table
-from armcontour.files.units import (
+from armcontour.core.units import (
     UNIT_FACTORS,
     parse_quantity,
     read_quantity,
     unit_of,
     write_like,
 )
+from armcontour.files.csv_table import Title, read_table
 
 
 def test_numbers_and_text_are_read():

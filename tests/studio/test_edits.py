@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from tests.files.tables import change_text
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.units import parse_quantity
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.cell import cell_names, cell_text
 from armcontour.files.job_text_edits import change_data, value_at
 from armcontour.files.patch import key_of, locate_key
-from armcontour.files.units import parse_quantity
 from armcontour.studio.description import slider_rows
 from armcontour.studio.edits import EDITS, changes_of
 from armcontour.studio.edits.keys import remove_run

@@ -173,7 +173,7 @@ def to_formats(texts: list[str]) -> list[str]:
 def _read(option: str, text: str, kind: Any) -> float:
     """Read a quantity of an option in SI units; values other than 0 require a unit."""
     from armcontour.core.errors import InvalidInput
-    from armcontour.files.units import read_quantity
+    from armcontour.core.units import read_quantity
 
     quantity = get_args(kind)[1]
     plain = text.strip()

@@ -1,6 +1,6 @@
 """Kinds of quantities, as annotations of fields: unit, example, range.
 
-`core/fields.py` checks fields by them, `files/keys.py` reads keys of files, and `files/units.py`
+`core/fields.py` checks fields by them, `files/keys.py` reads keys of files, and `core/units.py`
 converts text of users.
 """
 

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import LONGEST, list_some, parse_number, show
-from armcontour.files.units import parse_quantity
+from armcontour.core.units import parse_quantity
 
 Key = TypeVar("Key", bound=Hashable)
 NUMBER = re.compile(

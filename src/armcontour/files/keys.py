@@ -38,7 +38,7 @@ from armcontour.core.quantities import (
     Quantity,
 )
 from armcontour.core.text import Keys, describe_fields, key_text, show, suggest
-from armcontour.files.units import read_quantity
+from armcontour.core.units import read_quantity
 
 # Values by key path in a job file, from the outermost key.
 Patch: TypeAlias = Mapping[Keys, Any]

@@ -12,7 +12,7 @@ from armcontour.core import file_access
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
-from armcontour.files.units import parse_quantity
+from armcontour.core.units import parse_quantity
 from armcontour.robot.scene import LARGEST, SMALLEST, Mesh
 
 MESHES = (".stl", ".obj")

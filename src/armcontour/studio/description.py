@@ -14,12 +14,12 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import About
 from armcontour.core.text import Keys
+from armcontour.core.units import unit_of
 from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_model import JobModel, RunModel
 from armcontour.files.job_text_edits import line_of, value_at
 from armcontour.files.keys import key_fields, kinds_of_keys, leaves, quantity_of
 from armcontour.files.patch import full_key, locate_key
-from armcontour.files.units import unit_of
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
 from armcontour.studio.document import Document

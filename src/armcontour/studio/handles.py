@@ -15,13 +15,13 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import Keys, show
+from armcontour.core.units import unit_of, write_like
 from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import FrameModel, PathModel
 from armcontour.files.job_text_edits import Change, change_data
 from armcontour.files.keys import in_si
 from armcontour.files.scene_file import SceneModel
-from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job
 from armcontour.studio.view import Plane, in_space
 

@@ -22,7 +22,7 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.core.text import digits, make_printable, shorten
-from armcontour.files.units import parse_quantity
+from armcontour.core.units import parse_quantity
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.tangent_repair import RepairedPath, repair_tangents
 from armcontour.program import Contour, Program

@@ -13,11 +13,11 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.quantities import Quantity
+from armcontour.core.units import write_like
 from armcontour.files.job_model import PathModel
 from armcontour.files.job_path import FILE_OPTIONS, path_of
 from armcontour.files.job_text_edits import Change, change_data
 from armcontour.files.keys import read_keys
-from armcontour.files.units import write_like
 from armcontour.geometry import Path
 from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
 

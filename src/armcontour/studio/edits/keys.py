@@ -14,11 +14,11 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import Keys, plain_number, show
+from armcontour.core.units import unit_of, write_like
 from armcontour.files.job_model import JobModel
 from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_at
 from armcontour.files.keys import quantity_of
 from armcontour.files.patch import IN_RUN, MERGED, arm_keys, key_of, locate_key, resolve_patch
-from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job, Run
 from armcontour.studio.handles import EditState
 

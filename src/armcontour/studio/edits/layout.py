@@ -14,11 +14,11 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import exp, quaternions, shortest, to_rpy
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import Keys, plain_number
+from armcontour.core.units import read_quantity, write_like
 from armcontour.files.job_model import FrameModel, OrientationModel
 from armcontour.files.job_text_edits import Change, value_at
 from armcontour.files.keys import in_si, read_keys
 from armcontour.files.scene_file import rotation_of
-from armcontour.files.units import read_quantity, write_like
 from armcontour.geometry.prescribed_orientation import POINTING_DOWN
 from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import ANGLE, EXACT, LENGTH, EditState, Handles, uv_of
