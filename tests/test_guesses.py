@@ -10,6 +10,7 @@ import pytest
 
 import armcontour as ac
 
+DRAWING = Path(__file__).parents[1] / "examples" / "drawings" / "gasket.dxf"
 ARM = ac.load_arm("pmk3s")
 LIMITS = ARM.limits.replace(speed=0.1)
 CORNER = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20), (0.33, 0.23)])
@@ -36,6 +37,33 @@ def test_a_path_of_segments_and_a_closed_polyline() -> None:
 
     assert ac.Path(lines).length == pytest.approx(0.7)
     assert ac.Path.polyline([x.start for x in lines] + [lines[1].end], closed=True).length == 1.2
+
+
+def test_quantities_are_texts_with_units_as_in_files() -> None:
+    limits = ac.Limits(speed="100 mm/s", joint_velocity=["90 deg/s", 1.0])  # type: ignore
+
+    assert limits.speed == 0.1
+    assert limits.joint_velocity == pytest.approx([np.pi / 2, 1.0])
+    assert ac.Limits(joint_velocity=[["-1 rad/s", "90 deg/s"]]).joint_velocity[0, 0] == -1.0  # type: ignore
+    assert LIMITS.replace(speed="inf").lifted >= {"speed"}
+    assert ac.Optimal(reserve="5 %").reserve == 0.05  # type: ignore
+    assert ac.ServoModel(25.0, 150.0, dead_time="4 ms").dead_time == 4e-3  # type: ignore
+    assert ac.round_corners(CORNER, "1 mm").length == ROUNDED.length
+    assert len(PLANNED.sample("0.1 s").t) == len(PLANNED.sample(0.1).t)  # type: ignore
+    for wrong, words in (
+        ("5", "has no unit"),
+        ("1 kg", "must be a quantity in m/s"),
+        ("-1 m/s", "must be above zero, but is -1 m/s"),
+    ):
+        with pytest.raises(ac.InvalidInput, match=words):
+            ac.Limits(speed=wrong)  # type: ignore
+
+
+def test_a_drawing_and_a_cell_are_a_job() -> None:
+    job = ac.read_job(DRAWING, cell="ur5e")
+
+    assert job.arm.name == "UR5e"
+    assert job.program.length == ac.read_path(DRAWING).length
 
 
 def test_a_two_link_arm_has_its_first_joint_at_the_origin() -> None:

@@ -91,19 +91,11 @@ def is_job(file: FilePath) -> bool:
 def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *groups: Any) -> Job:
     """Read a job file, or combine a drawing with a cell; `groups`: more options with job keys."""
     from armcontour.files import read_job
-    from armcontour.files.cell import read_cell
 
     patch, options = read_patch(job_options, *groups)
     file, progress = find_file(file, job_options.cell), subprogress(progress, "reading")
     with name_options(options):
-        if job_options.cell is None:
-            return read_job(file, patch=patch, reading=progress)
-        return read_cell(
-            job_options.cell,
-            file,
-            patch=patch,
-            reading=progress,
-        )
+        return read_job(file, cell=job_options.cell, patch=patch, reading=progress)
 
 
 def find_file(file: FilePath, cell: str | None) -> FilePath:

@@ -474,7 +474,7 @@ ORIGINS = {
     "SegmentLimits": "such as SegmentLimits(speed=0.1)",
     "Execution": "as simulate returns it",
     "Frame": "such as Frame(position=(0.4, 0, 0.1))",
-    "Job": "as read_job returns it",
+    "Job": "such as read_job('job.yaml') or read_job('part.dxf', cell='ur5e')",
     "Lead": "such as program.Lead(length=0.005)",
     "Limits": "such as arm.limits",
     "Payload": "such as Payload(mass=2.0)",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cache, wraps
 from types import NoneType, UnionType
 from typing import (
@@ -34,6 +34,7 @@ from armcontour.core.checks import Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import AtLeast, Axes, Choice, Named, Quantity
 from armcontour.core.text import shorten, show
+from armcontour.core.units import read_quantity
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -374,6 +375,9 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
         (len(x.axes), [(i, n) for i, n in enumerate(x.axes) if isinstance(n, int)]) for x in shapes
     ]
 
+    # The range of texts is checked with that of numbers.
+    written = replace(quantity, sign="any", within=None) if quantity and quantity.unit else None
+
     def freeze(value: Any, who: str) -> Any:
         return _freeze_array(value, kind, who, unit)
 
@@ -389,6 +393,8 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
                 few = np.array(value)
                 few.setflags(write=False)
                 return few
+        if written is not None and isinstance(value, str | list | tuple):
+            value = texts_to_si(value, written, who)
         array = freeze(value, who)
         fits = shapes[0].axes == (...,) or any(
             array.ndim == n and all(array.shape[i] == x for i, x in fixed) for n, fixed in lengths
@@ -403,6 +409,16 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
         return float(array) if shapes is SINGLE else array
 
     return freeze if quantity is None and shapes is ANY_SHAPE else read
+
+
+def texts_to_si(value: Any, quantity: Quantity, who: str) -> Any:
+    """A number, or lists of numbers, with texts such as "5 mm" converted to SI units."""
+    if isinstance(value, list | tuple):
+        return [texts_to_si(x, quantity, who) for x in value]
+    try:
+        return read_quantity(value, quantity) if isinstance(value, str) else value
+    except ValueError as error:
+        raise InvalidInput(f"{who}: {str(error).rstrip('.')}.") from None
 
 
 def _freeze_array(value: Any, kind: Any, who: str, unit: str) -> Any:

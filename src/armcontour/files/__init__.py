@@ -4,7 +4,8 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "exports.table": "write_planned write_set_points write_torque",
-    "job_file": "json_schema parse_job read_job",
+    "cell": "read_job",
+    "job_file": "json_schema parse_job",
     "robot_file": "read_limits",
     "mesh_file": "read_mesh",
     "patch": "parse_set",

@@ -27,8 +27,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import compare, jsonable, lay_out
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.text import count_noun, short_repr, show
-from armcontour.files.cell import read_cell
-from armcontour.files.job_file import read_job
+from armcontour.files.cell import read_job
 from armcontour.files.patch import Patch, key_of
 from armcontour.jobs import Job, run
 
@@ -201,9 +200,7 @@ class _Reader:
     cell: str | None
 
     def read(self, patch: Patch) -> Job:
-        if self.cell is None:
-            return read_job(self.file, patch=patch)
-        return read_cell(self.cell, self.file, patch=patch)
+        return read_job(self.file, cell=self.cell, patch=patch)
 
     def read_first(self, patches: Sequence[Patch]) -> Job:
         """Read the first valid job; raise the error of the first job if all are invalid."""

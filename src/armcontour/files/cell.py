@@ -8,13 +8,15 @@ from importlib import resources
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME
 from armcontour.core.errors import InvalidInput, error_context
+from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import PartialFields
 from armcontour.core.text import make_printable, shorten
 from armcontour.files.job_arm import arm_of
-from armcontour.files.job_file import file_context, job_of, job_text, read_data
+from armcontour.files.job_file import file_context, job_of, job_text, parse_job, read_data
 from armcontour.files.job_model import CellModel, PathModel
 from armcontour.files.job_path import part_of, read_drawing
 from armcontour.files.job_text_edits import REMOVE, move_files
@@ -46,6 +48,45 @@ def cell_text(name: str) -> str:
         )
     file = resources.files("armcontour.files") / "cells" / f"{name}.yaml"
     return file.read_text(encoding="utf-8")
+
+
+@checked
+def read_job(
+    file: str | FilePath,
+    *,
+    cell: str | FilePath | None = None,
+    patch: Patch | None = None,
+    reading: Progress | None = None,
+) -> Job:
+    """Read a job from a YAML file, or from a drawing and a cell.
+
+    >>> job = ac.read_job("job.yaml")
+    >>> job.name
+    'corner'
+    >>> ac.read_job("part.csv", cell="pmk3s").arm.name
+    'PMK-3s'
+
+    Args:
+        file: The job file; with a cell, a drawing, G-code or waypoints.
+        cell: Cell for a drawing: a built-in cell such as "ur5e", or a job file, whose path the
+            drawing replaces.
+        patch: Values by keys that replace the file's own, such as {("limits", "speed"): 0.2}.
+        reading: Called with the progress of reading the job's drawing, as in `read_path`.
+
+    Raises:
+        InvalidInput: The file does not exist or is not YAML, a key is unknown, a value has no unit,
+            or the values are invalid; the message names the key.
+    """
+    location = checks.read_file_path("read_job", file)
+    if cell is not None:
+        return read_cell(cell, location, patch=patch, reading=reading)
+    return parse_job(
+        job_text(location),
+        source=location.name,
+        folder=location.parent,
+        patch=patch,
+        reading=reading,
+    )
 
 
 def read_cell(

@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import ENDINGS
 from armcontour.core.frames import Frame
 from armcontour.files.job_model import ArmModel, FrameModel, ToolModel
@@ -59,8 +59,9 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
     if model.tool is not None and model.tool != ToolModel(shapes=model.tool.shapes):
         tool = frame_of("arm.tool", model.tool)
     work = None if model.work is None else frame_of("arm.work", model.work)
-    name = str(model.name) if model.file is None else folder / model.file
-    return load_arm(name, options, tool=tool, work=work, payload=model.payload)
+    key, name = ("name", str(model.name)) if model.file is None else ("file", folder / model.file)
+    with error_context("", "arm", key):
+        return load_arm(name, options, tool=tool, work=work, payload=model.payload)
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:

@@ -38,38 +38,6 @@ from armcontour.robot.servo import ServoModel
 Model = TypeVar("Model", bound=JobModel)
 
 
-@checked
-def read_job(
-    file: str | FilePath,
-    *,
-    patch: Patch | None = None,
-    reading: Progress | None = None,
-) -> Job:
-    """Read a job from a YAML file.
-
-    >>> job = ac.read_job("job.yaml")
-    >>> job.name
-    'corner'
-
-    Args:
-        file: The file.
-        patch: Values by keys that replace the file's own, such as {("limits", "speed"): 0.2}.
-        reading: Called with the progress of reading the job's drawing, as in `read_path`.
-
-    Raises:
-        InvalidInput: The file does not exist or is not YAML, a key is unknown, a value has no unit,
-            or the values are invalid; the message names the key.
-    """
-    location = checks.read_file_path("read_job", file)
-    return parse_job(
-        job_text(location),
-        source=location.name,
-        folder=location.parent,
-        patch=patch,
-        reading=reading,
-    )
-
-
 def job_text(file: FilePath) -> str:
     """Read the text of a job file."""
     return read_text(file, "job file")

@@ -107,7 +107,8 @@ def read_drawing(
 
     # With `repeat`, `names` can be names of copies, so `_repeat` selects them.
     options = model if model.repeat is None else dataclasses.replace(model, names=None)
-    return read_path(folder / file, options, progress=progress)
+    with error_context("", "path", "file"):
+        return read_path(folder / file, options, progress=progress)
 
 
 def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Program:

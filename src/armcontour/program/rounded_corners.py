@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.fields import checked
+from armcontour.core.fields import checked, texts_to_si
+from armcontour.core.quantities import Quantity
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
@@ -83,6 +84,9 @@ def round_corners(
     Warns:
         UserWarning: The tolerance is larger than the path.
     """
+    tolerance = texts_to_si(tolerance, Quantity("m", "1 mm"), "tolerance")
+    speed = texts_to_si(speed, Quantity("m/s", "50 mm/s"), "speed")
+    acceleration = texts_to_si(acceleration, Quantity("m/s^2", "1 m/s^2"), "acceleration")
 
     def rounded(path: Path) -> RoundedPath:
         return round_path(
