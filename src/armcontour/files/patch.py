@@ -116,8 +116,9 @@ def arm_keys(arm: str) -> dict[str, str]:
 def _resolve(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Change]]:
     """Data with a patch applied, and the changes that apply it."""
     changes: list[Change] = []
-    for keys in sorted(patch, key=_sort_key):
-        added = list(_changes_of_value(keys, patch[keys], data, run))
+    values = {key_of(keys): value for keys, value in patch.items()}
+    for keys in sorted(values, key=_sort_key):
+        added = list(_changes_of_value(keys, values[keys], data, run))
         data = change_data(data, added)
         changes += added
     return data, changes

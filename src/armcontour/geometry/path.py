@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import Frame, Pose, angle_between
-from armcontour.core.quantities import Factor, Size, Tolerance
+from armcontour.core.quantities import Factor, Size, SpeedLimit, Tolerance
 from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
@@ -475,8 +475,9 @@ class Path(Checked):
         index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
         return np.clip(index, 0, len(self) - 1)
 
+    @checked
     def assigned_speeds(
-        self, limit: float | None, s: npt.ArrayLike | None = None, *, side: str = "right"
+        self, limit: SpeedLimit | None, s: npt.ArrayLike | None = None, *, side: str = "right"
     ) -> FloatArray:
         """Assigned velocities [m/s]: speeds of the segments, at most a limit; infinite without.
 

@@ -360,7 +360,7 @@ class Job(Checked):
     program: Program = field(init=False)
 
     def __post_init__(self) -> None:
-        if not self.title:
+        if isinstance(self.title, str) and not self.title:
             object.__setattr__(self, "title", self.name)
         if self.plant_servo is None:
             object.__setattr__(self, "plant_servo", self.servo)
