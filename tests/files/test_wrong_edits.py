@@ -1,5 +1,6 @@
 """Every wrong value of a job file is refused with its key, its line and its value."""
 
+import pickle
 import re
 from importlib import resources
 
@@ -167,7 +168,8 @@ def test_the_value_is_as_it_is_written():
     text = write_patch(PLATE, {("servo", "kp"): "-25 1/s"})
     with pytest.raises(ac.InvalidInput) as caught:
         parse_job(text, folder=FOLDER)
-    assert (caught.value.key, caught.value.value) == (("servo", "kp"), "-25 1/s")
+    for error in (caught.value, pickle.loads(pickle.dumps(caught.value))):
+        assert (error.key, error.value) == (("servo", "kp"), "-25 1/s")
     with pytest.raises(ac.InvalidInput) as caught:
         ac.Limits(speed=-1.0)
     assert (caught.value.key, caught.value.value) == (("speed",), -1.0)

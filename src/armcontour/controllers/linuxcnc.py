@@ -46,7 +46,6 @@ SLIDING = 500.0
 STREAMER_DEPTH, SAMPLER_DEPTH = 4000, 8000
 
 
-@checks.explain_calls
 class LinuxCNC(Controller):
     """LinuxCNC's HAL with the joints of a HAL file or with simulated drives.
 
@@ -69,6 +68,7 @@ class LinuxCNC(Controller):
     # The FIFO holds 0.3 s, against pauses of this machine.
     ahead = 300
 
+    @checks.explained
     def __init__(
         self,
         hal_file: str | FilePath | None = None,

@@ -517,16 +517,6 @@ def check_type(name: str, value: Any, *kinds: type) -> Any:
     raise InvalidInput(f"{name} must be {needed}, not {shown}.")
 
 
-def explain_calls(constructed: type[C]) -> type[C]:
-    """Decorate a public dataclass so that wrong constructor arguments raise InvalidInput."""
-    cls: Any = constructed
-    cls.__init__ = explained(cls.__init__)
-    for name, member in list(vars(cls).items()):
-        if isinstance(member, classmethod) and not name.startswith("_"):
-            setattr(cls, name, classmethod(explained(member.__func__)))
-    return constructed
-
-
 def explained(function: Callable[P, R]) -> Callable[P, R]:
     """Wrap a function so that calls with wrong arguments raise InvalidInput."""
 

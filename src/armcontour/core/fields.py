@@ -61,8 +61,12 @@ def declared(**options: Any) -> Callable[[type[C]], type[C]]:
     """
 
     def make(cls: type[C]) -> type[C]:
-        options_of_class = {"frozen": True, "slots": True, "kw_only": True, **options}
-        return checks.explain_calls(dataclass(**options_of_class)(cls))
+        made: Any = dataclass(**{"frozen": True, "slots": True, "kw_only": True, **options})(cls)
+        made.__init__ = checks.explained(made.__init__)
+        for name, member in list(vars(made).items()):
+            if isinstance(member, classmethod) and not name.startswith("_"):
+                setattr(made, name, classmethod(checks.explained(member.__func__)))
+        return cast(type[C], made)
 
     return make
 

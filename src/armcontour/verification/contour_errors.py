@@ -575,7 +575,7 @@ def measure_speed_ratios(
     allowed = np.maximum(
         path.assigned_speeds(limit, first, side="left"), path.assigned_speeds(limit, last)
     )
-    ratio = high / allowed
+    ratio: FloatArray = high / allowed
     before, after = assigned[:-1], assigned[1:]
     # Where the assigned velocity falls, the speed at the segment end counts for the first sample
     # after the end.
