@@ -12,6 +12,8 @@ from armcontour.core.render import number
 from armcontour.files import parse_job
 from armcontour.jobs import CertificateGoal, Uncertainty
 from armcontour.report import render_report
+from armcontour.studies.certification import certification
+from armcontour.studies.certification.case import Attempt, Move
 
 OPTIMUM = 5.3262  # the paper's job with the method optimal, from tests/golden
 PAPER = ("[0.350, 0.100], [0.410, 0.150], [0.280, 0.300], [0.350, 0.350]", "5 mm")
@@ -149,6 +151,22 @@ def test_without_compensation_a_tool_is_slowed_until_it_keeps_its_budget():
 def test_the_papers_job_every_ten_milliseconds():
     certificate = ac.certify(job(PAPER, cycle="10 ms"), goal=ac.CertificateGoal(servo_error=5e-6))
     assert certificate.duration <= 5.40 and judged(certificate).speed <= 0.15 * (1 + 1e-3)
+
+
+def test_a_wrong_search_gets_no_certificate(monkeypatch):
+    """The judge rejects the plan without derating, which a wrong search proposes."""
+    ratios = []
+
+    def propose(case, robots):
+        verdict = yield Attempt.joined(case, [Move.without_derating(case, case.traced.steps[0], 0)])
+        ratios.append(verdict.ratios[0])
+        raise ac.NotRealizable("wrong")
+
+    monkeypatch.setattr(certification, "attempts", propose)
+    box = Uncertainty(gains=0.1)
+    with pytest.raises(ac.NotRealizable, match="wrong"):
+        ac.certify(job(SHORT), goal=ac.CertificateGoal(servo_error=0.5e-3, box=box))
+    assert ratios[0]["box"] > 4 and ratios[0]["acceleration"] > 1 > ratios[0]["error"]
 
 
 @pytest.mark.parametrize("more", ["ki: 6 1/s", "ki: 6 1/s, drive_cycle: 4 ms"])

@@ -24,8 +24,8 @@ from armcontour.motion import Execution, JointPath, SetPoints, Trajectory
 from armcontour.planning import Tracing, explain
 from armcontour.program import Program
 from armcontour.simulation.rigid_body_plant import can_simulate
-from armcontour.studies.certification.box import BoxErrors
 from armcontour.studies.certification.derating import DeratedInterval, DeratedLimits, Derating
+from armcontour.studies.certification.judge import BoxErrors
 from armcontour.verification import Check, Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
@@ -33,11 +33,6 @@ from armcontour.verification.evaluation import duration_row
 
 # Label of the row with the bound of the distance from the drawing.
 GUARANTEED = "off the drawing, guaranteed"
-
-
-def _part(name: str, data: Data | None) -> tuple[Row, ...]:
-    """Rows of a part of the data, for files; one row without a value if the part is None."""
-    return (Row(name, None),) if data is None else data.with_prefix(name, FILE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,14 +110,19 @@ class Uncertified(Result, Frozen):
         contour_error: Largest contour error of both directions, and RMS over time of the distance
             from the tool to the path [m].
         saturated: Share of time in which each joint is saturated, (dof,).
-        box: Largest contour error in the corners of the box [m]; None without a box.
+        robots: Contour errors on robots of the box, for each contour; empty without a box.
     """
 
     duration: float
     contours: tuple[float, ...]
     contour_error: tuple[float, float]
     saturated: FloatArray
-    box: float | None
+    robots: tuple[BoxErrors, ...]
+
+    @property
+    def box(self) -> float | None:
+        """Largest contour error on robots of the box [m]; None without a box."""
+        return max((float(x.max.max()) for x in self.robots), default=None)
 
     def to_data(self) -> Data:
         """Data of duration, errors and saturation."""
@@ -152,10 +152,8 @@ class ContourCertificate(Result):
         path: The tool path.
         joint_path: The joint path.
         derating: Derating of acceleration and speed along the path.
-        factors: Usable shares of the limits that are derated along the whole contour, by name.
         lowered: Derated limits with amount, position and cause, in descending order of the amount.
         trajectory: Plan of the contour; its times start at 0 [s].
-        set_points: Set-points of the contour, and the earlier set-points that affect the servo.
         error: Distance from the tool to the path in the execution of the whole program.
         coverage_error: Largest distance from the path to the tool in the execution of the program.
         speed_ratio: Largest ratio of tool speed to assigned velocity in the execution of the
@@ -172,10 +170,8 @@ class ContourCertificate(Result):
     path: Path
     joint_path: JointPath
     derating: Derating
-    factors: dict[str, float]
     lowered: tuple[DeratedInterval, ...]
     trajectory: Trajectory
-    set_points: SetPoints
     error: ErrorProfile
     coverage_error: Coverage
     speed_ratio: float
@@ -186,7 +182,9 @@ class ContourCertificate(Result):
 
     def to_data(self) -> Data:
         """Data of the error of the contour, its parts, and the derating."""
-        optimum = number(self.optimum, "s")
+        optimum, robots = number(self.optimum, "s"), [Row("robots", None)]
+        if self.robots is not None:
+            robots = [*self.robots.to_data().with_prefix("robots", FILE)]
         joint = f"joint {int(self.headroom.argmax()) + 1}"
         return Data(
             "Certified contour",
@@ -205,9 +203,8 @@ class ContourCertificate(Result):
                 Row("speed_ratio", self.speed_ratio, "1"),
                 Row("headroom.mean", self.headroom, "1", "acceleration derated, mean", joint),
                 Row("headroom.largest", self.largest_headroom, "1"),
-                Row("headroom.others", self.factors, "1"),
                 Row("lowered", [asdict(x) for x in self.lowered], "1"),
-                *_part("robots", None if self.robots is None else self.robots.to_data()),
+                *robots,
                 Row("trials", self.trials),
             ),
         )
@@ -230,11 +227,6 @@ class ContourCertificate(Result):
     def cost(self) -> float:
         """Additional time compared to the uncertified plan of the contour [s]."""
         return self.duration - self.optimum
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences about the executions on robots of the box."""
-        return () if self.robots is None else (verdict(self.robots.to_data()),)
 
     @property
     def headroom(self) -> FloatArray:
@@ -404,7 +396,8 @@ class Certificate(Result):
     def notes(self) -> tuple[str, ...]:
         """Sentences about robots of the box, derating, and unchecked limits."""
         where = f"On {self.worst.name}: " if len(self.contours) > 1 else ""
-        sentences = [f"{where}{x}" for x in self.worst.notes]
+        robots = self.worst.robots
+        sentences = [] if robots is None else [f"{where}{verdict(robots.to_data())}"]
         sentences += [f"Reduced: {x}." for x in self.derating_clauses]
         if self.check.not_judged:
             sentences.append("Not checked: " + ", ".join(self.check.not_judged) + ".")
@@ -475,9 +468,8 @@ class Certificate(Result):
         for contour in self.contours:
             prefix = f"{contour.name}: " if len(self.contours) > 1 else ""
             for y in contour.lowered:
-                previous = largest.get((y.what, y.cause))
-                if previous is None or previous[0] < y.share:
-                    largest[y.what, y.cause] = (y.share, f"{prefix}{y}")
+                clause = y.share, f"{prefix}{y}"
+                largest[y.what, y.cause] = max(largest.get((y.what, y.cause), clause), clause)
         return tuple(clause for _, clause in sorted(largest.values(), reverse=True))
 
     @property
@@ -485,17 +477,16 @@ class Certificate(Result):
         """Warning that the certificate of an arm with masses is for servos only; otherwise None."""
         if not (self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()):
             return None
-        limitation = (
-            "coupled dynamics of the arm's rigid bodies can increase the error; an experiment of "
-            "the job measures it"
-        )
-        if (error := self.experiment_error) is not None:
-            allowed = self.budget.servo_allowed
-            limitation = (
-                "in the experiment on the arm's rigid bodies the contour error is "
-                f"{number(error, 'm')} of {number(allowed, 'm')} allowed for servos"
+        if (error := self.experiment_error) is None:
+            return (
+                "Valid for independent joint servos only: coupled dynamics of the arm's rigid "
+                "bodies can increase the error; an experiment of the job measures it."
             )
-        return f"Valid for independent joint servos only: {limitation}."
+        return (
+            "Valid for independent joint servos only: in the experiment on the arm's rigid bodies "
+            f"the contour error is {number(error, 'm')} of "
+            f"{number(self.budget.servo_allowed, 'm')} allowed for servos."
+        )
 
     @cached_property
     def result(self) -> RunResult:

@@ -1,16 +1,14 @@
-"""`certify`: fastest plan whose execution stays within a tolerance; `sweep`: several tolerances."""
+"""`certify`: the fastest plan whose execution stays within a tolerance."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import fields, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from armcontour.control.compensation.compensator import INVERSE
-from armcontour.core import checks
 from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -27,23 +25,16 @@ from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant, simulate
-from armcontour.studies.certification.box import execute_box
+from armcontour.studies.certification.case import RESOLUTION, Case
 from armcontour.studies.certification.certificate import (
     Budget,
     Certificate,
     ContourCertificate,
     Uncertified,
 )
-from armcontour.studies.certification.certification_case import RESOLUTION, Case
 from armcontour.studies.certification.derating import derated_intervals
-from armcontour.studies.certification.limit_margins import (
-    ProgramTrial,
-    contour_errors,
-    execute_trial,
-    speed_ratios,
-)
-from armcontour.studies.certification.move_search import MoveSearch
-from armcontour.studies.certification.plan_search import search_plan
+from armcontour.studies.certification.judge import BoxErrors, Verdict, execute_box, judge
+from armcontour.studies.certification.search import attempts, worst_robots
 from armcontour.verification.contour_errors import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
@@ -52,20 +43,11 @@ from armcontour.verification.error_profile import ErrorProfile
 CONTINUOUS = 20
 SHORTEST = 1e-4
 # Shares of the tolerance for the servo if the goal has no servo budget. They are tried in order
-# until a plan is certified, and further while the error is at least BUDGET_USE times its budget and
-# the plan becomes faster.
+# until a plan is certified.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
-BUDGET_USE = 0.9
-# After the search, the unused part of the tolerance is allotted to the shape. The servo budget
-# becomes this multiple of the servo error of the found plan, because the plan changes. The second
-# multiple is tried if the first results in no faster plan.
-SERVO_MARGINS = (1.5, 6.0)
-# Paths are rounded or shaped again if the unused part is at least this share of the tolerance.
-LEAST_GAIN = 1e-3
-
-
-# The proven trial of the whole program, and the moves of its search.
-Proven = tuple[ProgramTrial, list[MoveSearch]]
+# After that, the servo budget becomes this multiple of the servo error of the found plan, while the
+# plans become faster, and while the budget changes by this share of the tolerance.
+SERVO_MARGIN, LEAST_GAIN = 1.5, 1e-3
 
 
 @checked
@@ -108,11 +90,20 @@ def certify(
         ArmContourError: Tracing, planning or execution fails.
     """
     if not isinstance(job, Job):
-        job = _job_of(job, arm, servo, limits, goal)
+        if arm is None or servo is None or goal is None:
+            raise InvalidInput(
+                "A certificate of a path requires an arm, a servo and a goal: certify(path, arm, "
+                "servo, goal=CertificateGoal(tolerance=1e-3))."
+            )
+        rounding = None if goal.tolerance is None else Rounding(tolerance=goal.tolerance)
+        limits = resolve_limits("certify", arm, limits)
+        only = Run(name="optimal", limits=limits, rounding=rounding)
+        job = Job(name="path", arm=arm, path=job, servo=servo, runs=(only,))
     elif (arm, servo, limits) != (None, None, None):
         raise InvalidInput("A job has an arm, a servo and limits. Remove these arguments.")
     goal = goal_of(job) if goal is None else goal
-    chosen = run_of(job, goal.run if run is None else run)
+    optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
+    chosen = choose_run(job, goal.run if run is None else run, "certified", optimal)
     if chosen.duration is not None:
         raise InvalidInput(
             f"A certificate does not support runs with a duration, but run {chosen.name} has a "
@@ -138,233 +129,184 @@ def certify(
     report, shapes = subprogress(progress), [chosen]
     if free and chosen.rounding is not None:
         shapes.append(replace(chosen, rounding=chosen.rounding.with_arcs))
-    best: tuple[Case, Proven] | None = None
-    refusal: NotRealizable | None = None
+    best: tuple[Verdict, Uncertified] | None = None
+    refusals: list[NotRealizable] = []
     durations: dict[str, float] = {}
     for each in shapes:
         deadline = min(durations.values(), default=np.inf)
         try:
-            case, proven, least = _find_fastest(job, each, goal, report, deadline)
+            least, found = _find_fastest(job, each, goal, report, deadline)
         except NotRealizable as error:
-            refusal = error
+            refusals.append(error)
             continue
         durations[ARC if each.rounding is None else each.rounding.shape] = least
-        if proven is not None and least < deadline:
-            best = case, proven
+        if found is not None and least < deadline:
+            best = found
     if best is None:
-        assert refusal is not None
-        raise refusal
+        raise refusals[-1]
     return _make_certificate(*best, durations if FREE in durations else {}, plant)
-
-
-def _job_of(
-    path: Path | Program,
-    arm: Arm | None,
-    servo: ServoModel | None,
-    limits: Limits | None,
-    goal: CertificateGoal | None,
-) -> Job:
-    """Job with one run of optimal timing, whose corners are rounded within the goal."""
-    if arm is None or servo is None or goal is None:
-        raise InvalidInput(
-            "A certificate of a path requires an arm, a servo and a goal: certify(path, arm, "
-            "servo, goal=CertificateGoal(tolerance=1e-3))."
-        )
-    rounding = None if goal.tolerance is None else Rounding(tolerance=goal.tolerance)
-    run = Run(name="optimal", limits=resolve_limits("certify", arm, limits), rounding=rounding)
-    return Job(name="path", arm=arm, path=path, servo=servo, runs=(run,))
 
 
 def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
     """Goal of the job's certificate (or a default goal) with some fields replaced."""
-    names = tuple(x.name for x in fields(CertificateGoal))
-    for name in overrides:
-        checks.check_choice("An option of certify", name, names)
-    if job.certificate is None:
-        return CertificateGoal(**overrides)
-    return replace(job.certificate, **overrides)
-
-
-def run_of(job: Job, name: str | None) -> Run:
-    """The named run; without a name, the only run with optimal timing."""
-    return choose_run(
-        job, name, "certified", [x for x in job.runs if isinstance(x.timing, Optimal)]
+    return (
+        CertificateGoal(**overrides)
+        if job.certificate is None
+        else replace(job.certificate, **overrides)
     )
 
 
 def _find_fastest(
-    job: Job,
-    run: Run,
-    goal: CertificateGoal,
-    report: Progress,
-    deadline: float,
-) -> tuple[Case, Proven | None, float]:
+    job: Job, run: Run, goal: CertificateGoal, report: Progress, deadline: float
+) -> tuple[float, tuple[Verdict, Uncertified] | None]:
     """Find the fastest plan of a run for a goal, over all splits of the tolerance.
 
-    Returns the case in which the shape has the whole tolerance, the proven plan, and its duration
-    [s]. If no plan is faster than `deadline` [s], the plan is None, and the duration is a lower
-    bound.
+    Returns its duration [s], its verdict, and the plan without derating. If no plan is faster than
+    `deadline` [s], returns a lower bound of the duration, and None.
     """
+    reuse, tolerance = Reuse(), goal.tolerance
 
     def case_of(servo: float) -> Case:
-        shaped = _reduce_shape(run, goal, servo)
+        """The case in which the corners have the tolerance that the servo does not need [m]."""
+        shaped = run
+        if run.rounding is not None and tolerance is not None:
+            shaped = replace(run, rounding=replace(run.rounding, tolerance=tolerance - servo))
         planned = plan_one(job, shaped, reuse, report, clear=False)
         return Case(job, planned, goal, servo, report)
 
-    reuse = Reuse()
     # The plan without derating is the reference of the certificate's cost. It is planned first,
     # because its errors, such as an event before the start, also apply to the certificate.
     base = case_of(0.0)
-    least = base.planned.trajectory.duration
-    free = run.rounding is not None and run.rounding.free
-    bent = free or any(shape_part(x.path) > 0 for x in base.program.contours)
-    if goal.tolerance is None or not bent:
-        budget = goal.servo_error or goal.tolerance
-        assert budget is not None
-        if least >= deadline:
-            return base, None, least
-        alone = search_plan(replace(base, servo_allowed=budget))
-        return base, alone, alone[0].trajectory.duration
-    tightest = goal.tolerance
-    budgets = (
-        [x * tightest for x in SERVO_SHARES] if goal.servo_error is None else [goal.servo_error]
-    )
-    if np.isfinite(deadline):
-        least = min(least, *(case_of(x).planned.trajectory.duration for x in budgets))
-        if least >= deadline:
-            return base, None, least
-    best = _search_budgets(case_of, budgets)
-    # Allot the unused part of the tolerance to the shape if this makes the plan faster.
-    for factor in SERVO_MARGINS:
-        case = best[0].case
-        needed = factor * _worst_error(*best) + case.model_error
-        if needed > case.servo_allowed - LEAST_GAIN * tightest:
-            break
-        with suppress(NotRealizable):
-            better = search_plan(case_of(needed))
-            if better[0].trajectory.duration < best[0].trajectory.duration:
-                best = better
-                break
-    return base, best, best[0].trajectory.duration
-
-
-def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) -> Proven:
-    """Search with increasing servo budgets while plans become faster and use most of the budget."""
-    best: Proven | None = None
-    for budget in budgets:
+    if (least := base.planned.trajectory.duration) >= deadline:
+        return least, None
+    uncertified = _execute_uncertified(base)
+    bent = any(shape_part(x.path) > 0 for x in base.program.contours)
+    if tolerance is None or not bent:
+        case = replace(base, servo_allowed=goal.servo_error or tolerance or 0.0)
+        best = find_verdict(case, uncertified.robots)
+        return best.duration, (best, uncertified)
+    budgets = [x * tolerance for x in SERVO_SHARES]
+    if goal.servo_error is not None:
+        budgets = [goal.servo_error]
+    largest, found = budgets[-1], None
+    while budgets:
+        budget = budgets.pop(0)
         try:
-            proven = search_plan(case_of(budget))
+            verdict = find_verdict(case_of(budget), uncertified.robots)
         except NotRealizable:
-            if best is not None:
-                break
-            if budget == budgets[-1]:
+            if found is None and not budgets:
                 raise
             continue
-        if best is not None and proven[0].trajectory.duration >= best[0].trajectory.duration:
+        if found is not None and verdict.duration >= found.duration:
             break
-        best = proven
-        if _worst_error(*best) + best[0].case.model_error < BUDGET_USE * budget:
-            break
-    assert best is not None
-    return best
+        # The servo gets more than its error, because another budget changes the plan.
+        found, needed = verdict, SERVO_MARGIN * verdict.largest_error + verdict.case.model_error
+        needed = min(needed, largest)
+        budgets = [needed] if abs(needed - budget) > LEAST_GAIN * tolerance else []
+    assert found is not None
+    return found.duration, (found, uncertified)
 
 
-def _worst_error(proof: ProgramTrial, moves: Sequence[MoveSearch]) -> float:
-    """Largest contour error of a proven plan on all executed robots [m]."""
-    robots = [float(x.robots.max.max()) for x in moves if x.robots is not None]
-    return max(robots + [float(contour_errors(x).max()) for x in proof.pieces])
+def find_verdict(case: Case, robots: Sequence[BoxErrors]) -> Verdict:
+    """Verdict on the fastest attempt that is certified.
 
+    `robots`: errors on robots of the box without derating.
 
-def _reduce_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
-    """The run with its shape tolerances reduced by `servo`, the part of the servo [m]."""
-    rounding = run.rounding
-    if rounding is None or goal.tolerance is None:
-        return run
-    tolerance = goal.tolerance - servo
-    return replace(run, rounding=replace(rounding, tolerance=tolerance))
+    Raises NotRealizable if no plan satisfies the goal; the message names the contour.
+    """
+    if case.budget <= 0:
+        raise NotRealizable(
+            f"The errors across the path that the servo model does not explain must be less than "
+            f"the allowed {case.servo_allowed * 1e3:.4g} mm, but can be up to "
+            f"{case.model_error * 1e3:.4g} mm. Allow a larger error, or use a servo model with a "
+            "smaller `model_error`.",
+            limit="contour error",
+            needed=case.model_error,
+            allowed=case.servo_allowed,
+        )
+    search = attempts(case, worst_robots(robots, case.budget))
+    attempt = next(search)
+    while not (verdict := judge(case, attempt)).kept:
+        attempt = search.send(verdict)
+    return verdict
 
 
 def _make_certificate(
-    base: Case, proven: Proven, shapes: Mapping[str, float], plant: RigidBodyPlant | None
+    verdict: Verdict,
+    uncertified: Uncertified,
+    shapes: Mapping[str, float],
+    plant: RigidBodyPlant | None,
 ) -> Certificate:
-    """Evaluate a proven plan, run the experiment, and make the certificate."""
-    proof, moves = proven
-    case, job, chosen = proof.case, proof.case.job, proof.case.run
+    """Evaluate a certified attempt, run the experiment, and make the certificate."""
+    case, job, chosen = verdict.case, verdict.case.job, verdict.case.run
+    set_points, objective = verdict.attempt.set_points, case.planned.objective
     case.progress(Step(("evaluation",)))
     judged = replace(chosen, limits=case.limits)
-    result = evaluate_run(judged, proof.executed, case.program, case.planned.objective)
     experiment, failure = None, None
     if plant is not None:
         case.progress(Step(("experiment",)))
         try:
             experiment = simulate_rigid_bodies(
-                job, chosen, proof.set_points, case.program, case.planned.objective, plant
+                job, chosen, set_points, case.program, objective, plant
             )
         except ExecutionError as error:
             failure = error
-    assert proof.check is not None
     return Certificate(
         job=job,
         run=chosen,
         goal=case.goal,
         model=describe_model(case),
-        objective=case.planned.objective,
+        objective=objective,
         path=case.program,
-        trajectory=proof.trajectory,
-        set_points=proof.set_points,
-        execution=proof.executed,
-        evaluation=result,
-        check=proof.check,
-        contours=tuple(_make_contours(base, proof, [x for x in moves if x.number is not None])),
-        uncertified=_execute_uncertified(base),
+        trajectory=verdict.attempt.trajectory,
+        set_points=set_points,
+        execution=verdict.executed,
+        evaluation=evaluate_run(judged, verdict.executed, case.program, objective),
+        check=verdict.check,
+        contours=tuple(_make_contours(verdict, uncertified)),
+        uncertified=uncertified,
         shapes=shapes,
         experiment=experiment,
         failure=failure,
-        clearance=clearance_of(job, proof.trajectory),
+        clearance=clearance_of(job, verdict.attempt.trajectory),
     )
 
 
-def _make_contours(
-    base: Case, proof: ProgramTrial, contours: Sequence[MoveSearch]
-) -> Iterator[ContourCertificate]:
+def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[ContourCertificate]:
     """Make the certificates of all contours."""
-    case, fastest = proof.case, base.planned.trajectory.contour_spans
-    spans = proof.trajectory.contour_spans
+    case, attempt = verdict.case, verdict.attempt
     # An execution of nearly continuous set-points has the error of the servo without the error that
     # the cycle adds.
-    run_cycle = case.run.cycle
-    cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
-    smooth = execute_trial(
-        case, case.compute_set_points(proof.trajectory, cycle), max(cycle, RESOLUTION)
+    cycle = max(case.run.cycle / CONTINUOUS, min(SHORTEST, case.run.cycle))
+    smooth = simulate(
+        case.compute_set_points(attempt.trajectory, cycle),
+        case.plant(ideal=True),
+        resolution=max(cycle, RESOLUTION),
     )
-    pieces = pieces_of(smooth, case.program, None, None)
-    for k, (move, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
+    continuous = pieces_of(smooth, case.program, None, None)
+    spans = attempt.trajectory.contour_spans
+    for k, (move, piece, span) in enumerate(
+        zip(attempt.contours, verdict.pieces, spans, strict=True)
+    ):
         assert span.work is not None
-        error, coverage_error = piece.contour_error, piece.coverage_error
-        nominal = max(error.max, coverage_error.max)
-        worst = 0.0 if move.robots is None else float(move.robots.max.max())
-        servo = max(pieces[k].contour_error.max, pieces[k].coverage_error.max)
+        servo, nominal = (
+            max(x.contour_error.max, x.coverage_error.max) for x in (continuous[k], piece)
+        )
+        robots = verdict.robots[k] if verdict.robots else None
+        worst = 0.0 if robots is None else float(robots.max.max())
+        derating, names = move.derating, case.arm.joint_names
         yield ContourCertificate(
             name=contour_called(case.program.contours[k], k),
             t=span.t,
             work=span.work,
             path=piece.path,
             joint_path=move.joint_path,
-            derating=move.derating,
-            factors=move.factors,
-            lowered=derated_intervals(
-                move.derating,
-                move.factors,
-                move.squares,
-                move.plan,
-                span.t[0],
-                case.arm.joint_names,
-            ),
+            derating=derating,
+            lowered=derated_intervals(derating, move.fastest, move.plan, span.t[0], names),
             trajectory=move.plan,
-            set_points=case.move_set_points(proof.set_points, span.t, move.plan),
-            error=error,
-            coverage_error=coverage_error,
-            speed_ratio=float(speed_ratios(case, piece).max()),
+            error=piece.contour_error,
+            coverage_error=piece.coverage_error,
+            speed_ratio=float(piece.speed_ratios(case.limits.speed, between=True).max()),
             budget=Budget(
                 rounding=shape_part(piece.path),
                 servo=servo,
@@ -374,8 +316,8 @@ def _make_contours(
                 allowed=case.goal.tolerance,
                 servo_allowed=case.servo_allowed,
             ),
-            optimum=fastest[k].t[1] - fastest[k].t[0],
-            robots=move.robots,
+            optimum=uncertified.contours[k],
+            robots=robots,
             trials=move.trials,
         )
 
@@ -386,7 +328,6 @@ def _execute_uncertified(case: Case) -> Uncertified:
     set_points = case.compute_set_points(fastest)
     resolution = max(min(1e-3, case.run.cycle), RESOLUTION)
     executed = simulate(set_points, case.plant(), resolution=resolution)
-    t = executed.t
     pieces = pieces_of(executed, case.program, None, None)
     error = ErrorProfile.join([x.contour_error for x in pieces])
     coverage_error = max(x.coverage_error.max for x in pieces)
@@ -394,12 +335,8 @@ def _execute_uncertified(case: Case) -> Uncertified:
         duration=fastest.duration,
         contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
         contour_error=(max(error.max, coverage_error), error.rms),
-        saturated=executed.saturated_time / (t[-1] - t[0]),
-        box=(
-            None
-            if case.box is None
-            else max(float(x.max.max()) for x in execute_box(case, set_points))
-        ),
+        saturated=executed.saturated_time / (executed.t[-1] - executed.t[0]),
+        robots=tuple(execute_box(case, set_points)),
     )
 
 
@@ -411,10 +348,10 @@ def describe_model(case: Case) -> str:
         f"independent joint servos{' of order second' * (servo.order == 'second')} with {servo}",
         f"set-points every {case.run.cycle * 1e3:g} ms, " + held[servo.interpolation],
     ]
-    if np.isfinite(case.demand_bounds).any():
+    if np.isfinite(case.servo.saturate(*case.limits.acceleration_bounds(case.arm.dof))).any():
         parts.append("accelerations that saturate at the joints' limits")
-    if case.box is not None:
-        parts.append(f"and the executed robots of the box: {case.box}")
+    if case.goal.box is not None:
+        parts.append(f"and the executed robots of the box: {case.goal.box}")
     return "; ".join(parts)
 
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.render import number
 from armcontour.core.text import joint_label
 from armcontour.motion import JointPath, Trajectory
@@ -20,7 +18,6 @@ from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.path_grid import Grid, place_grid
 from armcontour.planning.topp.limit_forms import Ceiling, Form
-from armcontour.planning.tracing import check_joint_range
 from armcontour.robot import Arm, Limits
 
 # Causes of derating: acceleration of plan and command, speed of plan and command, speed of the
@@ -28,46 +25,42 @@ from armcontour.robot import Arm, Limits
 CAUSES = ("acceleration", "speed", "tool", "error", "box")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Derating:
-    """Derating of joint accelerations and path speed in the n cells of a path."""
+    """Derating of joint accelerations and path speed in the n cells of a path, by cause."""
 
     cells: FloatArray  # Arc lengths of the ends of the cells [m], (n + 1,)
-    share: FloatArray  # Usable share of each joint's acceleration limit, (n, dof)
-    cap: FloatArray  # Upper bound of ds² [m²/s²], infinite without derating of the speed, (n,)
-    # share_by: factors of `share` by cause, (n, dof) each; `share` is their product.
-    share_by: Mapping[str, FloatArray] = field(default_factory=dict)
-    # cap_by: index in CAUSES of the cause of the cap, -1 without a cap, (n,).
-    cap_by: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-
-    def __post_init__(self) -> None:
-        if not len(self.cap_by):
-            object.__setattr__(self, "cap_by", np.full(len(self.cap), -1))
-        for name in ("cells", "share", "cap"):
-            object.__setattr__(self, name, checks.frozen_array(getattr(self, name)))
+    # share_by: factors of `share`, (n, dof) each. cap_by: upper bounds of ds² [m²/s²], infinite
+    # without derating of the speed, (n,) each.
+    share_by: Mapping[str, FloatArray]
+    cap_by: Mapping[str, FloatArray]
 
     @classmethod
     def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Derating:
         """Derating without any reduction; cells are the intervals of the first grid of a plan."""
         cells = place_grid(joint_path, intervals).s
-        n = len(cells) - 1
-        return cls(cells=cells, share=np.ones((n, joint_path.dof)), cap=np.full(n, np.inf))
+        ones = np.ones((len(cells) - 1, joint_path.dof))
+        caps = dict.fromkeys(CAUSES, np.full(len(ones), np.inf))
+        return cls(cells=cells, share_by={"acceleration": ones}, cap_by=caps)
 
-    def with_share(self, factor: FloatArray | float, cause: str) -> Derating:
+    def with_share(self, factor: FloatArray, cause: str) -> Derating:
         """Copy with the shares of acceleration limits multiplied by a factor, for a cause."""
-        before = self.share_by.get(cause, np.ones_like(self.share))
-        return replace(
-            self, share=self.share * factor, share_by={**self.share_by, cause: before * factor}
-        )
+        share = self.share_by.get(cause, np.ones_like(self.share)) * factor
+        return replace(self, share_by={**self.share_by, cause: share})
 
     def with_cap(self, cap: FloatArray, cause: str) -> Derating:
         """Copy with the smaller of the present and the given caps of ds² [m²/s²], (n,)."""
-        lower = cap < self.cap
-        return replace(
-            self,
-            cap=np.where(lower, cap, self.cap),
-            cap_by=np.where(lower, CAUSES.index(cause), self.cap_by),
-        )
+        return replace(self, cap_by={**self.cap_by, cause: np.minimum(self.cap_by[cause], cap)})
+
+    @cached_property
+    def share(self) -> FloatArray:
+        """Usable share of each joint's acceleration limit, (n, dof)."""
+        return np.asarray(np.prod(list(self.share_by.values()), axis=0))
+
+    @cached_property
+    def cap(self) -> FloatArray:
+        """Upper bound of ds² [m²/s²], infinite without derating of the speed, (n,)."""
+        return np.asarray(np.min(list(self.cap_by.values()), axis=0))
 
     @property
     def width(self) -> FloatArray:
@@ -129,8 +122,8 @@ class DeratedLimits(Constraint):
         derating = next(y for x, y in self.deratings if x is ends.law.joint_path)
         bounded = DeratedAcceleration(*self.limits.acceleration_bounds(ends.arm.dof), derating)
         acceleration, cell = bounded.usage(ends).max(axis=1), derating.cell_of(ends.grid)
-        speed = np.sqrt(ends.x.max(axis=1) / derating.cap[cell])
-        used = [np.where(derating.cap_by[cell] == k, speed, 0.0) for k in range(len(CAUSES))]
+        speed, cap = np.sqrt(ends.x.max(axis=1) / derating.cap[cell]), derating.cap[cell]
+        used = [np.where(derating.cap_by[x][cell] == cap, speed, 0.0) for x in CAUSES]
         for cause, share in derating.share_by.items():
             derated, k = share[cell].min(axis=1) < 1 - LEAST_REDUCTION, CAUSES.index(cause)
             used[k] = np.maximum(used[k], acceleration * derated)
@@ -138,22 +131,15 @@ class DeratedLimits(Constraint):
 
 
 def plan_derated(
-    joint_path: JointPath,
-    arm: Arm,
-    limits: Limits,
-    derating: Derating,
-    factors: Mapping[str, float] = MappingProxyType({}),
-    intervals: int | None = None,
+    joint_path: JointPath, arm: Arm, limits: Limits, derating: Derating, options: Optimal
 ) -> Trajectory:
-    """Plan the fastest motion within derated limits; `factors` derate other limits by name."""
-    check_joint_range(joint_path, limits)
-    others = {name: getattr(limits, name) * factor for name, factor in factors.items()}
-    rest = limits.replace(joint_acceleration=math.inf, **others)
-    constraints: tuple[Constraint, ...] = (SpeedCap(derating),)
+    """Plan the fastest motion within derated limits."""
+    constraints: tuple[Constraint, ...] = (*options.constraints, SpeedCap(derating))
     if limits.joint_acceleration is not None:
         constraints += (DeratedAcceleration(*limits.acceleration_bounds(arm.dof), derating),)
-    options = Optimal(intervals=intervals, constraints=constraints)
-    return plan_optimal(joint_path, arm, rest, options).limited(limits)
+    others = limits.replace(joint_acceleration=math.inf)
+    plan = plan_optimal(joint_path, arm, others, replace(options, constraints=constraints))
+    return plan.limited(limits)
 
 
 # LEAST_REDUCTION: a cell with a smaller reduction counts as not derated, because searches aim
@@ -169,7 +155,6 @@ REASONS = {
     "tool": "the speed of the executed tool, which exceeded the assigned velocity",
     "error": "the contour error",
     "box": "the contour error of robots of the box",
-    "limit": "the requirements of drives and plan",
 }
 
 
@@ -177,14 +162,14 @@ REASONS = {
 class DeratedInterval:
     """A limit that a certified plan derates, and its cause."""
 
-    what: str  # "speed", "acceleration" (of joints), or the name of another limit
+    what: str  # "speed", or "acceleration" (of joints)
     cause: str  # Key of REASONS
     # share: largest reduction, relative to the speed of the plan without derating or to the limit.
     share: float
     joint: int | None = None  # Index of the joint with the largest reduction; None if all are equal
     joint_name: str = ""  # Label of this joint
-    s: float | None = None  # Arc length of the largest reduction [m]; None if it is constant
-    t: float | None = None  # Time of this reduction in the whole motion [s]; None if it is constant
+    s: float  # Arc length of the largest reduction [m]
+    t: float  # Time of this reduction in the whole motion [s]
     length: float  # Derated length of the contour [m]
     contour: float  # Length of the contour [m]
 
@@ -194,68 +179,52 @@ class DeratedInterval:
         where = f"over {number(self.length, 'm')} of {number(self.contour, 'm')}"
         if self.length > WHOLE_SHARE * self.contour:
             where = "along the whole contour"
-        place = (
-            ""
-            if self.s is None
-            else f", most at s = {number(self.s, 'm')}, t = {number(self.t, 's')}"
-        )
         return (
-            f"{self.what.replace('_', ' ')}{joint} by up to {number(self.share, '1')} "
-            f"{where}{place}, because of {REASONS[self.cause]}"
+            f"{self.what}{joint} by up to {number(self.share, '1')} {where}, most at s = "
+            f"{number(self.s, 'm')}, t = {number(self.t, 's')}, because of {REASONS[self.cause]}"
         )
 
 
 def derated_intervals(
-    derating: Derating,
-    factors: Mapping[str, float],
-    squares: FloatArray,
-    plan: Trajectory,
-    start: float,
-    names: Sequence[str],
+    derating: Derating, fastest: Trajectory, plan: Trajectory, start: float, names: Sequence[str]
 ) -> tuple[DeratedInterval, ...]:
     """Largest derating of a contour's plan for each limit and cause, the largest share first.
 
-    `squares`: largest ds² of the plan without derating in each cell [m²/s²], (n,). `start`: start
-    of the contour in the whole motion [s]. `names`: names of the joints.
+    `fastest`: the plan without derating. `start`: start of the contour in the whole motion [s].
+    `names`: names of the joints.
     """
-    middles = (derating.cells[:-1] + derating.cells[1:]) / 2
-    contour = float(derating.cells[-1])
+    squares, contour = largest_squares(fastest, derating.cells), float(derating.cells[-1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        remaining = [
+            ("speed", cause, np.sqrt(np.where(cap > derating.cap, np.inf, cap) / squares)[:, None])
+            for cause, cap in derating.cap_by.items()
+        ]
+    remaining += [("acceleration", cause, x) for cause, x in derating.share_by.items()]
+    intervals = []
+    for what, cause, usable in remaining:
+        share = np.nan_to_num(np.maximum(1 - usable, 0.0))
+        k, j = (int(x) for x in np.unravel_index(np.argmax(share), share.shape))
+        if share[k, j] <= REPORTED_SHARE:
+            continue
+        alike, derated = (share == share[:, :1]).all(), (share > LEAST_REDUCTION).any(axis=1)
+        s = float(derating.cells[k : k + 2].mean())
+        intervals.append(
+            DeratedInterval(
+                what=what,
+                cause=cause,
+                share=float(share[k, j]),
+                joint=None if alike else j,
+                joint_name="" if alike else joint_label(j + 1, names),
+                s=s,
+                t=start + float(plan.time_at([s])[0]),
+                length=float(derating.width[derated].sum()),
+                contour=contour,
+            )
+        )
+    return tuple(sorted(intervals, key=lambda x: -x.share))
 
-    def location(k: int, derated: BoolArray) -> dict[str, Any]:
-        s = float(middles[k])
-        t = start + float(plan.time_at(np.array([s]))[0])
-        return {"s": s, "t": t, "length": float(derating.width[derated].sum()), "contour": contour}
 
-    def intervals() -> Iterator[DeratedInterval]:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slower = np.maximum(1 - np.sqrt(derating.cap / squares), 0.0)
-        for index, cause in enumerate(CAUSES):
-            share = np.where(derating.cap_by == index, np.nan_to_num(slower), 0.0)
-            k = int(np.argmax(share))
-            if share[k] > REPORTED_SHARE:
-                yield DeratedInterval(
-                    what="speed",
-                    cause=cause,
-                    share=float(share[k]),
-                    **location(k, share > LEAST_REDUCTION),
-                )
-        for cause, remaining in derating.share_by.items():
-            share = 1 - remaining
-            k, j = (int(x) for x in np.unravel_index(np.argmax(share), share.shape))
-            if share[k, j] > REPORTED_SHARE:
-                alike = bool((remaining == remaining[:, :1]).all())
-                yield DeratedInterval(
-                    what="acceleration",
-                    cause=cause,
-                    share=float(share[k, j]),
-                    joint=None if alike else j,
-                    joint_name="" if alike else joint_label(j + 1, names),
-                    **location(k, np.asarray((share > LEAST_REDUCTION).any(axis=1))),
-                )
-        for name, factor in factors.items():
-            if 1 - factor > REPORTED_SHARE:
-                yield DeratedInterval(
-                    what=name, cause="limit", share=1 - factor, length=contour, contour=contour
-                )
-
-    return tuple(sorted(intervals(), key=lambda x: -x.share))
+def largest_squares(plan: Trajectory, cells: FloatArray) -> FloatArray:
+    """Largest ds² of a plan at the ends of each cell [m²/s²], (n,)."""
+    squares = plan.speed_at(cells) ** 2
+    return np.asarray(np.maximum(squares[:-1], squares[1:]))

@@ -1,0 +1,365 @@
+"""`attempts`: plans of the whole program that are derated step by step.
+
+An attempt is executed on the nominal robot and on some robots of the box. Cells of moves in which
+these executions exceed a limit or the error budget are derated, and the next attempt is planned. An
+attempt without excess is yielded. A separate judge decides whether it is certified (`judge.py`), so
+errors of these estimates cost time, but they cannot make a certificate wrong.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import NoReturn
+
+import numpy as np
+
+from armcontour.control.compensation import InverseDynamics, NoCompensation
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import NotRealizable
+from armcontour.core.progress import Step
+from armcontour.motion import Execution, SetPoints, Trajectory
+from armcontour.planning.tracing import check_joint_range
+from armcontour.program import Dwell
+from armcontour.robot.limit_use import use_of
+from armcontour.simulation import simulate
+from armcontour.studies.certification.case import Attempt, Case, Move
+from armcontour.studies.certification.derating import largest_squares
+from armcontour.studies.certification.judge import (
+    LIMIT_TOLERANCE,
+    SPEED_SLACK,
+    BoxErrors,
+    Verdict,
+    joint_corners,
+    servo_with,
+)
+from armcontour.verification.contour_errors import ContourExecution, pieces_of
+
+# Results per cycle in an execution of an attempt on the nominal robot, and on robots of the box.
+RESULTS_PER_CYCLE = 16
+BOX_RESULTS_PER_CYCLE = 4
+# Shortest time between two results [s].
+SHORTEST_STEP = 1.25e-4
+# Ratios to limits at which derating aims, so that the search ends.
+GOALS = {"acceleration": 1 - 3e-6, "speed": 1 - 2e-9, "tool": 1 - 2e-9}
+GOALS |= {"error": 0.995, "box": 0.995}
+# Powers of a ratio by which ds² is reduced: ratios of "speed" and "tool" are ratios of ds². Errors
+# of the box grow with the speed, other errors at least with its third power.
+POWERS = {"speed": 1.0, "tool": 1.0, "error": 2 / 3, "box": 2.0}
+# Smallest share to which ds² is reduced in one attempt.
+LEAST_STEP = 0.49
+# Derating in one cell changes the motion in its neighbours, so an excess may shrink by less than
+# half per attempt. Therefore the excess is squared after this many attempts, cubed after twice as
+# many, and so on.
+POWER_TRIALS = 5
+# MAX_TRIALS: largest number of attempts for a move between two verdicts. MAX_VERDICTS: largest
+# number of verdicts. CORRECTION: factor of a goal after a verdict against an attempt.
+MAX_TRIALS, MAX_VERDICTS, CORRECTION = 25, 30, 0.998
+# If the servo lags, the plan affects the tool for this time [time constants].
+TOOL_MEMORY = 8.0
+# Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
+# such a command completely, but with this ratio each attempt reduces the speed in its cell.
+OUTSIDE_RATIO = 1.1
+# Times that differ by less than this share of the cycle are equal.
+PHASE_TOLERANCE = 1e-9
+# Largest share of the budget that the deviation from the previous move may use at the start of a
+# contour.
+ENTRY_SHARE = 0.25
+
+# Estimated ratios to limits and budget in the n cells of a move by cause, (n,) or (n, dof).
+Uses = dict[str, FloatArray]
+# Ratios at which the derating of a move aims, by cause; the judge lowers them.
+Goals = dict[str, float]
+# Parts of executions, one per contour.
+Pieces = Sequence[Sequence[ContourExecution]]
+
+
+def attempts(case: Case, robots: Sequence[FloatArray]) -> Generator[Attempt, Verdict, None]:
+    """Yield attempts that are estimated to satisfy the goal, and receive their verdicts.
+
+    `robots`: robots of the box to execute first, in addition to corners, as for `servo_with`.
+
+    Raises NotRealizable if no plan satisfies the goal; the message names the move.
+    """
+    robots = [*joint_corners(case), *robots]
+    moves = _fastest_moves(case, robots)
+    goals = [GOALS.copy() for _ in moves]
+    for _ in range(MAX_VERDICTS):
+        tries = Counter[int]()
+        active = set(range(len(moves)))
+        while active:
+            trials = sum(x.trials for x in moves if x.number is not None)
+            case.progress(Step((f"trial {trials}",)))
+            attempt = Attempt.joined(case, moves)
+            runs = execute(case, attempt.set_points, robots)
+            excess = _find_excess(case, attempt, runs, goals, active)
+            if not excess:
+                # Derating of other moves may have changed moves that were within their limits.
+                excess = _find_excess(case, attempt, runs, goals, active ^ set(range(len(moves))))
+            for k, uses in excess.items():
+                moves[k] = _derate(case, moves[k], uses, goals[k], tries[k])
+            tries.update(list(excess))
+            active = set(excess)
+        verdict = yield attempt
+        _correct(verdict, moves, goals, robots)
+    k = int(np.argmax([max(x.values()) for x in verdict.ratios]))
+    _refuse(case, attempt.contours[k], verdict.ratios[k])
+
+
+def execute(case: Case, set_points: SetPoints, robots: Sequence[FloatArray]) -> list[Execution]:
+    """Execute set-points without saturation on the nominal robot, and on robots of the box."""
+    cycle = set_points.cycle
+    step = min(cycle, max(cycle / RESULTS_PER_CYCLE, SHORTEST_STEP))
+    runs = [simulate(set_points, case.plant(ideal=True), resolution=step)]
+    step = max(cycle / BOX_RESULTS_PER_CYCLE, SHORTEST_STEP)
+    servos = [servo_with(case.servo, x) for x in robots]
+    return runs + [simulate(set_points, case.plant(x, ideal=True), resolution=step) for x in servos]
+
+
+def _fastest_moves(case: Case, robots: Sequence[FloatArray]) -> list[Move]:
+    """Moves without derating, and pauses in which the tool settles before contours."""
+    moves: list[Move] = []
+    count, stood, since = 0, 0.0, 0
+    for step in case.traced.steps:
+        if step.joint_path is None:
+            dwell = None if step.move is None else case.program.moves[step.move]
+            stood += dwell.duration if isinstance(dwell, Dwell) else 0.0
+            continue
+        with step.named():
+            check_joint_range(step.joint_path, case.limits)
+            number = count if case.traced.is_contour(step) else None
+            move = Move.without_derating(case, step, number)
+            if number is not None:
+                settling = _settling_time(case, moves[since:], robots) if moves else 0.0
+                move = replace(move, pause=max(settling - stood, 0.0))
+                count, since = count + 1, len(moves)
+            moves.append(move)
+            stood = 0.0
+    return moves
+
+
+def _settling_time(case: Case, moves: Sequence[Move], robots: Sequence[FloatArray]) -> float:
+    """Settling time of the tool after moves, on the slowest robot [s]."""
+    plan = Trajectory(laws=tuple(law for x in moves for law in x.plan.laws), method="approach")
+    runs = execute(case, case.compute_set_points(plan), robots)
+    goal = case.arm.tool_position(plan(plan.duration, side="left"))
+    far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY_SHARE * case.budget] for x in runs]
+    return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])
+
+
+def _find_excess(
+    case: Case,
+    attempt: Attempt,
+    runs: Sequence[Execution],
+    goals: Sequence[Goals],
+    indices: set[int],
+) -> dict[int, Uses]:
+    """Uses of the moves that are estimated to exceed a limit or the budget, by index."""
+    pieces = [pieces_of(x, case.program, None, None) for x in runs]
+    uses = {k: _estimate_uses(case, attempt, runs, pieces, k) for k in sorted(indices)}
+    limits = [{x: (1 + LIMIT_TOLERANCE) * y[x] / GOALS[x] for x in GOALS} for y in goals]
+    return {k: x for k, x in uses.items() if any(x[y].max() > limits[k][y] for y in x)}
+
+
+def _estimate_uses(
+    case: Case, attempt: Attempt, runs: Sequence[Execution], pieces: Pieces, index: int
+) -> Uses:
+    """Estimate the ratios to limits and budget in the cells of a move."""
+    move, set_points = attempt.moves[index], attempt.set_points
+    spans = [x for x in attempt.trajectory.spans if x.kind != "dwell"]
+    start, end = spans[index].t
+    # The move affects the cycle in which it ends, and the standstill after it.
+    cycle, first = set_points.cycle, set_points.start_time
+    end = first + float(np.ceil((end - first) / cycle - PHASE_TOLERANCE)) * cycle
+    end = max(end, spans[index + 1].t[0]) if index + 1 < len(spans) else np.inf
+    window = (start if index else -np.inf), end
+    edges = start + move.plan.time_at(move.derating.cells)
+    memory = 2.0 / float((case.servo.kp if case.servo.kv is None else case.servo.kv).min())
+    # Without compensation, the tool lags, so an error is due to an earlier part of the plan.
+    lags = isinstance(case.run.compensation, NoCompensation)
+    delay = TOOL_MEMORY * memory / 2 if lags else 0.0
+
+    def in_cells(t: FloatArray, values: FloatArray, before: float = 0.0) -> FloatArray:
+        """Largest values near each cell, and in the time `before` after it [s]."""
+        return _largest_in_cells(t, values, edges, window, cycle + memory, before)
+
+    def largest(piece: ContourExecution, values: FloatArray, before: float = 0.0) -> FloatArray:
+        """Largest values of a contour near each cell."""
+        whole = np.zeros(len(piece.executed.t))
+        whole[piece.which] = values
+        return in_cells(piece.executed.t, whole, before)
+
+    uses = {
+        "acceleration": np.max([in_cells(x.t, _demands(case, x)) for x in runs], axis=0),
+        "speed": in_cells(set_points.t, _command_ratios(case, set_points)),
+    }
+    if move.number is not None:
+        piece, *others = [x[move.number] for x in pieces]
+        ratios = piece.speed_ratios(case.limits.speed, between=True)
+        tool = largest(piece, ratios, delay)
+        if case.limits.speed is not None:
+            # On leads, only the speed limit applies.
+            speed = runs[0].tool_speed / case.limits.speed
+            tool = np.maximum(tool, in_cells(runs[0].t, speed, delay))
+        uses["tool"] = (tool / (1 + SPEED_SLACK)) ** 2
+        error = largest(piece, _contour_errors(piece), delay) / case.budget
+        rms = 0.0 if case.goal.rms is None else piece.contour_error.rms / case.goal.rms
+        uses["error"] = np.maximum(error, rms)
+        errors = [largest(x, _contour_errors(x)) / case.budget for x in others]
+        uses["box"] = np.max([0.0 * error, *errors], axis=0)
+    return uses
+
+
+def _largest_in_cells(
+    t: FloatArray,
+    values: FloatArray,
+    edges: FloatArray,
+    window: tuple[float, float],
+    around: float,
+    before: float,
+) -> FloatArray:
+    """Largest values between the times of the ends of cells, (cells,) or (cells, dof).
+
+    Only times in `window` count. Values up to `around` [s] before and after a cell count for it,
+    and values up to `before` [s] after it.
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    low, high = np.searchsorted(t, window)
+    low = min(int(low), len(t) - 1)
+    t, values = t[low : max(high, low + 1)], values[low : max(high, low + 1)]
+    step = float(edges[-1] - edges[0]) if len(t) < 2 else float(t[1] - t[0])
+    count = max(1, int(np.ceil(around / step)))
+    ahead = max(count, int(np.ceil(before / step)))
+    size = count + 1 + ahead
+    begin = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 1)[:-1]
+    spread = maximum_filter1d(values, size, axis=0, mode="nearest", origin=count - size // 2)
+    return np.asarray(np.maximum.reduceat(spread, begin, axis=0))
+
+
+def _demands(case: Case, executed: Execution) -> FloatArray:
+    """Ratios of commanded accelerations to their limits, (n, dof)."""
+    ratios = case.demand_ratio(executed.demand)
+    # The peak between results exceeds the largest result by this factor.
+    peak = case.demand_ratio(executed.demand_range).max(axis=0)
+    return np.asarray(ratios * np.maximum(peak / np.maximum(ratios.max(axis=0), 1e-12), 1.0))
+
+
+def _command_ratios(case: Case, set_points: SetPoints) -> FloatArray:
+    """Ratios of ds² to its limit for the velocities of set-points, (n,)."""
+    q = set_points.q
+    rate = np.diff(q, axis=0, append=q[-1:]) / set_points.cycle
+    pace = (use_of("joint_velocity", case.limits, rate).ratio ** 2).max(axis=1)
+    lower, upper = case.limits.joint_range(case.arm.dof)
+    outside = ((q < lower) | (q > upper)).any(axis=1)
+    return np.asarray(np.maximum(pace, np.where(outside, OUTSIDE_RATIO, 0.0)))
+
+
+def _contour_errors(piece: ContourExecution) -> FloatArray:
+    """Contour error at each result, the larger of both directions [m], (n,)."""
+    error = piece.contour_error
+    over_time = np.maximum(piece.followed.distance, piece.followed.coverage_error)
+    # A peak between two times is assigned to the nearer time.
+    peak = int(np.argmin(np.abs(piece.t - error.t_max)))
+    over_time[peak] = max(over_time[peak], error.max)
+    return over_time
+
+
+def _derate(case: Case, move: Move, uses: Uses, goals: Goals, tries: int) -> Move:
+    """Plan a move that is derated where it exceeds its goals; refuse if it becomes too slow."""
+    power = 1 + tries // POWER_TRIALS
+    ratios = {cause: np.maximum(use / goals[cause], 1.0) for cause, use in uses.items()}
+    shares = ratios.pop("acceleration") ** -power
+    derating = move.derating.with_share(shares, "acceleration")
+    speed = largest_squares(move.plan, derating.cells)
+    for cause, ratio in ratios.items():
+        slow = np.maximum(ratio ** (-POWERS[cause] * power), LEAST_STEP)
+        derating = derating.with_cap(np.where(ratio > 1, speed * slow, np.inf), cause)
+        if cause == "error":
+            derating = derating.with_share(np.sqrt(slow)[:, None], cause)
+    if tries < MAX_TRIALS:
+        with suppress(NotRealizable):
+            slower, slowest = move.derated(case.arm, derating), case.goal.slowest
+            if move.number is None or slower.plan.duration < slowest * move.fastest.duration:
+                return slower
+    _refuse(case, move, {cause: float(use.max()) for cause, use in uses.items()})
+
+
+def _correct(
+    verdict: Verdict, moves: list[Move], goals: list[Goals], robots: list[FloatArray]
+) -> None:
+    """Add robots that a verdict rejects, and lower goals and limits that the verdict rejects."""
+    worst = worst_robots(verdict.robots, verdict.case.budget)
+    found = [x for x in worst if not any(np.array_equal(x, y) for y in robots)]
+    robots += found
+    kept = ("speed", "acceleration", "box") if found else ("speed",)
+    for k, move in enumerate(moves):
+        # Ratios of acceleration and speed are those of the whole program.
+        ratios = verdict.ratios[move.number or 0]
+        for cause, ratio in ratios.items():
+            if ratio > 1.0 and cause not in kept:
+                goals[k][cause] *= CORRECTION / ratio
+        if ratios["speed"] > 1.0:
+            # This should not occur, because plans satisfy their limits. The whole move is slower.
+            slower = ratios["speed"] * (1 + LIMIT_TOLERANCE)
+            cap = largest_squares(move.plan, move.derating.cells) / slower**2
+            moves[k] = move.derated(verdict.case.arm, move.derating.with_cap(cap, "speed"))
+
+
+def worst_robots(robots: Sequence[BoxErrors], budget: float) -> list[FloatArray]:
+    """Errors of the robots with the largest contour error and demand, if these are too large."""
+    errors = [x.robots[int(x.max.argmax())] for x in robots if x.max.max() > budget]
+    demands = [x.robots[int(x.demand.argmax())] for x in robots[:1] if x.demand.max() > 1.0]
+    return [*np.unique(errors, axis=0)] + demands
+
+
+def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
+    """Raise NotRealizable with the limiting constraint of the last attempt, and remedies."""
+    cause = max(ratios, key=lambda x: ratios[x])
+    needed, limit, allowed = ratios[cause], "joint_acceleration", 1.0
+    held = case.servo.interpolation == "step"
+    finer = "linear interpolation" if held else "a shorter cycle"
+    advice = f"Use {finer}"
+    if cause == "box":
+        advice = "Reduce the uncertainty of the robot (a smaller box), reduce the assigned velocity"
+    elif isinstance(case.run.compensation, NoCompensation):
+        advice = "Compensate the lag of the servo"
+    if cause == "acceleration":
+        if isinstance(case.run.compensation, InverseDynamics):
+            finer = "compensation inverse (inverse_dynamics is for rigid bodies)"
+        text = (
+            f"set-points every {case.run.cycle * 1e3:g} ms{', which are held,' * held} require "
+            f"{needed:.4g} times the acceleration limit of a joint. Use {finer}"
+        )
+    elif cause == "speed":
+        limit = "speed"
+        text = (
+            f"a limit of the plan, or of the velocity of set-points, is exceeded by "
+            f"{needed - 1:.2g} of its value, or a command is outside a joint range. Increase the "
+            "limit, or move the path away from the ends of the joint ranges"
+        )
+    elif cause == "tool":
+        # Ratios are those of squared speeds.
+        limit, allowed, needed = "speed", 1 + SPEED_SLACK, (1 + SPEED_SLACK) * needed**0.5
+        text = (
+            f"the executed tool moves at {needed:.5g} times the assigned velocity, but at most "
+            f"{allowed:g} times is allowed. {advice}, or reduce the assigned velocity in smaller "
+            "steps"
+        )
+    else:
+        limit, allowed, needed = "contour error", case.budget, needed * case.budget
+        over = " of the worst robot of the box" * (cause == "box")
+        text = (
+            f"the largest contour error{over} must be at most {allowed * 1e3:.4g} mm, but is at "
+            f"least {needed * 1e3:.4g} mm. {advice}, or allow a larger error"
+        )
+    with move.step.named():
+        raise NotRealizable(
+            f"No plan within {case.goal.slowest:g} times the {move.fastest.duration:.4g} s of the "
+            f"uncertified optimum is certified, because {text}.",
+            limit=limit,
+            needed=needed,
+            allowed=allowed,
+        )
