@@ -54,7 +54,7 @@ def test_j50_the_first_motion_of_an_own_rectangle(started, judge):
     agree(studio, judge(studio, "compensated"))
     # It has whole millimetres, and the handles can be grabbed.
     expect(studio.find("g.handle.waypoint")).to_have_count(5)
-    numbers = re.findall(r"\{to: \[([^,]*) mm, ([^,]*) mm", studio.text)
+    numbers = re.findall(r"to: \[([^,]*) mm, ([^,]*) mm", studio.text)
     assert len(numbers) == 4 and all(float(x) == round(float(x)) for p in numbers for x in p)
     with studio.changing():
         studio.drag(studio.handle("waypoint", 1), (15, 5))

@@ -210,7 +210,7 @@ def test_round_corners_refuses_and_questions_large_tolerances():
         ({"tolerance": np.nan}, "tolerance", "finite"),
         ({"tolerance": [1e-3] * 3}, "tolerance has 3 values", "2 vertices"),
         ({"tolerance": [[1e-3, 1e-3]]}, "tolerance has 2 values"),
-        ({"tolerance": "wide"}, "tolerance", "numbers in m"),
+        ({"tolerance": "wide"}, "tolerance", "quantity in m"),
         ({"tolerance": 1e-3, "continuity": "G2"}, "continuity"),
         ({"speed": -0.1, "acceleration": 0.1}, "corner speed", "-0.1 m/s"),
         ({"speed": 0.1, "acceleration": 0.0}, "corner acceleration", "above zero"),

@@ -170,7 +170,7 @@ ODD_PLANES = (
     ({"base": (1, 2)}, "base", "one number"),
     ({"links": (0.0, 0.3)}, "links must be above zero"),
     ({"links": (0.2, -0.3)}, "links", "-0.3 m"),
-    ({"links": ("long", 0.3)}, "links", "numbers in m"),
+    ({"links": ("long", 0.3)}, "links", "quantity in m"),
     ({"limits": ac.Limits(joint_velocity=[1.0, 2.0, 3.0])}, "has 3 values", "2 joints"),
 )
 ODD_TUBES = (

@@ -200,7 +200,7 @@ def test_a_motion_that_does_not_settle_ends_with_what_is_left(arm):
 def test_refused(arm, refuses):
     set_points = taught_data(RANDOM)
     for call, words in (
-        (partial(ac.simulate, set_points, "plant"), "simulate needs a Plant"),
+        (partial(ac.simulate, set_points, "plant"), "plant must be a Plant"),
         (partial(ac.simulate, set_points, plant(arm), resolution=0.0), "above zero"),
         (partial(ac.simulate, set_points, plant(arm), resolution=np.nan), "finite"),
         (partial(ac.simulate, taught_data(np.zeros((4, 3))), plant(arm)), "have 3 joints"),

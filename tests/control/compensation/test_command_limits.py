@@ -10,8 +10,8 @@ import scipy.sparse as sp
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.core.render import number
+from armcontour.files import read_job
 from armcontour.files.exports import CsvFormat, export, make_table
-from armcontour.files.job_file import read_job
 from armcontour.files.result_folder import data_json
 from armcontour.report import render_report
 

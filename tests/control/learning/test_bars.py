@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.files.job_file import read_job
+from armcontour.files import read_job
 
 pytest.importorskip("mujoco")
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
