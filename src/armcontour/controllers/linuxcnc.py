@@ -85,6 +85,7 @@ class LinuxCNC(Controller):
         self.servo, self.accelerations, self.late = servo, accelerations, late
 
     @classmethod
+    @checks.explained
     def simulated(cls, servo: ServoModel, arm: Arm) -> LinuxCNC:
         """LinuxCNC with simulated drives, with the acceleration limits of the servo or the arm.
 
