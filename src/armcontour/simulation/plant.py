@@ -123,14 +123,15 @@ def simulate(
     """
     if isinstance(plant, ServoModel):
         plant = ServoPlant(set_points.trajectory.require_arm(), plant)
-    fine = resolution
     span = (len(set_points.q) - 1) * set_points.cycle
     checks.check_count(
-        f"The simulation of {span:.4g} s of set-points with results every {fine:g} s",
-        (span / set_points.cycle + 1) * max(set_points.cycle / fine, 1.0) * set_points.q.shape[1],
+        f"The simulation of {span:.4g} s of set-points with results every {resolution:g} s",
+        (span / set_points.cycle + 1)
+        * max(set_points.cycle / resolution, 1.0)
+        * set_points.q.shape[1],
         "use a coarser resolution or a higher speed, or skip the simulation (--no-simulation)",
     )
-    return plant.run(set_points, fine)
+    return plant.run(set_points, resolution)
 
 
 def check_joints(set_points: SetPoints, arm: Arm) -> None:
