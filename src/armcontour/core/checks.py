@@ -569,9 +569,7 @@ def _value_of_argument(
     hints = {} if function.__name__ == "__init__" else get_type_hints(function)
     for argument, slot in slots.items():
         kinds = [type(slot.default), hints.get(argument), *get_args(hints.get(argument))]
-        for kind in kinds:
-            if not is_dataclass(kind):
-                continue
+        for kind in filter(is_dataclass, kinds):
             called = cast(type, kind).__name__
             if name in _field_names(cast(type, kind)):
                 return f"write {argument}={called}({name}=...)"
