@@ -99,7 +99,7 @@ def folder() -> Iterator[None]:
 def right() -> dict[str, Any]:
     """Right arguments by their names."""
     arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
-    limits = arm.limits.replace(speed=0.1, joint_acceleration=[3.0, 3.0])
+    limits = arm.limits.replace(speed=0.1, joint_acceleration=[0.7, 0.7])
     job = files.parse_job(FILES["bend.yaml"])
     study = ac.run(job)
     straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
