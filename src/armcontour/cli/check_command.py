@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armcontour.cli.console import show_data
+from armcontour.cli.console import print_json, show_data
 from armcontour.cli.inputs import read_option
 from armcontour.cli.options import CheckOptions
 from armcontour.cli.program import JUDGE, command
@@ -50,7 +50,6 @@ def check(
     from armcontour.core.errors import InvalidInput
     from armcontour.core.result import Row
     from armcontour.files import read_job
-    from armcontour.files.result_folder import data_json
     from armcontour.verification.limit_verdict import VERDICTS
 
     job = None if options.path is None else read_job(options.path)
@@ -71,7 +70,7 @@ def check(
         notes = (Row("left_out", samples.left_out), Row("notes", samples.notes))
         results = {"clearance": clearance, "commands": commands}
         parts = {key: x.to_data() for key, x in results.items() if x is not None}
-        print(data_json(replace(data, rows=(*data.rows, *notes), parts=parts)), end="")
+        print_json(replace(data, rows=(*data.rows, *notes), parts=parts))
     else:
         named = sorted({y.joint + 1 for y in result.uses if y.joint is not None})
         called = [joint_label(y, arm.joint_names) for y in named]

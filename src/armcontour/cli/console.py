@@ -38,24 +38,27 @@ def show_data(data: Data) -> None:
     print_lines(*text(data).splitlines(), *data.notes)
 
 
-def show_result(data: Data, as_json: bool) -> None:
-    """Print a result as JSON or as text."""
+def print_json(data: Data) -> None:
+    """Print a result as JSON."""
     from armcontour.files.result_folder import data_json
 
-    if as_json:
-        print(data_json(data), end="")
-    else:
-        show_data(data)
+    print(data_json(data), end="")
+
+
+def refuse_force(options: Any) -> None:
+    """Raise InvalidInput for --force without --out."""
+    from armcontour.core.checks import raise_if
+
+    lonely = options.out is None and options.force
+    raise_if(lonely, "--force requires --out, the folder for the results.")
 
 
 @contextmanager
 def result_folder(options: Any) -> Iterator[ResultFolder | None]:
     """Context with the result folder of --out; None without --out."""
-    from armcontour.core.checks import raise_if
     from armcontour.files import ResultFolder
 
-    lonely = options.out is None and options.force
-    raise_if(lonely, "--force requires --out, the folder for the results.")
+    refuse_force(options)
     if options.out is None:
         yield None
         return

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armcontour.cli.console import print_lines, result_folder, show_data, show_result
+from armcontour.cli.console import print_json, print_lines, refuse_force, result_folder, show_data
 from armcontour.cli.inputs import read_option, read_window
 from armcontour.cli.options import IdentifyOptions
 from armcontour.cli.program import ROBOT, command
@@ -43,13 +43,11 @@ def identify(
     from armcontour.cli.check_command import named_arm
     from armcontour.cli.play_command import refuse_without_controller
     from armcontour.control import identification
-    from armcontour.core.checks import raise_if
     from armcontour.core.render import plain
     from armcontour.core.result import Row
     from armcontour.files.robot_file import servo_yaml
 
-    lonely = options.out is None and options.force
-    raise_if(lonely, "--force requires --out, the folder for the results.")
+    refuse_force(options)
     if options.on is not None:
         return _identify_robot(logs, options)
     others = {"run_name": "--run", "sets": "--set"}
@@ -95,8 +93,10 @@ def _identify_robot(jobs: list[FilePath], options: IdentifyOptions) -> int:
     result = identify_robot(jobs[0], options, _shared_options(options))
     fit = result.fit
     if fit is None:
-        show_result(result.to_data(), options.as_json)
-        if not options.as_json:
+        if options.as_json:
+            print_json(result.to_data())
+        else:
+            show_data(result.to_data())
             print_lines(f"Stopped: {STOPPED_EARLY}" if result.stopped else DRY)
         return STOPPED if result.stopped else DONE
     files = {f"{name}.csv": log_text(log) for name, log in result.logs.items()}
@@ -164,7 +164,7 @@ def _conclude(
             listed = Row("files", [*folder.files, "summary.json"])
             folder.write("summary.json", data_json(replace(page, rows=(*page.rows, listed))))
     if options.as_json:
-        show_result(page, as_json=True)
+        print_json(page)
     else:
         for y in (data, *(further or [])):
             show_data(y)

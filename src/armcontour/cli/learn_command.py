@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import print_lines, print_report, show_data, show_result
+from armcontour.cli.console import print_json, print_lines, print_report, show_data
 from armcontour.cli.inputs import open_job, read_window
 from armcontour.cli.options import JobOptions, JobOrDrawing, LearnOptions
 from armcontour.cli.program import ROBOT, command
@@ -32,7 +32,7 @@ def learn(job: JobOrDrawing, options: LearnOptions, job_options: JobOptions) -> 
             study = _learn_from_log(job, job_options, options, window, progress)
         write_study(study, folder)
     if options.as_json:
-        show_result(study.to_data(), as_json=True)
+        print_json(study.to_data())
     else:
         _print_study(study, options.out)
     return 0

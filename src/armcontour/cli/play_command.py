@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from armcontour.cli.console import print_lines, result_folder, show_result
+from armcontour.cli.console import print_json, print_lines, result_folder, show_data
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interrupts import on_interrupt
 from armcontour.cli.options import ControllerOptions, JobOptions, JobOrDrawing, PlayOptions
@@ -69,8 +69,10 @@ def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> in
                 played = play_once(Player(controller, True, stop.is_set, progress))
         if folder is not None:
             _write(played, folder)
-    show_result(played.to_data(), options.as_json)
-    if not options.as_json:
+    if options.as_json:
+        print_json(played.to_data())
+    else:
+        show_data(played.to_data())
         _print_end(played, options)
     return DONE if played.kept or not options.execute else STOPPED
 

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.console import print_lines, print_report, show_data, show_result
+from armcontour.cli.console import print_json, print_lines, print_report, show_data
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interrupts import on_interrupt
 from armcontour.cli.options import JobOptions
@@ -112,7 +112,7 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
             _run_next(learner, options)
     result = learner.result
     if options.as_json:
-        show_result(result.to_data(), as_json=True)
+        print_json(result.to_data())
     else:
         _print_learning(result, file, options)
     return STOPPED if result.stopped else DONE

@@ -40,7 +40,7 @@ from armcontour.jobs.verdict import (
     time_limit_row,
     verdict_rows,
 )
-from armcontour.motion import Execution, SetPoints
+from armcontour.motion import Execution, SetPoints, arm_of
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant
@@ -203,7 +203,7 @@ class RunResult(Planned, Result):
     @property
     def arm(self) -> Arm:
         """Arm of the execution, or of the plan."""
-        return self.trajectory.require_arm() if self.execution is None else self.execution.arm
+        return arm_of(self.trajectory) if self.execution is None else self.execution.arm
 
     @cached_property
     def motion(self) -> Execution:
@@ -548,7 +548,7 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
     yield Row("reserve", run.timing.reserve, "1")
     yield Row("continuity", run.continuity)
     if trajectory.arm is not None:
-        names = trajectory.require_arm().joint_names
+        names = arm_of(trajectory).joint_names
         yield Row("start", dict(zip(names, trajectory(0.0), strict=True)), "rad")
     yield Row("switching_points", trajectory.switching_points, "s")
     stops = result.full_stops

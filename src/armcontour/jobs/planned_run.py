@@ -22,7 +22,7 @@ from armcontour.jobs.plan_quantities import (
     planned_torques,
     weavings,
 )
-from armcontour.motion import Trajectory
+from armcontour.motion import Trajectory, arm_of
 from armcontour.planning import Conventional, Explanation, Tracing
 from armcontour.program import Program
 from armcontour.robot import Arm, compare_limits
@@ -141,7 +141,7 @@ class Planned:
     @property
     def arm(self) -> Arm:
         """Arm of the plan."""
-        return self.trajectory.require_arm()
+        return arm_of(self.trajectory)
 
     @cached_property
     def torques(self) -> Torques | None:

@@ -311,16 +311,6 @@ class Trajectory(Checked):
         plan_arm = self.arm if arm is None else arm
         return replace(self, spans=spans, limits=limits, reserve=reserve, arm=plan_arm)
 
-    def require_arm(self) -> Arm:
-        """The arm of the trajectory.
-
-        Raises:
-            InvalidInput: The trajectory has no arm.
-        """
-        if self.arm is None:
-            raise InvalidInput("This trajectory has no arm. Plan it with an arm.")
-        return self.arm
-
     @checked
     def limits_for(self, limits: Limits | None) -> Limits:
         """The specified limits, completed by the limits of the plan, with one value per joint.
@@ -693,11 +683,14 @@ class Trajectory(Checked):
             )
 
 
-def arm_of(motion: Any, arm: Any = None) -> Any:
+def arm_of(motion: Any, arm: Arm | Any | None = None) -> Arm:
     """The arm if it is given, otherwise that of a trajectory or an execution."""
-    chosen = getattr(motion, "arm", None) if arm is None else arm
+    chosen: Arm | None = getattr(motion, "arm", None) if arm is None else arm
     if chosen is None:
-        raise InvalidInput(f"This {type(motion).__name__} has no arm. Give it the argument arm.")
+        raise InvalidInput(
+            f"This {type(motion).__name__} has no arm. Plan it with an arm, or give the argument "
+            "arm."
+        )
     return chosen
 
 

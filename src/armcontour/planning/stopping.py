@@ -16,7 +16,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Time
-from armcontour.motion import JointPath, Law, PathLaw, Trajectory
+from armcontour.motion import JointPath, Law, PathLaw, Trajectory, arm_of
 from armcontour.planning.constraints import CONSTRAINTS, Constraint, OnGrid
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
 from armcontour.planning.law_checks import with_reserve
@@ -69,7 +69,7 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     Raises:
         InvalidInput: The trajectory has no arm.
     """
-    arm, limits = trajectory.require_arm(), trajectory.limits_for(None)
+    arm, limits = arm_of(trajectory), trajectory.limits_for(None)
     rest = _next_rest(trajectory, t)
     if np.abs(trajectory(min(t, rest), 1)).max() < REST_SPEED:
         return _cut_at(trajectory, min(t, rest))

@@ -13,7 +13,7 @@ from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.jobs import Job, JobResult, Planned, Run, RunResult
-from armcontour.motion import DEFAULT_CYCLE, Execution, Method, Span, Trajectory
+from armcontour.motion import DEFAULT_CYCLE, Execution, Method, Span, Trajectory, arm_of
 from armcontour.planning import explain
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure
@@ -119,7 +119,7 @@ def _planned(
     limits: Limits | None = None,
 ) -> Planned:
     """Planned run of a trajectory; arm, program and limits default to those of the trajectory."""
-    arm = plan.require_arm() if arm is None else arm
+    arm = arm_of(plan, arm)
     program = _program_of(plan, arm) if program is None else program
     limits = resolve_limits("write_report", arm, limits, plan.limits)
     # An explanation requires the limits of the plan; without them, no limit would be active.

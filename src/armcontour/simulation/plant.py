@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray, Immutable, IntArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
-from armcontour.motion import Execution, FineMotion, SetPoints
+from armcontour.motion import Execution, FineMotion, SetPoints, arm_of
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation, respond_within
@@ -122,7 +122,7 @@ def simulate(
         ExecutionError: Rigid bodies do not come to rest, or a drive is too weak to hold the arm.
     """
     if isinstance(plant, ServoModel):
-        plant = ServoPlant(set_points.trajectory.require_arm(), plant)
+        plant = ServoPlant(arm_of(set_points.trajectory), plant)
     span = (len(set_points.q) - 1) * set_points.cycle
     checks.check_count(
         f"The simulation of {span:.4g} s of set-points with results every {resolution:g} s",
