@@ -21,7 +21,7 @@ job = ac.Job(
     ),
 )
 certificate = ac.certify(job, goal=ac.CertificateGoal(servo_error=1e-5))
-error = certificate.evaluation.contour_error
+error = certificate.result.evaluation.contour_error
 print(
     f"certified in {certificate.duration:.3f} s, "
     f"{certificate.cost * 1e3:.0f} ms more than the optimum"

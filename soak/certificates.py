@@ -27,11 +27,12 @@ def outside(drawing: str, cell: str) -> list[str]:
     """Sentences on what a certificate does not hold; none if it holds."""
     job = read_cell(cell, DRAWINGS / drawing)
     certificate = ac.certify(job, goal=ac.CertificateGoal(servo_error=SERVO))
-    arm, limits = job.arm, certificate.run.limits
+    arm, planned = job.arm, certificate.result
+    limits = planned.run.limits
     executed = ac.simulate(
         certificate.set_points, ac.ServoPlant(arm, job.plant_servo, limits), resolution=1e-4
     )
-    result = ac.evaluate(executed, certificate.path, objective=certificate.objective, limits=limits)
+    result = ac.evaluate(executed, planned.path, objective=planned.objective, limits=limits)
     messages = [
         f"{x.name}: contour error {error.max:.3g} m"
         for x, error in zip(certificate.contours, result.contours, strict=True)
@@ -89,12 +90,12 @@ def until_rest(seed: int) -> list[str] | None:
     except ac.NotRealizable:
         return None
     # The plant executes until all joints are at rest.
-    plant = ac.ServoPlant(job.arm, job.plant_servo, certificate.run.limits)
+    plant = ac.ServoPlant(job.arm, job.plant_servo, certificate.result.run.limits)
     executed = ac.simulate(certificate.set_points, plant, resolution=5e-5)
-    error = float(certificate.path.path.project(executed.tool).distance.max())
+    error = float(certificate.result.path.path.project(executed.tool).distance.max())
     stated = {
         "the budget": certificate.budget.executed,
-        "the evaluation": certificate.evaluation.contour_error.max,
+        "the evaluation": certificate.result.evaluation.contour_error.max,
         "the contour": certificate.contours[0].error.max,
     }
     return [

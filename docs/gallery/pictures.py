@@ -87,7 +87,7 @@ def draw_05(names: Names) -> Figure:
             certificate.set_points.q,
             {"marker": ".", "lw": 0.6},
         ),
-        ("executed", certificate.execution.t, certificate.execution.q, {"lw": 2.5}),
+        ("executed", certificate.result.execution.t, certificate.result.execution.q, {"lw": 2.5}),
     ):
         part = t < 0.35
         axes.plot(t[part], np.degrees(q[part, joint]), label=label, **look)

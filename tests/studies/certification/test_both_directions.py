@@ -36,7 +36,9 @@ def job_of_own_speeds(method):
 
 
 def executed(certificate):
-    plant = ac.ServoPlant(certificate.job.arm, certificate.job.plant_servo, certificate.run.limits)
+    plant = ac.ServoPlant(
+        certificate.job.arm, certificate.job.plant_servo, certificate.result.run.limits
+    )
     return ac.simulate(certificate.set_points, plant, resolution=2e-5)
 
 
@@ -61,10 +63,13 @@ def test_the_tool_keeps_the_speed_of_every_segment(method):
     assert contour["speed_ratio"] == certificate.contours[0].speed_ratio <= 1.001
     # The uncertified plan was not.
     set_points = ac.compensate(
-        ac.plan(job.path, job.arm, certificate.run.limits), job.servo, METHODS[method](), cycle=4e-3
+        ac.plan(job.path, job.arm, certificate.result.run.limits),
+        job.servo,
+        METHODS[method](),
+        cycle=4e-3,
     )
-    fast = executed(replace(certificate, set_points=set_points))
-    fast = ac.evaluate(fast, job.path, limits=certificate.run.limits)
+    fast = executed(replace(certificate, result=replace(certificate.result, set_points=set_points)))
+    fast = ac.evaluate(fast, job.path, limits=certificate.result.run.limits)
     assert fast.speed_ratio > 1.05
 
 

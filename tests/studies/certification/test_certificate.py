@@ -69,11 +69,11 @@ def certified():
 
 def judged(certificate, loaded=False):
     """The certificate's set-points, executed and checked again by nothing of the search."""
-    arm, limits = certificate.job.arm, certificate.run.limits
+    arm, limits = certificate.job.arm, certificate.result.run.limits
     plant = ac.ServoPlant(arm, certificate.job.plant_servo, limits)
     executed = ac.simulate(certificate.set_points, plant, resolution=1e-4)
     result = ac.evaluate(
-        executed, certificate.path.path, objective=certificate.job.path, limits=limits
+        executed, certificate.result.path.path, objective=certificate.job.path, limits=limits
     )
     assert not ac.check(certificate.trajectory, arm, limits, points=20, seed=1).violated
     assert result.contour_error.max <= certificate.goal.servo_error
@@ -93,7 +93,7 @@ def test_the_papers_job_every_four_milliseconds_and_the_parts_of_its_budget(cert
     budget, certificate = certified.budget, certified
     assert budget.rounding == pytest.approx(5e-3)
     worst = max(
-        certificate.evaluation.contour_error.max, certificate.contours[0].coverage_error.max
+        certificate.result.evaluation.contour_error.max, certificate.contours[0].coverage_error.max
     )
     assert budget.executed == pytest.approx(worst, rel=1e-12)
     assert budget.left == pytest.approx(2e-6 - worst, rel=1e-9)
@@ -102,14 +102,14 @@ def test_the_papers_job_every_four_milliseconds_and_the_parts_of_its_budget(cert
     ideal = ac.ServoPlant(certificate.job.arm, certificate.job.servo, saturation="none")
     tool = ac.simulate(often, ideal, resolution=2e-4).tool
     # A third of a nanometre, up to rounding.
-    distance = certificate.path.path.project(tool).distance.max()
+    distance = certificate.result.path.path.project(tool).distance.max()
     assert budget.servo == pytest.approx(distance, abs=1e-11)
     assert 0 < certificate.headroom.max() < certificate.largest_headroom.max() < 1
 
 
 def test_an_experiment_judges_a_certificate_too(certified):
     """On rigid bodies, the same set-points exceed 2 um, but not 5 mm."""
-    error = certified.experiment.evaluation.contour_error.max
+    error = certified.result.experiment.evaluation.contour_error.max
     assert error > 2e-6 > certified.budget.executed
     assert certified.kept is False and certified.experiment_error >= error
     note = certified.to_data()["kept"].note
@@ -126,7 +126,7 @@ def test_an_experiment_judges_a_certificate_too(certified):
     line = parse_job(text)
     assert line.runs[0].compensation.method == "inverse_dynamics"
     certificate = ac.certify(line, goal=ac.CertificateGoal(servo_error=2e-5))
-    assert certificate.set_points.method == certificate.run.compensation.method == "inverse"
+    assert certificate.set_points.method == certificate.result.run.compensation.method == "inverse"
 
 
 def test_a_certificate_states_that_rigid_bodies_are_not_covered(certified):
@@ -136,7 +136,7 @@ def test_a_certificate_states_that_rigid_bodies_are_not_covered(certified):
     assert certificate.warnings[-1] == certificate.rigid_body_warning
     page = render_report(certificate.study, certificate=certificate)
     assert "Valid for independent joint servos only" in page
-    e = certified.experiment.evaluation
+    e = certified.result.experiment.evaluation
     error = number(max(e.contour_error.max, e.coverage_error.max), "m")
     assert f"the contour error is {error}" in certified.rigid_body_warning
 
@@ -212,8 +212,10 @@ def test_gains_ten_percent_off():
         *((0.1 * random.uniform(-1, 1, 4), None) for _ in range(20)),
     ):
         real = servo.replace(kp=servo.kp * (1 + deviations[:2]), kv=servo.kv * (1 + deviations[2:]))
-        plant = ac.ServoPlant(arm, real, certificate.run.limits)
-        result = ac.evaluate(ac.simulate(certificate.set_points, plant), certificate.path.path)
+        plant = ac.ServoPlant(arm, real, certificate.result.run.limits)
+        result = ac.evaluate(
+            ac.simulate(certificate.set_points, plant), certificate.result.path.path
+        )
         error = max(result.contour_error.max, result.coverage_error.max)
         assert error <= 0.5e-3
         if expected is not None:
@@ -249,11 +251,11 @@ def test_dead_times_that_err():
 
 def test_a_total_tolerance_is_split_and_given_back():
     certificate = ac.certify(job(SHORT), goal=ac.CertificateGoal(tolerance=2e-3))
-    budget, result = certificate.budget, certificate.evaluation
+    budget, result = certificate.budget, certificate.result.evaluation
     assert budget.total <= 2e-3 and result.objective_error.max <= 2e-3
     # Hardly anything is left: the corners got what the servo did not need.
     assert budget.rounding > 1.996e-3
-    assert certificate.path.path.corners.error.max() == budget.rounding
+    assert certificate.result.path.path.corners.error.max() == budget.rounding
     assert certificate.duration <= 1.01 * certificate.uncertified.duration
 
 
@@ -276,7 +278,9 @@ def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
     short_job = job(SHORT, servo=", model_error: 0.1 mrad")
     certificate = ac.certify(short_job, goal=CertificateGoal(servo_error=0.2e-3))
     budget, result = certificate.budget, judged(certificate)
-    expected = ac.evaluate(certificate.execution, certificate.path.path).model_error[1]
+    expected = ac.evaluate(certificate.result.execution, certificate.result.path.path).model_error[
+        1
+    ]
     assert budget.model_error == pytest.approx(expected, rel=1e-4) and expected > 3e-5
     assert result.contour_error.max + budget.model_error <= 0.2e-3
     assert budget.executed == budget.servo + budget.sampling + budget.model_error
@@ -342,7 +346,7 @@ def test_errors_of_one_path_count_until_the_tool_rests():
     # A late drive is still on its way when the plan has ended.
     delayed = job(SHORT, servo=", dead_time: 4 ms", method="pole_placement")
     certificate = ac.certify(delayed, goal=ac.CertificateGoal(servo_error=1e-4))
-    of_contour, of_all = certificate.contours[0].error, certificate.evaluation.contour_error
+    of_contour, of_all = certificate.contours[0].error, certificate.result.evaluation.contour_error
     assert (of_contour.max, of_contour.rms) == (of_all.max, of_all.rms)
     # No error exceeds the certified one until all joints rest, although the tool leaves the path
     # while it is slower than 1 mm/s.

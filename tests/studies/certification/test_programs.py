@@ -46,11 +46,11 @@ def certified():
 
 def executed(certificate, servo=None):
     """The whole, executed and judged by nothing of the search."""
-    arm, limits = certificate.job.arm, certificate.run.limits
+    arm, limits = certificate.job.arm, certificate.result.run.limits
     plant = ac.ServoPlant(arm, servo or certificate.job.plant_servo, limits)
     execution = ac.simulate(certificate.set_points, plant, resolution=1e-4)
     evaluation = ac.evaluate(
-        execution, certificate.path, objective=certificate.objective, limits=limits
+        execution, certificate.result.path, objective=certificate.result.objective, limits=limits
     )
     return execution, evaluation
 
@@ -64,11 +64,11 @@ def test_every_contour_holds_its_goal_in_the_whole_without_its_leads(certified):
         assert x.trajectory.duration == x.duration < 1.05 * x.optimum
     # Rapids ask no joint for more than it has, either.
     assert (execution.peak_demand <= 0.72 * (1 + 1e-6)).all() and (result.saturated == 0).all()
-    arm, limits = certified.job.arm, certified.run.limits
+    arm, limits = certified.job.arm, certified.result.run.limits
     assert not ac.check(certified.trajectory, arm, limits, points=5, seed=1).violated
     assert certified.cost < 0.1 * certified.duration
     assert certified.budget.executed == result.contour_error.max
-    program = certified.path
+    program = certified.result.path
     assert [x.name for x in certified.trajectory.events] == ["tool", "tool"]
     for x, contour in zip(certified.contours, program.contours, strict=True):
         assert contour.work[0] == pytest.approx(5e-3)
@@ -128,7 +128,9 @@ def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
     data = certified.to_data()
     row, parts = data["off_drawing"], [x.budget for x in certified.contours]
     _, result = executed(certified)
-    coverage_error = ac.evaluate(certified.execution, certified.path, objective=certified.objective)
+    coverage_error = ac.evaluate(
+        certified.result.execution, certified.result.path, objective=certified.result.objective
+    )
     largest = max(result.objective_error.max, coverage_error.objective_coverage_error.max)
     assert 0.99 * row.value < largest <= row.value == max(x.total for x in parts)
     assert row.value == pytest.approx(max(x.rounding for x in parts) + parts[0].executed)

@@ -41,10 +41,12 @@ def certified(job):
 def test_shape_and_servo_share_the_tolerance(certified):
     """Judged against the objective, in both directions, by nothing of the search."""
     certificate = certified
-    arm, limits = certificate.job.arm, certificate.run.limits
+    arm, limits = certificate.job.arm, certificate.result.run.limits
     plant = ac.ServoPlant(arm, certificate.job.plant_servo, limits)
     executed = ac.simulate(certificate.set_points, plant, resolution=1e-4)
-    result = ac.evaluate(executed, certificate.path, objective=certificate.job.path, limits=limits)
+    result = ac.evaluate(
+        executed, certificate.result.path, objective=certificate.job.path, limits=limits
+    )
     assert max(result.objective_error.max, result.objective_coverage_error.max) <= TOLERANCE
     assert result.contour_error.max <= certificate.budget.servo_allowed
     assert (result.demand_ratio <= 1 + 1e-6).all()
@@ -58,7 +60,7 @@ def test_shape_and_servo_share_the_tolerance(certified):
     )
     assert planned.verdict == "kept"
     # Hardly anything is left: the shape got what the servo did not need.
-    assert certificate.budget.rounding == certificate.path.path.tolerance > 0.98 * TOLERANCE
+    assert certificate.budget.rounding == certificate.result.path.path.tolerance > 0.98 * TOLERANCE
     assert certificate.budget.rounding + certificate.budget.servo_allowed == pytest.approx(
         TOLERANCE
     )
@@ -69,7 +71,7 @@ def test_a_note_reports_that_arcs_are_not_faster(job, certified):
     assert arcs.shapes == {} and arcs.contours[0].shape == "arc"
     assert certified.duration <= arcs.duration
     shape = certified.contours[0].shape
-    assert certified.run.rounding.shape == shape
+    assert certified.result.run.rounding.shape == shape
     assert certified.shapes[shape] == certified.duration == min(certified.shapes.values())
     data = json.loads(certificate_json(certified))["certificate"]
     assert data["contours"][0]["shape"] == shape

@@ -27,7 +27,7 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
     data, model = certificate.to_data(), capitalise(certificate.model)
     rows = {x.name: x for x in data.shown()}
     deviation, verdict = rows["off_drawing"], data["kept"]
-    doubts = [x for x in data.warnings if x not in certificate.path.notes]
+    doubts = [x for x in data.warnings if x not in certificate.result.path.notes]
     sentences = [
         *time_sentences(certificate.result),
         *(("What to change", x) for x in [_change(certificate)] if x),
@@ -82,7 +82,7 @@ def certificate(result: Certificate) -> Section:
                 if has_contours
                 else []
             ),
-            side_by_side({result.run.name: data}, caption="Figures"),
+            side_by_side({result.result.run.name: data}, caption="Figures"),
         ),
         notes=data.notes,
     )

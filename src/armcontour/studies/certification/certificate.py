@@ -4,30 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen
-from armcontour.core.errors import ExecutionError
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import CertificateGoal
-from armcontour.jobs.job import ARC, FREE, Job, Run
-from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
+from armcontour.jobs.job import ARC, FREE, Job
+from armcontour.jobs.job_result import JobResult, RunResult
 from armcontour.jobs.run_data import field_rows, warning_rows
 from armcontour.jobs.run_warnings import beyond_logs
-from armcontour.jobs.verdict import ROUNDING, SERVO, off_drawing, time_limit_row
-from armcontour.motion import Execution, JointPath, SetPoints, Trajectory
-from armcontour.planning import Tracing, explain
-from armcontour.program import Program
+from armcontour.jobs.verdict import BODIES, ROUNDING, SERVO, off_drawing, time_limit_row
+from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.simulation.rigid_body_plant import can_simulate
-from armcontour.studies.certification.derating import DeratedInterval, DeratedLimits, Derating
+from armcontour.studies.certification.derating import DeratedInterval, Derating
 from armcontour.studies.certification.judge import BoxErrors
-from armcontour.verification import Check, Evaluation
-from armcontour.verification.clearance import Clearance
+from armcontour.verification import Check
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.evaluation import duration_row
 
@@ -247,48 +242,31 @@ class Certificate(Result):
 
     Args:
         job: The job.
-        run: The run, with the corner tolerance of the certified plan.
+        result: The certified plan, its set-points, and their execution on the model, every 0.1
+            ms. The run has the corner tolerance of the plan. Its experiment executes the same
+            set-points on the arm's rigid bodies, which the search does not use.
         goal: The satisfied goal.
         model: Description of the robot model for which the certificate is valid.
-        objective: The program before its corners were rounded.
-        path: The planned program; `path.path` is the tool path of a single contour.
-        trajectory: The certified plan.
-        set_points: Set-points of the plan.
-        execution: Execution of the set-points on the model.
-        evaluation: Evaluation of the execution every 0.1 ms.
         check: Check of the plan against every limit, also between samples.
         contours: Certificates of the contours, in program order.
         uncertified: The fastest plan without derating, for comparison.
         shapes: Durations of the fastest plans by shape [s] if the run requests the shape "free",
             otherwise empty. If the other shape cannot be faster, its plan need not be certified.
-        experiment: Execution of the same set-points on the arm's rigid bodies, which the search
-            does not use; None without an experiment, or if the experiment failed.
-        failure: Error of a failed experiment; None otherwise.
-        clearance: Clearance of the arm from itself and from its cell; None if not checked.
     """
 
     job: Job
-    run: Run
+    result: RunResult
     goal: CertificateGoal
     model: str
-    objective: Program
-    path: Program
-    trajectory: Trajectory
-    set_points: SetPoints
-    execution: Execution
-    evaluation: Evaluation
     check: Check
     contours: tuple[ContourCertificate, ...]
     uncertified: Uncertified
     shapes: Mapping[str, float]
-    experiment: ExperimentResult | None
-    failure: ExecutionError | None = None
-    clearance: Clearance | None = None
 
     def to_data(self) -> Data:
         """Data of the verdict, the parts of the error, and the model."""
-        count = len(self.contours)
-        title = f"Certificate of {self.job.title}, run {self.run.name}, for independent servos"
+        count, run = len(self.contours), self.result.run.name
+        title = f"Certificate of {self.job.title}, run {run}, for independent servos"
         contours = Table.from_results(
             "contours", [x.to_data() for x in self.contours], TABLE if count > 1 else FILE
         )
@@ -306,9 +284,10 @@ class Certificate(Result):
         """Rows of the guaranteed deviation from the drawing, the cost, and the remaining budget."""
         worst = max(self.contours, key=lambda x: x.budget.total)
         rounding = None if worst.shape is None else worst.budget.rounding
-        budget, accuracy = worst.budget, self.run.accuracy if self.goal.tolerance is None else None
-        allowed = budget.servo_allowed if budget.allowed is None else None
-        tolerance = None if budget.allowed is not None else self.result.tolerance
+        budget, tolerance, accuracy, allowed = worst.budget, None, None, None
+        if budget.allowed is None:
+            tolerance, accuracy = self.result.tolerance, self.result.run.accuracy
+            allowed = budget.servo_allowed
         row = off_drawing(rounding, tolerance, {SERVO: budget.executed}, allowed, GUARANTEED)
         sums = {"certified within": budget.allowed, "the job allows": accuracy}
         sums["on rigid bodies"] = self.experiment_error
@@ -334,8 +313,8 @@ class Certificate(Result):
             if row.name != "budget.left":
                 yield replace(row, level=max(row.level, TABLE) if shown else FILE)
         yield Row("shapes", self.shapes, "s")
-        if self.shapes and self.run.rounding is not None:
-            shape = self.run.rounding.shape
+        if self.shapes and self.result.run.rounding is not None:
+            shape = self.result.run.rounding.shape
             others = {x: number(t, "s") for x, t in self.shapes.items() if x != shape}
             note = ", ".join(f"{x} takes at least {t}" for x, t in others.items())
             yield Row("shape", shape, "", "corner shape", note)
@@ -348,7 +327,7 @@ class Certificate(Result):
         yield Row("trials", self.trials, "", "plans tried")
         yield Row("model", self.model, "", "valid for")
         yield Row("rigid_body_warning", self.rigid_body_warning)
-        yield Row("run", self.run.name)
+        yield Row("run", self.result.run.name)
         yield from field_rows("goal", self.goal)
         yield from self.uncertified.to_data().with_prefix("uncertified", FILE)
 
@@ -360,17 +339,17 @@ class Certificate(Result):
     def comparison(self) -> dict[str, Data]:
         """The same values of the uncertified plan, the certified plan, and its experiment."""
         before = self.uncertified.to_data()
-        names, box = [x.name for x in before.rows], before["box"]
-        if box.value is not None:
+        names = {SERVO: "certified", BODIES: "certified, on rigid bodies"}
+        evaluated = {names[x]: y.to_data() for x, y in self.result.evaluations.items()}
+        if (box := before["box"]).value is not None:
+            certified = evaluated["certified"]
             box = replace(box, value=max(x.budget.executed for x in self.contours))
-        judged = {"certified": self.evaluation}
-        if self.experiment is not None:
-            judged["certified, on rigid bodies"] = self.experiment.evaluation
-        columns = {"uncertified optimum": before}
-        for name, e in judged.items():
-            rows = tuple(x for x in e.to_data().rows if x.name in names)
-            columns[name] = Data(name, (*rows, box) if e is self.evaluation else rows)
-        return columns
+            evaluated["certified"] = replace(certified, rows=(*certified.rows, box))
+        shown = [x.name for x in before.rows]
+        return {"uncertified optimum": before} | {
+            name: replace(data, rows=tuple(x for x in data.rows if x.name in shown))
+            for name, data in evaluated.items()
+        }
 
     @property
     def kept(self) -> bool:
@@ -379,17 +358,16 @@ class Certificate(Result):
         Rigid bodies judge the certificate if the run has an experiment.
         """
         within = (x.budget.left >= -ROUNDING * x.budget.servo_allowed for x in self.contours)
-        bodies = (
-            self.failure is None and (self.experiment_error or 0.0) <= self.budget.servo_allowed
-        )
-        return all(within) and bodies and self.check.verdict != "violated"
+        bodies = (self.experiment_error or 0.0) <= self.budget.servo_allowed
+        completed, valid = self.result.failure is None, self.check.verdict != "violated"
+        return all(within) and bodies and completed and valid
 
     @property
     def experiment_error(self) -> float | None:
         """Largest contour error of the experiment [m]; None without its result."""
-        if self.experiment is None:
+        if self.result.experiment is None:
             return None
-        e = self.experiment.evaluation
+        e = self.result.experiment.evaluation
         return max(e.contour_error.max, e.coverage_error.max)
 
     @property
@@ -488,30 +466,18 @@ class Certificate(Result):
             f"{number(self.budget.servo_allowed, 'm')} allowed for servos."
         )
 
-    @cached_property
-    def result(self) -> RunResult:
-        """The certified plan as the result of its run."""
-        single = self.path.single_path
-        deratings = [(x.joint_path, x.derating) for x in self.contours]
-        derated = DeratedLimits(deratings, self.run.limits)
-        return RunResult(
-            run=self.run,
-            objective=self.objective,
-            path=self.path,
-            traced=None if single is None else Tracing.along(self.contours[0].joint_path, single),
-            trajectory=self.trajectory,
-            explanation=explain(self.trajectory, self.job.arm, constraints=[derated]),
-            set_points=self.set_points,
-            servo=self.job.servo,
-            execution=self.execution,
-            evaluation=self.evaluation,
-            experiment=self.experiment,
-            failure=self.failure,
-            clearance=self.clearance,
-        )
+    @property
+    def trajectory(self) -> Trajectory:
+        """The certified plan."""
+        return self.result.trajectory
+
+    @property
+    def set_points(self) -> SetPoints:
+        """Set-points of the certified plan."""
+        return self.result.set_points
 
     @property
     def study(self) -> JobResult:
         """Job result with the certified plan as its only run."""
-        job = replace(self.job, runs=(self.run,))
-        return JobResult(job=job, runs={self.run.name: self.result})
+        run = self.result.run
+        return JobResult(job=replace(self.job, runs=(run,)), runs={run.name: self.result})

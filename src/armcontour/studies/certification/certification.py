@@ -16,11 +16,12 @@ from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Rounding, Run, build_plant, choose_run
+from armcontour.jobs.job_result import RunResult
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.motion import Method
-from armcontour.planning import Optimal, check_jerk_support
+from armcontour.planning import Optimal, check_jerk_support, explain
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
@@ -32,7 +33,7 @@ from armcontour.studies.certification.certificate import (
     ContourCertificate,
     Uncertified,
 )
-from armcontour.studies.certification.derating import derated_intervals
+from armcontour.studies.certification.derating import DeratedLimits, derated_intervals
 from armcontour.studies.certification.judge import BoxErrors, Verdict, execute_box, judge
 from armcontour.studies.certification.search import attempts, worst_robots
 from armcontour.verification.contour_errors import pieces_of
@@ -68,7 +69,7 @@ def certify(
     of the run executes the same set-points on rigid bodies.
 
     >>> certificate = ac.certify(ac.read_job("job.yaml"))
-    >>> certificate.evaluation.contour_error.max < 0.1e-3
+    >>> certificate.result.evaluation.contour_error.max < 0.1e-3
     True
     >>> ac.certify(path, arm, servo, limits, goal=ac.CertificateGoal(servo_error=0.1e-3)).kept
     True
@@ -251,24 +252,31 @@ def _make_certificate(
             )
         except ExecutionError as error:
             failure = error
+    trajectory, contours = verdict.attempt.trajectory, tuple(_make_contours(verdict, uncertified))
+    derated = DeratedLimits([(x.joint_path, x.derating) for x in contours], chosen.limits)
     return Certificate(
         job=job,
-        run=chosen,
+        result=RunResult(
+            run=chosen,
+            objective=objective,
+            path=case.program,
+            traced=case.traced,
+            trajectory=trajectory,
+            explanation=explain(trajectory, job.arm, constraints=[derated]),
+            set_points=set_points,
+            servo=job.servo,
+            execution=verdict.executed,
+            evaluation=evaluate_run(judged, verdict.executed, case.program, objective),
+            experiment=experiment,
+            failure=failure,
+            clearance=clearance_of(job, trajectory),
+        ),
         goal=case.goal,
         model=describe_model(case),
-        objective=objective,
-        path=case.program,
-        trajectory=verdict.attempt.trajectory,
-        set_points=set_points,
-        execution=verdict.executed,
-        evaluation=evaluate_run(judged, verdict.executed, case.program, objective),
         check=verdict.check,
-        contours=tuple(_make_contours(verdict, uncertified)),
+        contours=contours,
         uncertified=uncertified,
         shapes=shapes,
-        experiment=experiment,
-        failure=failure,
-        clearance=clearance_of(job, verdict.attempt.trajectory),
     )
 
 

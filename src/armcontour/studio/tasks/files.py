@@ -61,7 +61,7 @@ def certify(request: Request) -> PageFrame:
     data = certificate.to_data()
     header = {
         **{
-            "run": certificate.run.name,
+            "run": certificate.result.run.name,
             "sentence": f"{verdict(data)} It is valid for: {certificate.model}.",
         },
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
