@@ -6,7 +6,7 @@ from tests.geometry.tables import arc, each, line, path_of
 
 import armcontour as ac
 from armcontour.core.frames import exp
-from armcontour.geometry.tangent_repair import repair_tangents
+from armcontour.geometry.rounding.tangent_repair import repair_tangents
 
 PLANE = np.array([[0.30, 0.20], [0.3411, 0.213], [0.335, 0.259], [0.33, 0.24], [0.30, 0.237]])
 SPACE = np.array([[0.45, -0.1, 0.3], [0.52, -0.08, 0.31], [0.5, 0.05, 0.35], [0.47, 0.06, 0.33]])

@@ -10,7 +10,7 @@ import armcontour as ac
 from armcontour.geometry import Tube, round_with_parabolas
 from armcontour.geometry.arc_fit import draw_with_arcs
 from armcontour.geometry.path_parts import cut_path
-from armcontour.geometry.tangent_repair import repair_tangents
+from armcontour.geometry.rounding.tangent_repair import repair_tangents
 
 CORNER = [(0, 0), (0.1, 0), (0.1, 0.1)]
 

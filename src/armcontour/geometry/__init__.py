@@ -3,12 +3,14 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "line_corners": "corner_error",
+    "rounding.line_corners": "corner_error",
     "projection": "Projection",
     "orientation": "Orientation",
     "path": "Path",
     "primitives": "Arc Line SegmentLimits",
-    "rounded_path": "Corners RoundedPath count_full_stops round_corners round_with_parabolas",
+    "rounding.rounded_path": (
+        "Corners RoundedPath count_full_stops round_corners round_with_parabolas"
+    ),
     "segments": "Segments",
     "shaped_path": "ShapingOutcome ShapedPath SmoothCurve",
     "shaped_orientation": "orient_shaped",

@@ -35,8 +35,13 @@ from armcontour.geometry.orientation import (
 )
 from armcontour.geometry.path import Path
 from armcontour.geometry.prescribed_orientation import carry_frame
-from armcontour.geometry.rounded_orientation import SLIVER, blend_kinks, find_kinks, largest_cuts
-from armcontour.geometry.rounded_path import check_angular_tolerance
+from armcontour.geometry.rounding.rounded_orientation import (
+    SLIVER,
+    blend_kinks,
+    find_kinks,
+    largest_cuts,
+)
+from armcontour.geometry.rounding.rounded_path import check_angular_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import check_correspondence
 

@@ -30,7 +30,7 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
-from armcontour.geometry.rounded_path import CONTINUITIES, Continuity
+from armcontour.geometry.rounding.rounded_path import CONTINUITIES, Continuity
 from armcontour.jobs.analog import check_analog
 from armcontour.jobs.exports import Exports
 from armcontour.jobs.goal import CertificateGoal

@@ -17,7 +17,7 @@ from armcontour.core.quantities import Quantity
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
-from armcontour.geometry.rounded_path import Continuity
+from armcontour.geometry.rounding.rounded_path import Continuity
 from armcontour.program.moves import Contour, Program
 
 # Number of points from which the extent of a path is computed, and smallest tolerance that is
@@ -152,7 +152,7 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
         InvalidInput: The tolerance is not above zero; or a path was shaped, or its tool orientation
             was rounded.
     """
-    from armcontour.geometry.curvature import smooth_curvature as smooth_path
+    from armcontour.geometry.rounding.curvature import smooth_curvature as smooth_path
 
     program = Program.from_path(path, "smooth_curvature needs a Path or a Program")
     moves = []

@@ -24,7 +24,7 @@ from armcontour.core.quantities import (
 from armcontour.core.text import digits, make_printable, shorten
 from armcontour.core.units import parse_quantity
 from armcontour.geometry import SegmentLimits
-from armcontour.geometry.tangent_repair import RepairedPath, repair_tangents
+from armcontour.geometry.rounding.tangent_repair import RepairedPath, repair_tangents
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 

@@ -10,7 +10,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Orientation, Path, RoundedPath
-from armcontour.geometry.rounded_path import OUT_OF_PLANE
+from armcontour.geometry.rounding.rounded_path import OUT_OF_PLANE
 from armcontour.robot import SerialArm
 
 # Largest distance between the first knots, divided by the extent of the path.

@@ -18,12 +18,16 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import Tolerance
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import length
-from armcontour.geometry.connections import bound_deviation, connect, draw_connections
-from armcontour.geometry.line_corners import fit_lengths, replace_vertices
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import Path
-from armcontour.geometry.rounded_orientation import find_kinks, follow_rounded, round_orientation
-from armcontour.geometry.rounded_path import RoundedPath
+from armcontour.geometry.rounding.connections import bound_deviation, connect, draw_connections
+from armcontour.geometry.rounding.line_corners import fit_lengths, replace_vertices
+from armcontour.geometry.rounding.rounded_orientation import (
+    find_kinks,
+    follow_rounded,
+    round_orientation,
+)
+from armcontour.geometry.rounding.rounded_path import RoundedPath
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
 

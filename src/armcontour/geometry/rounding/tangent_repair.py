@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.frames import angle_between
-from armcontour.geometry.arc_corners import WIDEST
 from armcontour.geometry.biarcs import biarc_distance, make_biarcs, unit
 from armcontour.geometry.path import Path
-from armcontour.geometry.rounded_path import blend_vertices
+from armcontour.geometry.rounding.arc_corners import WIDEST
+from armcontour.geometry.rounding.rounded_path import blend_vertices
+from armcontour.geometry.rounding.straight_runs import merge_lines
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
-from armcontour.geometry.straight_runs import merge_lines
 
 # Largest turn of a repaired vertex [rad]; larger turns are corners.
 LARGEST_KINK = 0.05

@@ -15,9 +15,9 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry.biarcs import dot, length, make_biarcs, unit
-from armcontour.geometry.connections import around_vertices, connect, draw_connections
-from armcontour.geometry.line_corners import CornerBounds, CornerCurves, CornerKind
-from armcontour.geometry.rounded_orientation import middle_fraction
+from armcontour.geometry.rounding.connections import around_vertices, connect, draw_connections
+from armcontour.geometry.rounding.line_corners import CornerBounds, CornerCurves, CornerKind
+from armcontour.geometry.rounding.rounded_orientation import middle_fraction
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, combine_limits
 
 # Relative error of the search for a tangent length, and largest number of its steps. Every third

@@ -23,7 +23,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, short_repr
-from armcontour.geometry.line_corners import (
+from armcontour.geometry.orientation import SAME_ORIENTATION
+from armcontour.geometry.path import EVERY_VERTEX, Path
+from armcontour.geometry.rounding.line_corners import (
     ARC,
     PARABOLA,
     SMOOTH,
@@ -33,9 +35,7 @@ from armcontour.geometry.line_corners import (
     fit_lengths,
     replace_vertices,
 )
-from armcontour.geometry.orientation import SAME_ORIENTATION
-from armcontour.geometry.path import EVERY_VERTEX, Path
-from armcontour.geometry.rounded_orientation import (
+from armcontour.geometry.rounding.rounded_orientation import (
     NO_VERTICES,
     find_kinks,
     follow_rounded,
@@ -43,9 +43,9 @@ from armcontour.geometry.rounded_orientation import (
     middle_fraction,
     round_orientation,
 )
+from armcontour.geometry.rounding.straight_runs import merge_lines
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
-from armcontour.geometry.straight_runs import merge_lines
 
 # Continuity of a rounded path: only the tangent is continuous, or also the curvature.
 Continuity: TypeAlias = Literal["tangent", "curvature"]
@@ -384,7 +384,7 @@ def _round(
     # Where a connection is too short or not possible, a pair of arcs replaces the corner.
     kinds: list[tuple[CornerKind, float]] = [(curve, 0.0)]
     if (free & bent).any():
-        from armcontour.geometry.arc_corners import CONNECTION, PAIR
+        from armcontour.geometry.rounding.arc_corners import CONNECTION, PAIR
 
         kinds += [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
         kinds.append((PAIR, 0.0))

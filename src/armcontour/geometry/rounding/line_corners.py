@@ -27,7 +27,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import STRAIGHT, join_by_quintics, make_biarcs, unit, unit_across
-from armcontour.geometry.rounded_orientation import middle_fraction
+from armcontour.geometry.rounding.rounded_orientation import middle_fraction
 from armcontour.geometry.segments import REPEATED_POINT, Segments, combine_limits
 
 # Largest step of asinh(tan(angle of the tangent)) that two arcs of a parabola cover. The curvature

@@ -1,0 +1,1 @@
+"""Rounding of corners, smoothing of the curvature, and repair of almost tangent vertices."""
