@@ -22,6 +22,7 @@ from armcontour.planning.program_timing import RAPID_INTERVALS, JoinedMoves
 from armcontour.planning.program_tracing import TracedMove, Tracing
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits
+from armcontour.robot.limit_use import use_of
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import ServoPlant
 from armcontour.studies.certification.derating import Derating, plan_derated
@@ -105,6 +106,13 @@ class Case:
         """Commanded accelerations divided by the bound of saturation in their direction."""
         bounds = self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
         return np.asarray(np.max([commanded_acceleration / x for x in bounds], axis=0))
+
+    def command_ratios(self, set_points: SetPoints) -> FloatArray:
+        """Ratios of velocities of set-points to limits, (n,); infinite outside joint ranges."""
+        q, (lower, upper) = set_points.q, self.limits.joint_range(self.arm.dof)
+        rate = np.diff(q, axis=0, append=q[-1:]) / set_points.cycle
+        ratio = use_of("joint_velocity", self.limits, rate).ratio.max(axis=1)
+        return np.where(((q < lower) | (q > upper)).any(axis=1), np.inf, ratio)
 
     def compute_set_points(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
         """Set-points of a plan, by default with the cycle of the run [s]."""

@@ -196,8 +196,7 @@ class ContourCertificate(Result):
                 *error_rows("contour_error", "contour error", self.error),
                 *error_rows("coverage_error", "path missed", self.coverage_error),
                 Row("speed_ratio", self.speed_ratio, "1"),
-                Row("headroom.mean", self.headroom, "1", "acceleration derated, mean", joint),
-                Row("headroom.largest", self.largest_headroom, "1"),
+                Row("headroom", self.headroom, "1", "acceleration derated", joint),
                 Row("lowered", [asdict(x) for x in self.lowered], "1"),
                 *robots,
                 Row("trials", self.trials),
@@ -225,13 +224,6 @@ class ContourCertificate(Result):
 
     @property
     def headroom(self) -> FloatArray:
-        """Mean share by which each acceleration limit is derated along the path, (dof,)."""
-        shares = np.average(self.derating.share, axis=0, weights=self.derating.width)
-        # A mean of ones can exceed 1 by rounding.
-        return np.maximum(1.0 - shares, 0.0)
-
-    @property
-    def largest_headroom(self) -> FloatArray:
         """Largest share by which each joint's acceleration limit is derated, (dof,)."""
         return np.asarray(1.0 - self.derating.share.min(axis=0))
 
@@ -318,9 +310,8 @@ class Certificate(Result):
             others = {x: number(t, "s") for x, t in self.shapes.items() if x != shape}
             note = ", ".join(f"{x} takes at least {t}" for x, t in others.items())
             yield Row("shape", shape, "", "corner shape", note)
-        for name, shares in ("mean", self.headroom), ("largest", self.largest_headroom):
-            joint = self.job.arm.joint_names[int(shares.argmax())]
-            yield Row(f"headroom.{name}", shares, "1", f"acceleration derated, {name}", joint)
+        joint = self.job.arm.joint_names[int(self.headroom.argmax())]
+        yield Row("headroom", self.headroom, "1", "acceleration derated", f"at most, {joint}")
         yield Row("pauses", self.pauses, "s", "pauses after rapids" if self.pauses else "")
         yield Row("limits_used", {x.name: x.ratio for x in self.check.uses}, "1")
         yield Row("not_judged", self.check.not_judged)
@@ -429,15 +420,8 @@ class Certificate(Result):
 
     @property
     def headroom(self) -> FloatArray:
-        """Mean share by which each acceleration limit is derated along all contours, (dof,)."""
-        lengths = [x.path.length for x in self.contours]
-        means = [x.headroom for x in self.contours]
-        return np.asarray(np.average(means, axis=0, weights=lengths))
-
-    @property
-    def largest_headroom(self) -> FloatArray:
         """Largest share by which each joint's acceleration limit is derated, (dof,)."""
-        return np.asarray(np.max([x.largest_headroom for x in self.contours], axis=0))
+        return np.asarray(np.max([x.headroom for x in self.contours], axis=0))
 
     @property
     def derating_clauses(self) -> tuple[str, ...]:

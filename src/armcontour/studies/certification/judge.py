@@ -21,7 +21,6 @@ from armcontour.core.text import short_repr
 from armcontour.geometry import ShapedPath
 from armcontour.motion import Execution, JointPath, PathLaw, SetPoints, Trajectory, largest_shares
 from armcontour.robot import Arm, Limits
-from armcontour.robot.limit_use import use_of
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import simulate
 from armcontour.studies.certification.case import RESOLUTION, Attempt, Case
@@ -117,7 +116,7 @@ def judge(case: Case, attempt: Attempt) -> Verdict:
     pieces = pieces_of(executed, case.program, None, None)
     checked = check(attempt.trajectory, case.arm, case.limits, points=CHECK_POINTS)
     # Values of the whole program count for each contour.
-    limits = [_command_ratio(case, attempt.set_points.q), *(x.ratio for x in checked.uses)]
+    limits = [case.command_ratios(attempt.set_points).max(), *(x.ratio for x in checked.uses)]
     for move in attempt.moves:
         bounds = bound_ratios(move.plan, case.arm, move.limits)
         # Assigned speeds of a path do not restrict a rapid.
@@ -159,15 +158,6 @@ def _contour_ratios(
         error = max(error, piece.contour_error.rms / case.goal.rms)
     # Ratios of "tool" are those of squared speeds.
     return {"tool": (tool / (1 + SPEED_SLACK)) ** 2, "error": error, "box": 0.0}
-
-
-def _command_ratio(case: Case, q: FloatArray) -> float:
-    """Largest ratio of the velocity of set-points to its limit; infinite outside joint ranges."""
-    lower, upper = case.limits.joint_range(case.arm.dof)
-    if ((q < lower) | (q > upper)).any():
-        return np.inf
-    rate = np.diff(q, axis=0) / case.run.cycle
-    return float(use_of("joint_velocity", case.limits, rate).ratio.max(initial=0.0))
 
 
 def execute_box(case: Case, set_points: SetPoints) -> list[BoxErrors]:

@@ -23,7 +23,6 @@ from armcontour.core.progress import Step
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell
-from armcontour.robot.limit_use import use_of
 from armcontour.simulation import simulate
 from armcontour.studies.certification.case import Attempt, Case, Move
 from armcontour.studies.certification.derating import largest_squares
@@ -193,7 +192,9 @@ def _estimate_uses(
 
     uses = {
         "acceleration": np.max([in_cells(x.t, _demands(case, x)) for x in runs], axis=0),
-        "speed": in_cells(set_points.t, _command_ratios(case, set_points)),
+        "speed": in_cells(
+            set_points.t, np.nan_to_num(case.command_ratios(set_points) ** 2, posinf=OUTSIDE_RATIO)
+        ),
     }
     if move.number is not None:
         piece, *others = [x[move.number] for x in pieces]
@@ -245,16 +246,6 @@ def _demands(case: Case, executed: Execution) -> FloatArray:
     # The peak between results exceeds the largest result by this factor.
     peak = case.demand_ratio(executed.demand_range).max(axis=0)
     return np.asarray(ratios * np.maximum(peak / np.maximum(ratios.max(axis=0), 1e-12), 1.0))
-
-
-def _command_ratios(case: Case, set_points: SetPoints) -> FloatArray:
-    """Ratios of ds² to its limit for the velocities of set-points, (n,)."""
-    q = set_points.q
-    rate = np.diff(q, axis=0, append=q[-1:]) / set_points.cycle
-    pace = (use_of("joint_velocity", case.limits, rate).ratio ** 2).max(axis=1)
-    lower, upper = case.limits.joint_range(case.arm.dof)
-    outside = ((q < lower) | (q > upper)).any(axis=1)
-    return np.asarray(np.maximum(pace, np.where(outside, OUTSIDE_RATIO, 0.0)))
 
 
 def _contour_errors(piece: ContourExecution) -> FloatArray:
@@ -318,43 +309,42 @@ def worst_robots(robots: Sequence[BoxErrors], budget: float) -> list[FloatArray]
 def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
     """Raise NotRealizable with the limiting constraint of the last attempt, and remedies."""
     cause = max(ratios, key=lambda x: ratios[x])
-    needed, limit, allowed = ratios[cause], "joint_acceleration", 1.0
+    ratio, compensation, cycle = ratios[cause], case.run.compensation, case.run.cycle
     held = case.servo.interpolation == "step"
     finer = "linear interpolation" if held else "a shorter cycle"
     advice = f"Use {finer}"
     if cause == "box":
         advice = "Reduce the uncertainty of the robot (a smaller box), reduce the assigned velocity"
-    elif isinstance(case.run.compensation, NoCompensation):
+    elif isinstance(compensation, NoCompensation):
         advice = "Compensate the lag of the servo"
-    if cause == "acceleration":
-        if isinstance(case.run.compensation, InverseDynamics):
-            finer = "compensation inverse (inverse_dynamics is for rigid bodies)"
-        text = (
-            f"set-points every {case.run.cycle * 1e3:g} ms{', which are held,' * held} require "
-            f"{needed:.4g} times the acceleration limit of a joint. Use {finer}"
-        )
-    elif cause == "speed":
-        limit = "speed"
-        text = (
+    elif isinstance(compensation, InverseDynamics) and cause == "acceleration":
+        finer = "compensation inverse (inverse_dynamics is for rigid bodies)"
+    # Ratios of "tool" are those of squared speeds.
+    tool, error = (1 + SPEED_SLACK) * ratio**0.5, ratio * case.budget
+    over = " of the worst robot of the box" * (cause == "box")
+    contour_error = (
+        f"the largest contour error{over} must be at most {case.budget * 1e3:.4g} mm, but is at "
+        f"least {error * 1e3:.4g} mm. {advice}, or allow a larger error"
+    )
+    limit, needed, allowed, text = {
+        "acceleration": (
+            *("joint_acceleration", ratio, 1.0),
+            f"set-points every {cycle * 1e3:g} ms{', which are held,' * held} require {ratio:.4g} "
+            f"times the acceleration limit of a joint. Use {finer}",
+        ),
+        "speed": (
+            *("speed", ratio, 1.0),
             f"a limit of the plan, or of the velocity of set-points, is exceeded by "
-            f"{needed - 1:.2g} of its value, or a command is outside a joint range. Increase the "
-            "limit, or move the path away from the ends of the joint ranges"
-        )
-    elif cause == "tool":
-        # Ratios are those of squared speeds.
-        limit, allowed, needed = "speed", 1 + SPEED_SLACK, (1 + SPEED_SLACK) * needed**0.5
-        text = (
-            f"the executed tool moves at {needed:.5g} times the assigned velocity, but at most "
-            f"{allowed:g} times is allowed. {advice}, or reduce the assigned velocity in smaller "
-            "steps"
-        )
-    else:
-        limit, allowed, needed = "contour error", case.budget, needed * case.budget
-        over = " of the worst robot of the box" * (cause == "box")
-        text = (
-            f"the largest contour error{over} must be at most {allowed * 1e3:.4g} mm, but is at "
-            f"least {needed * 1e3:.4g} mm. {advice}, or allow a larger error"
-        )
+            f"{ratio - 1:.2g} of its value, or a command is outside a joint range. Increase the "
+            "limit, or move the path away from the ends of the joint ranges",
+        ),
+        "tool": (
+            *("speed", tool, 1 + SPEED_SLACK),
+            f"the executed tool moves at {tool:.5g} times the assigned velocity, but at most "
+            f"{1 + SPEED_SLACK:g} times is allowed. {advice}, or reduce the assigned velocity in "
+            "smaller steps",
+        ),
+    }.get(cause, ("contour error", error, case.budget, contour_error))
     with move.step.named():
         raise NotRealizable(
             f"No plan within {case.goal.slowest:g} times the {move.fastest.duration:.4g} s of the "
