@@ -93,7 +93,7 @@ t,q1/0,1/1,1e308/ => line 3, column 'q1': '1e308' is ... more than 10000 rad
 t,q1 [deg]/0,1/1,1e6/ => line 3, column 'q1 [deg]': '1e6' is 1.75e+04 rad
 t,q1/0,1/5e-324,1/1e-323,1/ => line 3, ... at least 1 ns
 t,q1/0,1/1e300,1/ => line 3, column 't': '1e300' is ... within 1e+10 s
-t,q1/1e9,1/1000000000.0000005,1/ => line 3, ... more than the rounding
+t,q1/1e9,1/1000000000.0000005,1/ => line 3, ... more than their rounding
 """
 
 

@@ -311,7 +311,7 @@ def test_what_is_no_trajectory_is_refused(arm, refuses):
         ({"t": None}, "must have times t", {}),
         ({"t": [0.0, 5e-324, 1e-323]}, "at least 1 ns", {"index": 1}),
         ({"t": [0.0, 1.0, 1e300]}, "within 1e+10 s", {"index": 2}),
-        ({"t": [1e9, 1e9 + 5e-7, 1e9 + 1]}, "more than the rounding", {}),
+        ({"t": [1e9, 1e9 + 5e-7, 1e9 + 1]}, "more than their rounding", {}),
         ({"q": [HERE, [0.3, -1e308], HERE]}, "10000 rad", {"index": 1, "joint": 1}),
         ({"dq": [HERE, [1e200, 0.9], HERE]}, "1e+09 rad/s", {}),
         ({"ddq": [HERE, [1e13, 0.9], HERE]}, "1e+12 rad/s", {}),

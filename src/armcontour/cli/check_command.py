@@ -187,7 +187,8 @@ def named_arm(name: str) -> Arm:
 def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> TrajectoryFile:
     """Read a trajectory file, check its joints and ranges, and apply `--noise`."""
     from armcontour.files import read_trajectory
-    from armcontour.motion.log_checks import check_range_of_log, raise_other_joints
+    from armcontour.motion.log_checks import check_range_of_log
+    from armcontour.motion.log_columns import raise_other_joints
 
     samples = read_trajectory(trajectory, arm.joint_names, columns=options.columns)
     if samples.q.shape[1] != arm.dof:
@@ -223,7 +224,7 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
 
 def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> list[str]:
     """Lines with the ignored columns, the notes of the file, and a note about undeclared noise."""
-    from armcontour.motion.log import find_wrap
+    from armcontour.motion.log_checks import find_wrap
 
     lines = []
     if samples.left_out:

@@ -2,108 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.errors import InvalidInput
 
-# Smallest time step [s]. Controllers sample at 1 MHz at most, and times are printed with at most
-# nine decimals, so a shorter step means damaged data. Divisions by the square of a very short step
-# can overflow.
-SHORTEST_STEP = 1e-9
-# Smallest distinguishable difference of two times, in units in the last place.
-STEP_ULPS = 4
-# Largest time [s]: 300 years. It admits seconds since 1970, and rejects milliseconds since 1970.
-LATEST = 1e10
-# Largest joint positions [rad], velocities [rad/s] and accelerations [rad/s²]. 10,000 rad are 1,600
-# turns. The other bounds only keep sums and squares finite; the limits are checked elsewhere.
-LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
-Place = Callable[[str, int, int], str]
-JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
-# A step longer than this multiple of the usual step is a gap, in which the command is unknown.
-GAP = 3.0
-# Fraction of gaps above which the times come in bursts.
-MAX_GAPS = 0.05
 # Ratio of the standard deviation of normally distributed values to the median of their magnitudes.
 DEVIATION_PER_MEDIAN = 1.4826
-
-
-def check_time_range(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
-    """Check that times are small enough to be seconds."""
-    distant = np.flatnonzero(np.abs(t) > LATEST)
-    if len(distant):
-        i = int(distant[0])
-        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[i]) * y < LATEST), "ns")
-        raise InvalidInput(
-            f"{describe('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s. "
-            f"Correct the number, or specify the unit of time, such as {rename(f't [{unit}]')}.",
-            index=i,
-            t=float(t[i]),
-        )
-
-
-def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Place) -> None:
-    """Check that times and joint values of a sampled motion are possible."""
-    check_time_range(t, describe)
-    # The bound depends on the later time; a step back is below any bound.
-    steps = np.diff(t)
-    short = np.flatnonzero(~(steps >= _shortest_step(t[1:])))
-    if len(short):
-        i = int(short[0]) + 1
-        step, minimum, reason = float(steps[i - 1]), f"{SHORTEST_STEP * 1e9:g} ns", ""
-        if step > 0:
-            reason = (
-                f". The step must be at least {minimum} and more than the rounding of the times"
-            )
-        elif step == 0 and all((x[i] == x[i - 1]).all() for x in arrays.values()):
-            reason = ". Remove the repeated sample"
-        elif step == 0:
-            reason = (
-                ". The times are repeated or rounded, and do not fit regular steps. Print them "
-                "with more digits"
-            )
-        before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
-        raise InvalidInput(
-            f"{describe('t', i, 0)} is {after}, but times must increase, and the previous time is "
-            f"{before}{reason}.",
-            index=i,
-            t=float(t[i]),
-        )
-    for name, values in arrays.items():
-        kind = name if name in LARGEST else "q"
-        large = np.argwhere(~(np.abs(values) <= LARGEST[kind]))
-        if len(large):
-            i, j = map(int, large[0])
-            unit = JOINT_UNITS[kind]
-            raise InvalidInput(
-                f"{describe(name, i, j)} is {values[i, j]:.3g} {unit}, but joint values must not "
-                f"be more than {LARGEST[kind]:g} {unit}. Correct the number, or specify its unit, "
-                "such as q1 [deg].",
-                index=i,
-                t=float(t[i]),
-                joint=j,
-            )
-
-
-def _shortest_step(t: FloatArray) -> FloatArray:
-    """Shortest usable steps before times `t` [s]."""
-    ulp = STEP_ULPS * np.finfo(np.float64).eps
-    # The difference of two times that are printed a nanosecond apart may be a little less.
-    return np.asarray(np.maximum(0.999 * SHORTEST_STEP, ulp * np.abs(t)))
-
-
-def describe_bursts(t: FloatArray, source: str) -> str:
-    """Warning about times in bursts, such as arrival times of messages; empty if regular."""
-    steps = np.diff(t)
-    if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MAX_GAPS:
-        return ""
-    return (
-        f"The times of {source} come in bursts, usually {np.median(steps):.3g} s apart, but with "
-        f"gaps of up to {steps.max():.3g} s. They are probably the times at which messages "
-        "arrived, so speeds computed from them are wrong. Use the controller's own times."
-    )
 
 
 def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:

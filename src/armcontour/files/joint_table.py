@@ -12,12 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen, IntArray
-from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import LARGE, read_text, refuse_ending
-from armcontour.core.sampling import LARGEST, check_samples, check_time_range, describe_bursts
-from armcontour.core.text import count_noun, show
+from armcontour.core.text import show
 from armcontour.files.csv_table import CsvTable, Digits, Title, last_digit, title_pattern
 from armcontour.motion import LapLaw, Trajectory
+from armcontour.motion.log_checks import (
+    check_angle_unit,
+    check_samples,
+    check_time_range,
+    check_time_unit,
+    describe_bursts,
+)
 
 # Titles of the named formats: quantity, role, rank, and pattern; # is the number of the joint. The
 # lowest rank is used if several columns have one quantity.
@@ -115,14 +120,6 @@ def read_joint_title(name: str, joint_names: Sequence[str] = ()) -> Title[Key] |
 
 # Names of the kinds of joint columns, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
-# Joint positions [rad] above this require a unit in the title, because they may be degrees. No arm
-# of the library turns by more than two turns.
-MAX_ANGLE = 4 * math.pi
-# Times require a unit in the title if they increase by 1 s or more per sample and all joints are
-# slower than this [rad/s], because the times may be milliseconds.
-MIN_SPEED = 0.01
-# With fewer samples than this, steps below 2 s are accepted without a unit.
-FEW_SAMPLES = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -179,17 +176,14 @@ def read_samples(
 ) -> TableSamples:
     """Read the times and the columns `keys`; `start` and `end` [s] limit the checks only."""
     # Rows that repeat the previous row, and rows that have cells only in other columns, are
-    # omitted. Rounded times are replaced by equidistant times if they agree with them.
+    # omitted.
     table.require_columns(TIME)
     values, digits = table.read([TIME, *keys])
     rows = _filled_rows(table, values, [TIME, *keys])
     values, notes = values[rows], list[str]()
     if len(rows) < len(table.lines):
         count = len(table.lines) - len(rows)
-        verb = "was" if count == 1 else "were"
-        notes.append(
-            f"{count_noun(count, 'row')} of {table.source} without positions {verb} skipped."
-        )
+        notes.append(f"Rows of {table.source} without positions were skipped: {count}.")
     t, values = values[:, 0], values[:, 1:]
     named = {x: [i for i, y in enumerate(keys) if y.kind == x] for x in QUANTITIES}
 
@@ -198,11 +192,10 @@ def read_samples(
         return f"{table.place(row, key)}: {show(table.cell(row, key))}"
 
     check_time_range(t, locate, lambda new: table.rename(new, table.columns[TIME].title))
-    _check_angle_unit(table, keys, values)
-    _check_time_unit(table, t, values[:, [x.kind == "q" for x in keys]])
+    _check_units(table, keys, t, values)
     last = last_digit(digits[:1]) * table.columns[TIME].factor
-    t, kept_rows, time_notes = tidy_times(t, values, last, table.source)
-    values, rows = values[kept_rows], rows[kept_rows]
+    new, time_notes = drop_repeated_rows(t, values, table.source)
+    t, values, rows = t[new], values[new], rows[new]
     used = (t >= start) & (t <= end)
     rows = rows[used]
     check_samples(
@@ -227,78 +220,34 @@ def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) 
     return rows
 
 
-def tidy_times(
-    t: FloatArray, values: FloatArray, digit: float, source: str
-) -> tuple[FloatArray, IntArray, tuple[str, ...]]:
-    """Times corrected for rounding, the indices of the rows that are not repeated, and notes."""
+def drop_repeated_rows(
+    t: FloatArray, values: FloatArray, source: str
+) -> tuple[IntArray, tuple[str, ...]]:
+    """Indices of the rows that do not repeat the previous row, and notes on the times."""
     again = np.zeros(len(t), dtype=bool)
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
     # If all rows are equal, all are used; `check_samples` rejects their times later.
     again &= not again[1:].all()
     rows, notes = np.flatnonzero(~again), []
     if again.any():
-        count = int(again.sum())
         notes.append(
-            f"{count_noun(count, 'row')} of {source} {'was' if count == 1 else 'were'} skipped, "
-            f"because {'it repeats' if count == 1 else 'they repeat'} the previous row."
+            f"Rows of {source} that repeat the previous row were skipped: {int(again.sum())}."
         )
-        t = t[rows]
-    steps = np.diff(t)
-    if len(t) > 2 and (steps == 0).any() and (steps >= 0).all():
-        step = _find_constant_step(t, digit)
-        if step is not None:
-            t = t[0] + step * np.arange(len(t))
-            notes.append(
-                f"The times of {source} are rounded to {digit:g} s. They are replaced by times "
-                f"with a constant step of {step:g} s, which agree with the rounded times."
-            )
-    elif (steps > 0).all() and (bursts := describe_bursts(t, source)):
+    if (np.diff(t[rows]) > 0).all() and (bursts := describe_bursts(t[rows], source)):
         notes.append(bursts)
-    return t, rows, tuple(notes)
+    return rows, tuple(notes)
 
 
-def _find_constant_step(t: FloatArray, digit: float) -> float | None:
-    """Constant step [s] with the fewest digits that agrees with rounded times, or None."""
-    index = np.arange(len(t))
-    step = float(np.polyfit(index, t - t[0], 1)[0])
-    for count in range(1, 10):
-        short = float(f"{step:.{count}g}")
-        if np.ptp(t - t[0] - short * index) <= 1.001 * digit:
-            return short
-    return None
-
-
-def _check_angle_unit(table: CsvTable[Key], keys: Sequence[Key], values: FloatArray) -> None:
-    """Reject joint positions without a unit that are probably degrees."""
-    bare = [k for k, x in enumerate(keys) if x.kind == "q" and table.columns[x].unit is None]
-    for k in bare:
-        low, high = values[:, k].min(), values[:, k].max()
-        if not MAX_ANGLE < max(-low, high) <= LARGEST["q"]:
-            continue
-        every = dict.fromkeys(title_pattern(table.columns[keys[i]].title) for i in bare)
-        raise InvalidInput(
-            f"{table.heading}: the column {show(table.columns[keys[k]].title)} has no unit. Its "
-            f"values from {low:.4g} to {high:.4g} would be up to "
-            f"{max(-low, high) / (2 * math.pi):.3g} turns in rad. Specify the unit, such as "
-            f"--columns '{','.join(f'{x} [deg]={x}' for x in every)}' for degrees ([rad] for "
-            "radians)."
-        )
-
-
-def _check_time_unit(table: CsvTable[Key], t: FloatArray, q: FloatArray) -> None:
-    """Reject times without a unit that are probably not seconds, because joints are too slow."""
-    steps, column = np.diff(t), table.columns[TIME]
-    usable = steps > 0
-    if column.unit is not None or not usable.any() or not q.shape[1]:
-        return
-    if np.median(steps[usable]) < (1 if len(t) >= FEW_SAMPLES else 2):
-        return
-    speed = float((np.abs(np.diff(q, axis=0)[usable]) / steps[usable][:, None]).max())
-    if 0 < speed < MIN_SPEED:
-        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if speed / y > MIN_SPEED), "ns")
-        raise InvalidInput(
-            f"{table.heading}: the column {show(column.title)} has no unit. In seconds, its step "
-            f"is {np.median(steps[usable]):g} s, and the fastest joint has only {speed:.2g} rad/s. "
-            f"Specify the unit, such as --columns 't [{unit}]={column.title}' "
-            f"('t [s]={column.title}' for seconds)."
-        )
+def _check_units(
+    table: CsvTable[Key], keys: Sequence[Key], t: FloatArray, values: FloatArray
+) -> None:
+    """Check the columns of times and positions whose titles have no unit."""
+    positions = [k for k, x in enumerate(keys) if x.kind == "q"]
+    bare = {k: x.title for k in positions if (x := table.columns[keys[k]]).unit is None}
+    fix = ",".join(f"{x} [deg]={x}" for x in dict.fromkeys(map(title_pattern, bare.values())))
+    for k, title in bare.items():
+        check_angle_unit(f"{table.heading}: the column {show(title)}", values[:, k], fix)
+    column = table.columns[TIME]
+    if column.unit is None:
+        location = f"{table.heading}: the column {show(column.title)}"
+        check_time_unit(location, column.title, t, values[:, positions])

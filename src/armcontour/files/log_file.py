@@ -27,7 +27,7 @@ from armcontour.files.joint_table import (
     read_samples,
 )
 from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
-from armcontour.motion.log_checks import arrange_joints
+from armcontour.motion.log_columns import arrange_joints
 
 if TYPE_CHECKING:
     from armcontour.control.learning import Recording

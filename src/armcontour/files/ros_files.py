@@ -14,8 +14,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import Digits, last_digit, rename
-from armcontour.files.joint_table import TrajectoryFile, tidy_times
-from armcontour.motion.log_checks import describe_match, match_joints, raise_other_joints
+from armcontour.files.joint_table import TrajectoryFile, drop_repeated_rows
+from armcontour.motion.log_columns import describe_match, match_joints, raise_other_joints
 
 # Fields of messages and goals that contain the JointTrajectory, directly or nested.
 INNER_FIELDS = ("request", "goal", "trajectory", "joint_trajectory")
@@ -141,12 +141,12 @@ def _join_points(
         arrays[kind] = np.array([[row[j] for j in order] for row in rows], dtype=float)
     times = np.array([x.nanoseconds for x in points]) * NANOSECOND
     values = np.concatenate(list(arrays.values()), axis=1)
-    t, kept, notes = tidy_times(times, values, NANOSECOND, source)
+    kept, notes = drop_repeated_rows(times, values, source)
     tidied: dict[str, Any] = {key: x[kept] for key, x in arrays.items()}
     return TrajectoryFile(
         source=source,
         joints=requested,
-        t=t,
+        t=times[kept],
         **tidied,
         resolution={"t": NANOSECOND, **{key: _last_digit(x) for key, x in arrays.items()}},
         notes=(*describe_match(names, requested, order), *notes),

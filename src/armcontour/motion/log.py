@@ -15,16 +15,14 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.render import number
-from armcontour.core.sampling import GAP, check_samples, describe_bursts
 from armcontour.core.text import clock, count_noun, format_table, joint_rows, short_repr, show
+from armcontour.motion.log_checks import GAP, check_samples, find_wrap
 
 # Interpolation of the command between two samples of a log.
 INTERPOLATIONS = ("linear", "step")
 POSITIONS = ("command", "measured")
 # Smallest number of samples; fewer samples cannot separate four parameters and the noise.
 FEWEST = 50
-# A jump that differs from a whole turn by less than this angle [rad] indicates a wrapped angle.
-NEAR_A_TURN = 0.6
 
 
 @declared(eq=False)
@@ -114,27 +112,6 @@ class Log(Checked):
         """Indices of the samples after which there is a gap, (gaps,)."""
         return np.flatnonzero(np.diff(self.t) > GAP * self.interval)
 
-    def check_gaps(self) -> None:
-        """Check that the log has no gaps.
-
-        Raises:
-            InvalidInput: The log has a gap.
-        """
-        if len(self.gaps):
-            i = int(self.gaps[0])
-            step = float(self.t[i + 1] - self.t[i])
-            if bursts := describe_bursts(self.t, self.source):
-                raise InvalidInput(bursts, index=i, t=float(self.t[i]))
-            raise InvalidInput(
-                f"{self.source} has a gap of {step:g} s at t = {clock(self.t[i])} s, where samples "
-                f"usually come every {self.interval:g} s, and the commands in it are unknown. Use "
-                "the part before or after the gap.",
-                index=i,
-                t=float(self.t[i]),
-                needed=step,
-                allowed=GAP * self.interval,
-            )
-
     def between(self, start: float = -math.inf, end: float = math.inf) -> Log:
         """The part of the log from `start` to `end` [s].
 
@@ -178,15 +155,6 @@ class Log(Checked):
                 t=float(self.t[i]),
                 joint=j,
             )
-
-
-def find_wrap(values: FloatArray) -> int | None:
-    """Index of the sample before a jump by a whole turn, as of a wrapped angle; or None."""
-    steps = np.diff(values)
-    i = int(np.argmax(np.abs(steps)))
-    # A joint that really moves by a turn between two samples has a range above one turn.
-    wraps = abs(abs(steps[i]) - 2 * math.pi) < NEAR_A_TURN and np.ptp(values) < 2 * math.pi + 1e-3
-    return i if wraps else None
 
 
 def cut_log(

@@ -1,90 +1,180 @@
-"""Checks of logs: joints, ranges and speeds of the arm, and units, signs and order of columns."""
+"""Checks of sampled motions from files: times, values, units, gaps, ranges, speeds and columns."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import NoReturn
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampling import white_noise
-from armcontour.core.text import clock, count_noun, list_some, show
-from armcontour.motion.log import Log
+from armcontour.core.text import clock
 from armcontour.robot import Arm
 
-# A longer sequence of equal positions is a rest of the joint [samples].
-LONGEST_REPEAT = 10
-# Smallest fraction of repeated positions in motion.
-LEAST_REPEATED = 0.1
-# A joint that repeats positions because of a coarse encoder or of sticking friction is slow: the
-# next position differs by less than RESOLUTIONS times the smallest difference of the log, or by
-# less than SLOW times the difference of two positions without repeats (medians).
-RESOLUTIONS, SLOW = 4.0, 0.5
-# Differences of positions up to this fraction of their range are rounding errors.
-ROUNDING = 1e-9
+# Smallest time step [s]. Controllers sample at 1 MHz at most, and times are printed with at most
+# nine decimals, so a shorter step means damaged data. Divisions by the square of a very short step
+# can overflow.
+SHORTEST_STEP = 1e-9
+# Smallest distinguishable difference of two times, in units in the last place.
+STEP_ULPS = 4
+# Largest time [s]: 300 years. It admits seconds since 1970, and rejects milliseconds since 1970.
+LATEST = 1e10
+# Largest joint positions [rad], velocities [rad/s] and accelerations [rad/s²]. 10,000 rad are 1,600
+# turns. The other bounds only keep sums and squares finite; the limits are checked elsewhere.
+LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
+Place = Callable[[str, int, int], str]
+JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
+# A step longer than this multiple of the usual step is a gap, in which the command is unknown.
+GAP = 3.0
+# Fraction of gaps above which the times come in bursts.
+MAX_GAPS = 0.05
+# Joint positions [rad] above this require a unit in the title, because they may be degrees. No arm
+# of the library turns by more than two turns.
+MAX_ANGLE = 4 * math.pi
+# Times require a unit in the title if they increase by LONG_STEP [s] or more per sample and all
+# joints are slower than MIN_SPEED [rad/s], because the times may be milliseconds.
+LONG_STEP, MIN_SPEED = 1.0, 0.01
+# A jump that differs from a whole turn by less than this angle [rad] indicates a wrapped angle.
+NEAR_A_TURN = 0.6
+# Shortest and longest sample interval for identification [s]. No robot controller samples faster
+# than 20 kHz. Below 10 Hz, the loops settle between two samples.
+INTERVALS = (5e-5, 0.1)
+# Largest share of a recording that may be gaps, for learning.
+MAX_MISSING = 0.1
 
 
-def renew_positions(log: Log) -> tuple[Log, tuple[str, ...]]:
-    """Replace measured positions that repeat previous ones, and describe them.
+def check_time_range(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
+    """Check that times are small enough to be seconds."""
+    distant = np.flatnonzero(np.abs(t) > LATEST)
+    if len(distant):
+        i = int(distant[0])
+        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[i]) * y < LATEST), "ns")
+        raise InvalidInput(
+            f"{describe('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s. "
+            f"Correct the number, or specify the unit of time, such as {rename(f't [{unit}]')}.",
+            index=i,
+            t=float(t[i]),
+        )
 
-    Args:
-        log: A log.
 
-    Returns:
-        The log with interpolated positions and without rows that only repeat the previous row, and
-        a sentence if positions were repeated.
-    """
-    q = log.measured
-    repeated = np.stack([_find_repeats(x) for x in q.T], axis=1)
-    joints = np.flatnonzero(repeated.any(axis=0))
-    if not len(joints):
-        return log, ()
-    from scipy.interpolate import CubicSpline
+def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Place) -> None:
+    """Check that times and joint values of a sampled motion are possible."""
+    check_time_range(t, describe)
+    # The bound depends on the later time; a step back is below any bound.
+    # The difference of two times that are printed a nanosecond apart may be a little less.
+    rounding = STEP_ULPS * np.finfo(np.float64).eps * np.abs(t[1:])
+    short = np.flatnonzero(~(np.diff(t) >= np.maximum(0.999 * SHORTEST_STEP, rounding)))
+    if len(short):
+        i = int(short[0]) + 1
+        before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
+        raise InvalidInput(
+            f"{describe('t', i, 0)} is {after}, but times must increase by at least 1 ns and by "
+            f"more than their rounding, and the previous time is {before}. Remove repeated "
+            "samples, or print the times with more digits.",
+            index=i,
+            t=float(t[i]),
+        )
+    for name, values in arrays.items():
+        kind = name if name in LARGEST else "q"
+        large = np.argwhere(~(np.abs(values) <= LARGEST[kind]))
+        if len(large):
+            i, j = map(int, large[0])
+            unit = JOINT_UNITS[kind]
+            raise InvalidInput(
+                f"{describe(name, i, j)} is {values[i, j]:.3g} {unit}, but joint values must not "
+                f"be more than {LARGEST[kind]:g} {unit}. Correct the number, or specify its unit, "
+                "such as q1 [deg].",
+                index=i,
+                t=float(t[i]),
+                joint=j,
+            )
 
-    rows = np.concatenate([log.command, q], axis=1)
-    same = np.append(False, (np.diff(rows, axis=0) == 0).all(axis=1))
-    kept = ~(same & repeated.any(axis=1))
-    filled = q.copy()
-    for j in joints:
-        new = ~repeated[:, j]
-        filled[:, j] = CubicSpline(log.t[new], q[new, j])(log.t)
-    names = ", ".join(log.joint_names[j] for j in joints)
-    return replace(log, t=log.t[kept], command=log.command[kept], measured=filled[kept]), (
-        f"{log.source} repeats {repeated[:, joints].mean():.0%} of the measured positions of "
-        f"{names}. Interpolation between the new positions replaces them.",
+
+def describe_bursts(t: FloatArray, source: str) -> str:
+    """Warning about times in bursts, such as arrival times of messages; empty if regular."""
+    steps = np.diff(t)
+    if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MAX_GAPS:
+        return ""
+    return (
+        f"The times of {source} come in bursts, usually {np.median(steps):.3g} s apart, but with "
+        f"gaps of up to {steps.max():.3g} s. They are probably the times at which messages "
+        "arrived, so speeds computed from them are wrong. Use the controller's own times."
     )
 
 
-def _find_repeats(q: FloatArray) -> BoolArray:
-    """Mask of the positions of a moving joint that were not renewed, (n,)."""
-    repeated, steps = np.full(len(q), False), np.abs(np.diff(q))
-    changes = np.flatnonzero(steps > ROUNDING * np.ptp(q))
-    lengths = np.diff(changes)
-    jumps = steps[changes[1:]]
-    moving = lengths <= LONGEST_REPEAT
-    held, single = moving & (lengths > 1), lengths == 1
-    if held.sum() <= LEAST_REPEATED * moving.sum():
-        return repeated
-    jump = float(np.median(jumps[held]))
-    ordinary = float(np.median(jumps[single])) if single.any() else 0.0
-    if jump < RESOLUTIONS * jumps.min() or jump < SLOW * ordinary:
-        return repeated
-    starts, ends = changes[:-1][held] + 1, changes[1:][held] + 1
-    # The log may end before the next new position.
-    if held[-1] and len(q) - 1 - changes[-1] <= lengths[-1]:
-        starts, ends = np.append(starts, changes[-1] + 1), np.append(ends, len(q))
-    for start, end in zip(starts, ends, strict=True):
-        repeated[start + 1 : end] = True
-    return repeated
+def check_angle_unit(column: str, values: FloatArray, fix: str) -> None:
+    """Reject joint positions without a unit that are probably degrees."""
+    # `column`: location for the message; `fix`: columns with their unit, for --columns.
+    low, high = values.min(), values.max()
+    if MAX_ANGLE < max(-low, high) <= LARGEST["q"]:
+        raise InvalidInput(
+            f"{column} has no unit. Its values from {low:.4g} to {high:.4g} would be up to "
+            f"{max(-low, high) / (2 * math.pi):.3g} turns in rad. Specify the unit, such as "
+            f"--columns '{fix}' for degrees ([rad] for radians)."
+        )
 
 
-# Largest number of names in one message.
-MAX_NAMED = 8
+def check_time_unit(column: str, title: str, t: FloatArray, q: FloatArray) -> None:
+    """Reject times without a unit that are probably not seconds, because joints are too slow."""
+    steps = np.diff(t)
+    usable = steps > 0
+    if not usable.any() or not q.shape[1] or np.median(steps[usable]) < LONG_STEP:
+        return
+    speed = float((np.abs(np.diff(q, axis=0)[usable]) / steps[usable][:, None]).max())
+    if 0 < speed < MIN_SPEED:
+        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if speed / y > MIN_SPEED), "ns")
+        raise InvalidInput(
+            f"{column} has no unit. In seconds, its step is {np.median(steps[usable]):g} s, and "
+            f"the fastest joint has only {speed:.2g} rad/s. Specify the unit, such as --columns "
+            f"'t [{unit}]={title}' ('t [s]={title}' for seconds)."
+        )
+
+
+def check_interval(source: str, t: FloatArray) -> None:
+    """Check that the sample interval of a log is one from which a servo can be identified."""
+    low, high = INTERVALS
+    interval = float(np.median(np.diff(t)))
+    # The factors allow for rounded times.
+    if not low * (1 - 1e-6) <= interval <= high * (1 + 1e-6):
+        raise InvalidInput(
+            f"{source} has a sample every {interval:.3g} s and lasts {t[-1] - t[0]:.3g} s, but the "
+            f"sample interval must be from {low:g} to {high:g} s. Specify the unit of the column "
+            "of times, such as t [s], or record at another rate.",
+            needed=interval,
+            allowed=high if interval > high else low,
+        )
+
+
+def check_gaps(source: str, t: FloatArray) -> None:
+    """Check that gaps are a small share of a recording, and that samples are not in bursts."""
+    steps = np.diff(t)
+    if bursts := describe_bursts(t, source):
+        raise InvalidInput(bursts)
+    missed = float(steps[steps > GAP * np.median(steps)].sum())
+    allowed = MAX_MISSING * float(np.ptp(t))
+    if missed > allowed:
+        i = int(np.argmax(steps))
+        raise InvalidInput(
+            f"The gaps of {source} must total at most {allowed:.3g} s, but total {missed:.3g} s. "
+            f"The longest gap is {steps[i]:.3g} s at t = {clock(t[i])} s. Record the run again.",
+            index=i,
+            t=float(t[i]),
+            needed=missed,
+            allowed=allowed,
+        )
+
+
+def find_wrap(values: FloatArray) -> int | None:
+    """Index of the sample before a jump by a whole turn, as of a wrapped angle; or None."""
+    steps = np.diff(values)
+    i = int(np.argmax(np.abs(steps)))
+    # A joint that really moves by a turn between two samples has a range above one turn.
+    wraps = abs(abs(steps[i]) - 2 * math.pi) < NEAR_A_TURN and np.ptp(values) < 2 * math.pi + 1e-3
+    return i if wraps else None
+
+
 # Largest distance of a measured position from the range of its joint [rad].
 RANGE_MARGIN = 0.1
 # Largest speed of a joint [rad/s]. The last joint of a fast delta robot turns at 60 rad/s.
@@ -107,98 +197,6 @@ DEAD_TIMES = 26
 SAMPLES = 8000
 # Fraction by which another order of columns must be better than the order of the file.
 ORDER_PREFERENCE = 1e-6
-
-
-def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
-    """Index in `names` of each requested joint, by equal or prefixed name; None unless all fit."""
-    if set(requested) <= set(names):
-        return [names.index(x) for x in requested]
-    indices = []
-    for joint in requested:
-        alike = [i for i, x in enumerate(names) if x == joint]
-        alike = alike or [i for i, x in enumerate(names) if _is_prefixed(x, joint)]
-        if len(alike) > 1:
-            other = names[alike[1]].removesuffix(joint)
-            raise InvalidInput(
-                f"{source}: {' and '.join(show(names[i]) for i in alike[:2])} can both be the "
-                f"joint {joint}. Ignore the other one with --columns '-=*{other}*'."
-            )
-        indices += alike
-    return indices if len(set(indices)) == len(requested) and requested else None
-
-
-def _is_prefixed(long: str, short: str) -> bool:
-    """True if one of two names is the other name with a prefix."""
-    if len(long) < len(short):
-        long, short = short, long
-    return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None
-
-
-def raise_other_joints(
-    source: str,
-    names: Sequence[str],
-    joint_names: Sequence[str],
-    titles: Sequence[str] = (),
-    notes: Sequence[str] = (),
-) -> NoReturn:
-    """Raise InvalidInput for joints that an arm does not have; `titles` are names for --columns."""
-    have, arm = (list_some([show(x) for x in y], MAX_NAMED) for y in (names, joint_names))
-    fix = "Add the other joints to the file"
-    if len(names) >= len(joint_names):
-        fix = "Name the joints in the file like those of the arm"
-        missing = [x for x in joint_names if x not in names]
-        spare = [title for x, title in zip(names, titles, strict=False) if x not in joint_names]
-        if missing and spare:
-            fix = f"{fix} (for example with --columns '{missing[0]}={spare[0]}')"
-    sentence = (
-        f"{source} has {count_noun(len(names), 'joint')} ({have}), but the arm has "
-        f"{len(joint_names)} ({arm}). {fix}, or specify the arm of the file (--arm)."
-    )
-    raise InvalidInput(" ".join((sentence, *notes)), needed=len(names), allowed=len(joint_names))
-
-
-def describe_match(
-    names: Sequence[str], requested: Sequence[str], order: Sequence[int]
-) -> list[str]:
-    """A note on joints that were matched by names with a prefix; empty for equal names."""
-    if not requested or names[order[0]] == requested[0]:
-        return []
-    return [
-        "Joints are matched by the ends of their names, such as "
-        f"{names[order[0]]} = {requested[0]}."
-    ]
-
-
-def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
-    """Sort the joints of a log in the order of an arm, by equal names or names with a prefix."""
-    # If the names do not match but the number of joints does, the order remains unchanged.
-    names, source = log.joint_names, log.source
-    numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
-    order = match_joints(names, joint_names, source)
-    if order is None or (numbered and len(names) != len(joint_names)):
-        pairs = list(zip(names, joint_names, strict=False))
-        mixed = not numbered and any(x != y and x in joint_names for x, y in pairs)
-        if mixed or len(names) != len(joint_names):
-            raise_other_joints(source, names, joint_names, notes=log.notes)
-        return log
-    notes = describe_match(names, joint_names, order)
-    if spare := [x for i, x in enumerate(names) if i not in order]:
-        ignored = list_some(spare, MAX_NAMED)
-        notes.append(f"Joints of {source} that the arm does not have are ignored: {ignored}.")
-    return replace(
-        log,
-        command=log.command[:, order],
-        measured=log.measured[:, order],
-        joint_names=tuple(names[i] for i in order),
-        notes=(*log.notes, *notes),
-    )
-
-
-def check_distance(log: Log, arm: Arm) -> None:
-    """Raise InvalidInput if positions of a log are outside the joint ranges."""
-    # `log`: the log, with as many joints as the arm.
-    both = {"set-point": log.command, "measured position": log.measured}
-    check_range_of_log(log.source, log.t, both, log.joint_names, arm)
 
 
 def check_range_of_log(
@@ -238,36 +236,23 @@ def check_range_of_log(
         )
 
 
-def check_speeds(log: Log) -> None:
-    """Raise InvalidInput if a joint of a log is faster than any robot."""
-    noise = white_noise(log.measured)
-    for j, y in enumerate(log.measured.T):
-        window = math.ceil(2 * float(noise[j]) / (NOISE_SHARE * FASTEST * log.interval))
+def check_speeds(source: str, t: FloatArray, q: FloatArray, joint_names: Sequence[str]) -> None:
+    """Raise InvalidInput if a joint is faster than any robot."""
+    noise, interval = white_noise(q), float(np.median(np.diff(t)))
+    for j, y in enumerate(q.T):
+        window = math.ceil(2 * float(noise[j]) / (NOISE_SHARE * FASTEST * interval))
         k = min(max(window, MIN_INTERVALS), len(y) - 1)
-        speeds = np.abs(y[k:] - y[:-k]) / (log.t[k:] - log.t[:-k])
+        speeds = np.abs(y[k:] - y[:-k]) / (t[k:] - t[:-k])
         i = int(np.argmax(speeds))
         if speeds[i] > FASTEST:
             raise InvalidInput(
-                f"{log.source}: {log.joint_names[j]} moves at {speeds[i]:.3g} rad/s at t = "
-                f"{clock(log.t[i])} s, but no joint is faster than {FASTEST:g} rad/s. Specify the "
-                "units of the columns, such as t [s].",
+                f"{source}: {joint_names[j]} moves at {speeds[i]:.3g} rad/s at t = {clock(t[i])} "
+                f"s, but no joint is faster than {FASTEST:g} rad/s. Specify the units of the "
+                "columns, such as t [s].",
                 joint=j,
-                t=float(log.t[i]),
+                t=float(t[i]),
                 needed=float(speeds[i]),
                 allowed=FASTEST,
-            )
-
-
-def check_units(log: Log, longest: float, j: int) -> None:
-    """Raise InvalidInput if another order, unit or sign of columns explains joint j."""
-    # `longest`: largest dead time [s]. Joint j is also tested alone for another unit or sign.
-    for some in (slice(None), slice(j, j + 1)):
-        q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
-        if reading := find_misreading(log.t, q, u, names=names, longest_delay=longest):
-            raise InvalidInput(
-                f"{log.source}: {log.joint_names[j]} does not follow its commands, because "
-                f"{reading}.",
-                joint=j,
             )
 
 

@@ -18,9 +18,9 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
-from armcontour.core.sampling import check_samples
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory, arm_of
+from armcontour.motion.log_checks import check_samples
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits, SerialArm, resolve_limits
 from armcontour.robot.limit_use import Use

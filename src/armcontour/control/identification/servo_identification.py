@@ -40,15 +40,18 @@ from armcontour.core.quantities import Choice, Interval, Quantity
 from armcontour.core.sampling import white_noise
 from armcontour.core.text import show
 from armcontour.motion.log import FEWEST, INTERPOLATIONS, Log
-from armcontour.motion.log_checks import check_distance, check_speeds, check_units, renew_positions
+from armcontour.motion.log_checks import (
+    check_interval,
+    check_range_of_log,
+    check_speeds,
+    find_misreading,
+)
+from armcontour.motion.log_columns import renew_positions
 from armcontour.robot import Arm
 from armcontour.robot.servo.simulation import JointServo
 
 # Orders of the candidate models for each value of the option `model`.
 MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": ("first",)}
-# Shortest and longest sample interval for identification [s]. No robot controller samples faster
-# than 20 kHz. Below 10 Hz, the loops settle between two samples.
-INTERVALS = (5e-5, 0.1)
 
 
 @declared(eq=False)
@@ -75,25 +78,6 @@ class ServoFit(Options):
     model: Annotated[str, Choice(tuple(MODELS))] = "auto"
     drive_cycle: Annotated[float, Quantity("s", "1 ms", within=(2.5e-4, 8e-3))] | None = None
     kinematics: Arm | None = None
-
-
-def list_logs(logs: Log | Sequence[Log]) -> tuple[Log, ...]:
-    """The logs as a tuple; raises an error if a sample interval is outside INTERVALS."""
-    every = checks.check_sequence("logs", (logs,) if isinstance(logs, Log) else logs, Log, "Logs")
-    checks.raise_if(not every, "The identification requires at least one log, but logs is empty.")
-    low, high = INTERVALS
-    for log in every:
-        # The factors allow for rounded times.
-        if not low * (1 - 1e-6) <= log.interval <= high * (1 + 1e-6):
-            raise InvalidInput(
-                f"{log.source} has a sample every {log.interval:.3g} s and lasts "
-                f"{log.t[-1] - log.t[0]:.3g} s, but the sample interval must be from {low:g} to "
-                f"{high:g} s. Specify the unit of the column of times, such as t [s], or record at "
-                "another rate.",
-                needed=log.interval,
-                allowed=high if log.interval > high else low,
-            )
-    return every
 
 
 def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
@@ -163,7 +147,14 @@ def identify(
         InvalidInput: The sample interval of a log is outside 0.05 to 100 ms, the logs or the arm
             differ in their joints, or command and measurement of a log do not belong together.
     """
-    pairs = [renew_positions(x) for x in list_logs(logs)]
+    single = (logs,) if isinstance(logs, Log) else logs
+    originals = checks.check_sequence("logs", single, Log, "Logs")
+    checks.raise_if(
+        not originals, "The identification requires at least one log, but logs is empty."
+    )
+    for log in originals:
+        check_interval(log.source, log.t)
+    pairs = [renew_positions(x) for x in originals]
     every = tuple(x for x, _ in pairs)
     first, arm = every[0], options.kinematics
     for log in every[1:]:
@@ -181,8 +172,9 @@ def identify(
     interpolation = choose_interpolation(every, options.interpolation)
     for log in every:
         if arm is not None:
-            check_distance(log, arm)
-        check_speeds(log)
+            both = {"set-point": log.command, "measured position": log.measured}
+            check_range_of_log(log.source, log.t, both, log.joint_names, arm)
+        check_speeds(log.source, log.t, log.measured, log.joint_names)
     report, joints = subprogress(progress), []
     # The dead time must be short compared with the logs.
     shortest = min(float(x.t[-1] - x.t[0]) for x in every)
@@ -233,7 +225,7 @@ def identify_joint(
     motion = _rms([s.y for s in segments], segments)[0]
     if selected is None or selected.rms > MISREAD_SHARE * motion:
         for log in logs:
-            check_units(log, search.longest, j)
+            _check_columns(log, search.longest, j)
     if selected is None:
         note = (
             f"{name} has no model, because fitted gains (at most {search.fastest:g} 1/s) or "
@@ -290,6 +282,19 @@ def identify_joint(
     joint = replace(joint, note=note, tracking_rms=_rms(_lags(segments), segments)[0])
     used = np.concatenate([x[s.use] for x, s in zip(unseen, selected.segments, strict=True)])
     return write_servo(joint, segments, servo, order, search.drive_cycle, float(np.abs(used).max()))
+
+
+def _check_columns(log: Log, longest: float, j: int) -> None:
+    """Raise InvalidInput if another order, unit or sign of columns explains joint j."""
+    # Joint j is also tested alone for another unit or sign.
+    for some in (slice(None), slice(j, j + 1)):
+        q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
+        if reading := find_misreading(log.t, q, u, names=names, longest_delay=longest):
+            raise InvalidInput(
+                f"{log.source}: {log.joint_names[j]} does not follow its commands, because "
+                f"{reading}.",
+                joint=j,
+            )
 
 
 def _mark_unknown(

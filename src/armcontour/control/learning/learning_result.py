@@ -16,18 +16,16 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
-from armcontour.core.sampling import GAP, describe_bursts
-from armcontour.core.text import clock, count_noun, format_table, joint_rows, short_repr
+from armcontour.core.text import count_noun, format_table, joint_rows, short_repr
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.log_checks import renew_positions
+from armcontour.motion.log_checks import check_gaps
+from armcontour.motion.log_columns import renew_positions
 from armcontour.robot.servo import ServoModel
 
 # Largest difference of an execution's set-points from the set-points of the run [rad].
 SET_POINT_TOLERANCE = 1e-9
 # Consequence of saturation.
 SATURATED = "Learning assumes a linear response: plan with a larger reserve."
-# Largest share of a recording that may be gaps.
-MAX_GAPS = 0.1
 
 
 @declared(eq=False)
@@ -119,7 +117,7 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             f"executed must be an Execution, a Log or a Recording, but is "
             f"{type(executed).__name__}."
         )
-    _check_gaps(recording)
+    check_gaps(recording.source, recording.t)
     if recording.q.shape[1] != set_points.q.shape[1]:
         raise InvalidInput(
             f"{recording.source} has {recording.q.shape[1]} joints, but the set-points have "
@@ -133,26 +131,6 @@ def _describe_saturation(log: Log) -> list[str]:
     every = [(x, split_logs([log], j, "linear")) for j, x in enumerate(log.joint_names)]
     found = [(name, find_saturation(segments)) for name, segments in every if segments]
     return [f"{x.describe(name)}. {SATURATED}" for name, x in found if x]
-
-
-def _check_gaps(recording: Recording) -> None:
-    """Check that gaps are a small share of the recording, and that samples are not in bursts."""
-    t, source = recording.t, recording.source
-    steps = np.diff(t)
-    if bursts := describe_bursts(t, source):
-        raise InvalidInput(bursts)
-    missed = float(steps[steps > GAP * recording.interval].sum())
-    allowed = MAX_GAPS * float(np.ptp(t))
-    if missed > allowed:
-        i = int(np.argmax(steps))
-        raise InvalidInput(
-            f"The gaps of {source} must total at most {allowed:.3g} s, but total {missed:.3g} s. "
-            f"The longest gap is {steps[i]:.3g} s at t = {clock(t[i])} s. Record the run again.",
-            index=i,
-            t=float(t[i]),
-            needed=missed,
-            allowed=allowed,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,8 +15,9 @@ from scipy.sparse.linalg import splu
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.sampling import GAP, interpolate
+from armcontour.core.sampling import interpolate
 from armcontour.motion import SetPoints
+from armcontour.motion.log_checks import GAP
 from armcontour.robot import Arm
 from armcontour.robot.drives import Drives, respond_along
 from armcontour.robot.servo import ServoModel
