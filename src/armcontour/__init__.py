@@ -21,7 +21,7 @@ owns them. Names load at their first use. Examples in docstrings use these objec
 True
 """
 
-from armcontour.core.lazy import lazy_names
+from armcontour.core.lazy import METHODS, lazy_names
 
 # The public names by their modules; `tools/stubs.py` writes them for type checkers.
 _HOME = {
@@ -56,6 +56,10 @@ _HOME = {
     "verification": "check evaluate",
     "verification.clearance": "check_clearance",
     "_version": "__version__",
+}
+METHODS |= {
+    "draw_result": "armcontour.report.result_study",
+    "explain": "armcontour.planning.explanation",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)
 

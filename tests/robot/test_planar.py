@@ -149,51 +149,6 @@ def test_another_arm_is_made_with_other_limits(made):
     assert made.with_limits(made.limits.replace(joint_velocity=0.4)).dynamics is dynamics
 
 
-class Slide(ac.Arm):
-    """An arm of a user's own: one joint that turns a stick."""
-
-    dimension = 2
-    branches = ()
-
-    def __init__(self, length, offsets):
-        self.name, self.joint_names, self.source = "slide", ("a",), ""
-        self.limits = ac.Limits(joint_acceleration=1.0).for_joints(1)
-        self.length = length
-        self.offsets = offsets
-
-    def tool_position(self, q):
-        angle = np.asarray(q)[..., 0]
-        return self.length * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-
-    def links(self, q):
-        raise NotImplementedError
-
-    tool_jacobian = tool_jacobian_rate = links
-
-
-class Longer(Slide):
-    """One whose constructor goes on after that of its base."""
-
-    def __init__(self, length):
-        super().__init__(length, np.arange(3.0))
-        self.length = 2 * length
-
-
-def test_a_users_own_arm_is_made_as_usual_and_stays_as_it_is():
-    lengths = np.arange(2.0)
-    stick, longer = Slide(1.0, lengths), Longer(1.0)
-    assert longer.length == 2.0
-    for arm in (stick, longer):
-        with pytest.raises(FrozenInstanceError, match="The length of a"):
-            arm.length = 3.0
-        with pytest.raises(ValueError, match="read-only"):
-            arm.offsets[0] = 5.0
-    # The array that was given stays the user's.
-    lengths[0] = 7.0
-    assert stick.offsets[0] == 0.0
-    assert longer.with_limits(ac.Limits()).length == 2.0
-
-
 def test_another_load_and_other_drives_change_the_torques_and_nothing_else(made):
     q = np.full((1, made.dof), 0.3)
     # Torques of the arm are computed before: the other arm must not have them.

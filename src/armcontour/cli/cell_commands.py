@@ -20,11 +20,10 @@ def arms() -> None:
     for name in arm_names():
         arm = load_arm(name)
         chain = arm.chain
-        heavy = chain is not None and chain.masses is not None
-        masses = "known" if heavy else "not known"
+        masses = "known" if arm.has_bodies else "not known"
         print_lines(f"{name}: {arm.name}, {arm.dof} joints, masses {masses}")
         print_lines(f"    source: {arm.source}")
-        if chain is not None and chain.assumed:
+        if chain.assumed:
             print_lines(f"    assumed: {chain.assumed}")
 
 

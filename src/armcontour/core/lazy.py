@@ -5,7 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, cast
+
+# Functions of upper packages that methods of results call, as module and name. The `__init__` of
+# the root package fills it.
+METHODS: dict[str, str] = {}
+
+
+def load_method(name: str) -> Callable[..., Any]:
+    """Load a function of METHODS, by its name."""
+    return cast(Callable[..., Any], getattr(import_module(METHODS[name]), name))
 
 
 def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:

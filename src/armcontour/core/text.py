@@ -11,8 +11,9 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from html import escape
-from importlib import import_module
 from typing import Any, TypeAlias
+
+from armcontour.core.lazy import load_method
 
 # Keys of a value in a file, from the outermost one; items of lists count from 0.
 Keys: TypeAlias = tuple[str | int, ...]
@@ -205,8 +206,7 @@ def draw(value: Any, kind: str = "path") -> Any:
         InvalidInput: The kind is unknown, the result has no data of it, or plotly is not
             installed.
     """
-    # Imported by name, because the report imports the results.
-    return import_module("armcontour.report.result_study").draw_result(value, kind)
+    return load_method("draw_result")(value, kind)
 
 
 def _member(value: Any, depth: int = 0) -> str:

@@ -61,10 +61,6 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
 def tool_shapes(models: Iterable[BodyModel], folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
     """Shapes of a tool as link shapes; the models specify them in the frame of the tip."""
     chain = arm.chain
-    if chain is None:
-        raise InvalidInput(
-            f"arm.tool.shapes requires an arm with a kinematic chain, but {arm.name} has none."
-        )
     return tuple(
         _link_shape(f"arm.tool.shapes: {x.name}", x, folder, len(chain), tip=chain.tip)
         for x in models
@@ -76,8 +72,6 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
     # The capsule ends before the tool point, because the tool point touches the work. A tool that
     # is too short for a capsule has no shape.
     chain = arm.chain
-    if chain is None:
-        return ()
     flange, point = chain.tip.position, (chain.tip @ chain.tool).position
     reach = float(np.linalg.norm(point - flange))
     length = reach - 2 * ASSUMED_RADIUS - ASSUMED_GAP

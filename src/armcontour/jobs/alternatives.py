@@ -138,7 +138,7 @@ def _explain_unchecked(arm: Arm) -> tuple[str, ...]:
 
 def _about_tool(arm: Arm) -> tuple[str, ...]:
     """Note on a missing or assumed shape of the tool; empty if the shape is specified."""
-    if arm.chain is None or not np.linalg.norm(arm.chain.tool.position) > MIN_TOOL_LENGTH:
+    if not np.linalg.norm(arm.chain.tool.position) > MIN_TOOL_LENGTH:
         return ()
     tools = [] if arm.shapes is None else [x for x in arm.shapes.shapes if x.tool]
     if not tools:

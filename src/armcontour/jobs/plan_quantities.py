@@ -144,7 +144,7 @@ class Torques(Frozen):
 
 def assumed_numbers(arm: Arm) -> str:
     """Text about the assumed mass parameters of an arm; empty if nothing is assumed."""
-    return "" if arm.chain is None else arm.chain.assumed
+    return arm.chain.assumed
 
 
 def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:

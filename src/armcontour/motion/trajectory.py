@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from importlib import import_module
 from itertools import accumulate
 from typing import Any
 
@@ -18,6 +17,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
+from armcontour.core.lazy import load_method
 from armcontour.core.quantities import Interval
 from armcontour.core.render import number
 from armcontour.core.text import count_kinds, count_noun, draw, format_table, short_repr, to_html
@@ -270,8 +270,7 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: The trajectory has no arm, or was planned by another method.
         """
-        # Imported by name, because planning imports trajectories.
-        return import_module("armcontour.planning.explanation").explain(self)
+        return load_method("explain")(self)
 
     def to_dict(self, cycle: float = DEFAULT_CYCLE) -> dict[str, FloatArray]:
         """Samples as named columns for `pandas.DataFrame`.

@@ -8,9 +8,7 @@ from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
-from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
@@ -154,10 +152,10 @@ class _JointSpace(Arm):
         self.joint_names = tuple(f"joint {k + 1}" for k in range(dof))
         self.limits = limits
 
-    def _refuse(self, q: npt.ArrayLike, dq: npt.ArrayLike = 0.0) -> FloatArray:
+    def _refuse(self, *states: Any, **named: Any) -> Any:
         raise InvalidInput("The motion of the tool is unknown without an arm: give plan the arm.")
 
-    tool_position = tool_jacobian = tool_jacobian_rate = links = _refuse
+    jacobian = _motion = _frames = _solutions = _refuse
 
     @cached_property
     def dynamics(self) -> NoReturn:

@@ -1,4 +1,4 @@
-"""The base class of all arms: kinematics, limits and joint torques."""
+"""The base class of all arms: kinematics of a chain of joints, limits and joint torques."""
 
 from __future__ import annotations
 
@@ -12,19 +12,23 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Immutable
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.fields import checked
+from armcontour.core.frames import Pose, read_poses, transforms
 from armcontour.core.text import count_noun
-from armcontour.robot.chain import Chain, Payload
+from armcontour.robot.chain import Chain, Payload, link_table
 from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
 
 if TYPE_CHECKING:
+    from armcontour.robot.closed_form import ClosedForm
     from armcontour.robot.dynamics import Dynamics
     from armcontour.robot.scene import ArmShapes
 
 # A limit counts as equal to the arm's limit if it exceeds it by at most this fraction (for ends of
 # joint ranges between -1 and 1 rad: by this angle [rad]), because files contain rounded values.
 SAME_LIMIT = 1e-3
+# A pose is reached if position and orientation are closer than this [m, rad].
+MET = 1e-8
 # A point farther out of reach than this [m] probably has a wrong unit. Arms reach 0.5 to 4 m;
 # coordinates in mm that are read as m are hundreds of metres away.
 FAR_OUT = 20.0
@@ -118,7 +122,7 @@ def _as_ceilings(name: str, limits: Limits, dof: int) -> FloatArray:
 
 
 class Arm(Immutable, ABC):
-    """An arm with its kinematics and limits.
+    """An arm whose tool moves by a chain of joints: in space, or with x and y in the plane z = 0.
 
     Methods take joint positions q [rad] and their time derivatives dq, ddq, dddq, (..., dof) each,
     and return tool vectors, (..., dimension). An arm is immutable; `with_limits` and similar
@@ -137,7 +141,8 @@ class Arm(Immutable, ABC):
         branches: Names of the solutions of the closed-form inverse kinematics, the default
             solution first; empty if the arm has no closed form.
         source: Where the data of the arm come from.
-        chain: The joints and links as data; None if the arm has no such data.
+        chain: The joints and links.
+        link_table: Table of the links for the compiled kinematics, (dof + 1, 12).
         limits_hint: Advice on how to add the limits that the arm lacks, for messages.
         notes: Sentences on data that were ignored or chosen when the arm was read from a file.
         assumed_limits: Limits that are only assumed, because the robot description lacks them;
@@ -150,7 +155,8 @@ class Arm(Immutable, ABC):
     dimension: int
     branches: tuple[str, ...]
     source: str
-    chain: Chain | None = None
+    chain: Chain
+    link_table: FloatArray
     limits_hint: str = ""
     notes: tuple[str, ...] = ()
     assumed_limits: Limits | None = None
@@ -263,10 +269,6 @@ class Arm(Immutable, ABC):
             InvalidInput: The arm has no bodies, a value is negative, or values are for another
                 number of joints.
         """
-        if self.chain is None:
-            raise InvalidInput(
-                f"with_dynamics requires a chain of bodies, but the arm {self.name} has none."
-            )
         per_joint = {
             "armature": (armature, "kg m²"),
             "viscous": (viscous, "N m s/rad"),
@@ -326,7 +328,7 @@ class Arm(Immutable, ABC):
     @property
     def has_bodies(self) -> bool:
         """True if the masses of the links are known."""
-        return self.chain is not None and self.chain.masses is not None
+        return self.chain.masses is not None
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -337,7 +339,7 @@ class Arm(Immutable, ABC):
         """
         from armcontour.robot.dynamics import Dynamics
 
-        if self.chain is None or self.chain.masses is None:
+        if not self.has_bodies:
             raise InvalidInput(
                 f"The masses of the arm {self.name} are not known, so its torques cannot be "
                 "computed. Load the arm from a file whose links have masses, centres of mass and "
@@ -345,23 +347,176 @@ class Arm(Immutable, ABC):
             )
         return Dynamics(self.chain)
 
+    def _describe(
+        self, name: str, chain: Chain, limits: Limits, source: str, limits_hint: str
+    ) -> None:
+        """Check and store the attributes of all arms that have a chain."""
+        self.name = checks.check_name("name of an arm", name)
+        self.chain = chain
+        self.joint_names = chain.joints
+        self.limits = limits.for_joints(len(chain))
+        self.source = source
+        self.limits_hint = limits_hint
+        self.link_table = link_table(chain)
+
+    @cached_property
+    def closed_form(self) -> ClosedForm | None:
+        """Closed-form inverse kinematics of the whole pose; None if it does not support the arm."""
+        from armcontour.robot.closed_form import ClosedForm
+
+        return ClosedForm.from_chain(self.chain)
+
+    @cached_property
+    def span(self) -> float:
+        """Sum of the distances from joint to joint and from the last joint to the tool [m]."""
+        end = self.chain.tip @ self.chain.tool
+        parts = np.concatenate([self.chain.positions, end.position[None]])
+        return float(np.linalg.norm(parts, axis=1).sum())
+
+    @checked
+    def forward(self, q: npt.ArrayLike) -> FloatArray:
+        """Poses of the tool in the work frame as homogeneous transforms, (..., 4, 4).
+
+        Poses of a planar arm are in the plane z = 0.
+
+            arm = load_arm("ur5e")
+            arm.forward(np.zeros(6))[:3, 3]  # the tool point [m]
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+
+        Raises:
+            InvalidInput: The number of columns differs from the number of joints.
+        """
+        return transforms(self.poses(q))
+
+    @checked
+    def inverse(
+        self,
+        pose: Pose,
+        near: npt.ArrayLike | None = None,
+        all: bool = False,  # noqa: A002, FBT001, FBT002
+    ) -> FloatArray:
+        """Joint positions [rad], (dof,), at which the tool has a pose, within the joint ranges.
+
+        The solution has a closed form for planar arms and most six-joint arms; else it is searched.
+
+            q = arm.inverse(arm.forward(start), near=start)
+            elbow_up_and_down = arm.inverse(Frame((0.4, 0.1, 0.3), flipped), all=True)
+
+        Args:
+            pose: The pose in the work frame: a 4 by 4 transform, a pinocchio.SE3 or a Frame. If you
+                specify a position only [m], the rotation is free. Poses of a planar arm need z = 0;
+                their rotation is ignored. If you specify several poses, (n, 4, 4), the solution of
+                each pose starts from the previous solution.
+            near: Joint positions [rad], (dof,), to which the solution should be nearest; by default
+                the middle of the joint ranges.
+            all: Return all configurations for one pose, the nearest first, (k, dof). Configurations
+                that differ by whole turns count once. If there are infinitely many, a sample is
+                returned.
+
+        Raises:
+            Unreachable: No joint positions within the ranges reach the pose.
+            InvalidInput: `pose` is not a pose, or `near` does not have one value per joint.
+        """
+        points, axes = read_poses("pose", pose)
+        if all and points.ndim > 1:
+            raise InvalidInput(f"all=True requires one pose, but there are {len(points)}.")
+        rows = points.reshape(-1, points.shape[-1])
+        start = None if near is None else checks.per_joint("near", near, self.dof, "rad")
+        turned = [None] * len(rows) if axes is None else axes.reshape(-1, 3, 3)
+        solutions: list[FloatArray] = []
+        for i, (point, rotation) in enumerate(zip(rows, turned, strict=True)):
+            try:
+                inside = self._reach(point, rotation, start)
+            except Unreachable as error:
+                error.index = i
+                raise
+            if all:
+                return inside
+            start = inside[0]
+            solutions.append(start)
+        return np.reshape(solutions, (*points.shape[:-1], self.dof))
+
     @abstractmethod
+    def _solutions(
+        self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
+    ) -> tuple[FloatArray, float]:
+        """Joint positions for a pose, in or out of range, (k, dof); distance from it if none."""
+
+    def _reach(
+        self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
+    ) -> FloatArray:
+        """Solutions in the joint ranges, (k, dof), by distance from `near`, or from the middle."""
+        candidates, gap = self._solutions(point, rotation, near)
+        turned = [shift_by_turns(self, q[None], near) for q in candidates]
+        inside = np.array([q[0] for q, fits in turned if fits]).reshape(-1, self.dof)
+        away = np.abs(inside - (_range_middle(self) if near is None else near)).max(axis=1)
+        if len(inside):
+            return np.asarray(inside[np.argsort(away, kind="stable")])
+        if len(candidates):
+            example = np.round(candidates[0], 4).tolist()
+            reason = f"within its joint ranges. A solution outside of the ranges is {example} rad"
+        elif gap > MET:
+            reason = f"because the tool remains {gap:.3g} m away"
+        else:
+            reason = "with this orientation"
+        raise Unreachable(
+            f"The arm {self.name} does not reach the pose at {np.round(point, 6).tolist()} m "
+            f"{reason}. Move or rotate the pose{unit_hint(gap)}.",
+            point=point.tolist(),
+            limit="range" if len(candidates) else "reach",
+            needed=gap,
+            allowed=0.0,
+        )
+
+    @checked
+    def jacobian(self, q: npt.ArrayLike) -> FloatArray:
+        """Geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
+
+        The first three rows are the velocity of the tool point [m/rad], the last three the angular
+        velocity [rad/rad], along the axes of the work frame (`LOCAL_WORLD_ALIGNED` in pinocchio).
+
+            arm = load_arm("ur5e")
+            twist = arm.jacobian(q) @ dq
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+
+        Raises:
+            InvalidInput: The number of columns differs from the number of joints.
+        """
+        from armcontour.robot.kernels import jacobians
+
+        leading, (rows,) = self._rows(q)
+        return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
+
     def tool_position(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m] at joint positions [rad].
+        """Tool points [m], (n, dimension); for a planar arm by eq. (1)-(2).
 
         Args:
             q: Joint positions [rad], (..., dof).
         """
+        return self.poses(q)[..., : self.dimension, 3].copy()
 
-    @abstractmethod
+    def links(self, q: npt.ArrayLike) -> FloatArray:
+        """Points of all joints and of the tool, (n, dof + 1, dimension) [m].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
+        points = self._frames(q)[..., : self.dimension, 3].copy()
+        points[..., -1, :] = self.tool_position(q)
+        return points
+
     def tool_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Tool velocity per joint velocity [m/rad], (n, dimension, dof).
 
         Args:
             q: Joint positions [rad], (..., dof).
         """
+        return self.jacobian(q)[..., : self.dimension, :]
 
-    @abstractmethod
     def tool_jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof).
 
@@ -369,14 +524,19 @@ class Arm(Immutable, ABC):
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
         """
-
-    @abstractmethod
-    def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Points on the arm from the base to the tool, for drawings, (n, points, dimension) [m].
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-        """
+        leading, (rows, rates) = self._rows(q, dq)
+        frames = self._frames(rows)
+        points, directions = frames[..., 3], frames[:, :-1, :, 2]
+        angular = np.cumsum(directions * rates[..., None], axis=1)
+        # Each link moves the origin of the next joint; the last link moves the tool.
+        steps = _cross(angular, np.diff(points, axis=1))
+        moving = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
+        # A joint does not move its own axis, so the axis is constant in the frame of its link.
+        turning = _cross(angular, directions)
+        arms, opening = points[:, -1:] - points[:, :-1], moving[:, -1:] - moving[:, :-1]
+        rate = _cross(turning, arms) + _cross(directions, opening)
+        rate = np.swapaxes(rate, -1, -2)[:, : self.dimension]
+        return rate.reshape(*leading, self.dimension, self.dof)
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Tool velocity [m/s], eq. (22).
@@ -385,7 +545,7 @@ class Arm(Immutable, ABC):
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
         """
-        return np.asarray(np.einsum("...ij,...j->...i", self.tool_jacobian(q), np.asarray(dq)))
+        return self._motion(q, dq)[..., : self.dimension]
 
     def tool_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
@@ -397,20 +557,45 @@ class Arm(Immutable, ABC):
             dq: Joint velocities [rad/s], same shape.
             ddq: Joint accelerations [rad/s²], same shape.
         """
-        coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(q, dq), np.asarray(dq))
-        return np.asarray(self.tool_velocity(q, ddq) + coupling)
+        return self._motion(q, dq, ddq)[..., 6 : 6 + self.dimension]
 
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Tool velocity [m/s] and tool acceleration [m/s²].
+        """Tool velocity [m/s] and acceleration [m/s²] from one evaluation of the kinematics.
 
         Args:
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
             ddq: Joint accelerations [rad/s²], same shape.
         """
-        return self.tool_velocity(q, dq), self.tool_acceleration(q, dq, ddq)
+        motion = self._motion(q, dq, ddq)
+        return motion[..., : self.dimension], motion[..., 6 : 6 + self.dimension]
+
+    def _motion(self, *states: npt.ArrayLike) -> FloatArray:
+        """Pose of the tool, or its twist and the derivatives of the twist if dq, ... are given."""
+        # Numba is imported at first use, because it loads slowly and many arms are only listed.
+        from armcontour.robot.kernels import tool_motion
+
+        leading, rows = self._rows(*states)
+        # The kernel does not use derivatives above its order, so q is passed in their place.
+        motion = tool_motion(self.link_table, len(rows) - 1, *(rows * 4)[:4])
+        return np.asarray(motion.reshape(*leading, motion.shape[1]))
+
+    def poses(self, q: npt.ArrayLike) -> FloatArray:
+        """Rotations and positions of the tool in the work frame, (..., 3, 4).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
+        return self._motion(q).reshape(*np.shape(q)[:-1], 3, 4)
+
+    def _frames(self, q: npt.ArrayLike) -> FloatArray:
+        """Frames of all joints and of the tool in the work frame, (..., dof + 1, 3, 4)."""
+        from armcontour.robot.kernels import frames_of
+
+        leading, (rows,) = self._rows(q)
+        return np.asarray(frames_of(self.link_table, rows).reshape(*leading, self.dof + 1, 3, 4))
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Torque of each joint's drive [N m].
@@ -427,3 +612,38 @@ class Arm(Immutable, ABC):
         """
         dynamics = self.dynamics
         return dynamics.torque(q, dq, ddq) + dynamics.friction(dq)
+
+
+def shift_by_turns(
+    arm: Arm, q: FloatArray, start: FloatArray | None = None
+) -> tuple[FloatArray, bool]:
+    """Joint positions shifted by whole turns into the ranges; True if all are inside."""
+    # The shift brings the positions as near as possible to the start, or to the middle of the
+    # ranges. A joint whose range has only one end is shifted into its range.
+    lower, upper = arm.limits.joint_range(arm.dof)
+    low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
+    both = np.isfinite(lower) & np.isfinite(upper)
+    middle = _range_middle(arm)
+    lowest = np.where(both, -np.inf, np.ceil((lower - low) / turn))
+    highest = np.where(both, np.inf, np.floor((upper - high) / turn))
+    turns = np.rint((middle - (low + high) / 2) / turn)
+    shift = turn * np.minimum(np.maximum(turns, lowest), highest)
+    if start is not None:
+        nearest = turn * np.rint((start - q[0]) / turn)
+        shift = np.where((low + nearest >= lower) & (high + nearest <= upper), nearest, shift)
+    return q + shift, bool(((low + shift >= lower) & (high + shift <= upper)).all())
+
+
+def _range_middle(arm: Arm) -> FloatArray:
+    """Middle of each joint range [rad], 0 if a range is unbounded on any side, (dof,)."""
+    lower, upper = arm.limits.joint_range(arm.dof)
+    both = np.isfinite(lower) & np.isfinite(upper)
+    return np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Vector products, (..., 3), five times as fast as `np.cross` for few vectors."""
+    products = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        products[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return products

@@ -15,11 +15,10 @@ from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Length, Name, Quantity, Size
-from armcontour.robot.arm import unit_hint
+from armcontour.robot.arm import Arm, unit_hint
 from armcontour.robot.chain import Chain, Payload
 from armcontour.robot.limits import Limits
 from armcontour.robot.scene import ArmShapes, Capsule, LinkShape
-from armcontour.robot.serial import ChainArm
 
 # Within this distance [m] of a limit of its reach the arm counts as singular: sin(theta2) is about
 # 1e-4, the joints move 10^4 times faster than the tool, and theta2 has only 8 correct digits in
@@ -61,7 +60,7 @@ class LinkTube(Checked):
         return outer, outer - self.wall
 
 
-class PlanarTwoLink(ChainArm):
+class PlanarTwoLink(Arm):
     """An arm of two links in a plane, with two parallel joint axes.
 
     Joint angles are measured clockwise: the first from the y axis, the second from the first link.
@@ -151,6 +150,13 @@ class PlanarTwoLink(ChainArm):
             self.link2 * np.sin(q2), self.link1 + self.link2 * np.cos(q2)
         )
         return np.stack([q1, q2], axis=-1)
+
+    def _solutions(
+        self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
+    ) -> tuple[FloatArray, float]:
+        if point[2:].any():
+            raise InvalidInput(f"z of a pose must be 0, because the arm {self.name} is planar.")
+        return np.stack([self.joint_position(point[:2], x) for x in self.branches]), 0.0
 
     def configuration_of(self, q: npt.ArrayLike) -> str:
         """Configuration (one of `branches`) of joint positions.

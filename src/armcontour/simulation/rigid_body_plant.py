@@ -510,7 +510,7 @@ def _interpolate(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
 def _require_chain(arm: Arm) -> Chain:
     """The chain of an arm; raises an error if masses are missing or joints differ."""
     chain = arm.chain
-    if chain is None or not arm.has_bodies:
+    if not arm.has_bodies:
         raise InvalidInput(
             f"A rigid-body plant requires masses, but those of the arm {arm.name} are not known. "
             "Load the arm from a file whose links have masses, centres of mass and inertias."

@@ -301,5 +301,5 @@ def _place_obstacle(obstacle: Obstacle, job: Job, frame: Frame, moved: str) -> O
         return replace(obstacle, place=part_frame @ obstacle.place)
     if moved == PART:
         return obstacle
-    base = Frame() if job.arm.chain is None else job.arm.chain.base
+    base = job.arm.chain.base
     return replace(obstacle, place=(frame @ base).inverse @ base @ obstacle.place)

@@ -43,7 +43,6 @@ TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
 def arm_frame(job: Job) -> PageFrame:
     """Message frame with the joints of a job's arm, and the bodies of arm and cell."""
     arm, chain = job.arm, job.arm.chain
-    assert chain is not None, "every arm of a job has a chain"
     base = chain.base
     bodies, arrays = _bodies(arm, chain, job.scene or Scene())
     lower, upper = arm.limits.joint_range(arm.dof)

@@ -23,13 +23,12 @@ from armcontour.planning.tracing.knots import (
 from armcontour.planning.tracing.ranges import out_of_range
 from armcontour.planning.tracing.redundancy import null_space, smooth
 from armcontour.robot import SerialArm, newton
-from armcontour.robot.arm import unit_hint
+from armcontour.robot.arm import shift_by_turns, unit_hint
 from armcontour.robot.inverse import (
     REACH_SEEDS,
     configurations,
     out_of_reach,
     seeds,
-    shift_by_turns,
 )
 from armcontour.robot.limit_use import use_of
 

@@ -296,7 +296,6 @@ class Cell:
     def __init__(self, arm: Arm, scene: Scene) -> None:
         self.pairs, self.left_out = pairs_of(arm, scene)
         self._mounting = mounting_pairs(arm, scene)
-        assert arm.chain is not None
         self._distances = Distances(arm.chain, self.pairs) if self.pairs else None
         self._heights = Distances(arm.chain, self._mounting) if self._mounting else None
 

@@ -223,7 +223,6 @@ def exclude_touching(arm: Arm) -> ArmShapes:
     pairs, _ = pairs_of(arm, Scene())
     if not pairs or not can_measure():
         return arm.shapes
-    assert arm.chain is not None
     distances = Distances(arm.chain, pairs)
     remaining = np.arange(len(pairs))
     for q in _postures(arm):

@@ -98,8 +98,6 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
 
 def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
     """Chain and shapes of an arm; raises an error if one of them is unknown."""
-    if arm.chain is None:
-        raise InvalidInput(f"The arm {arm.name} has no chain of links, so it has no clearance.")
     if arm.shapes is None or not arm.shapes.shapes:
         raise InvalidInput(
             f"The shapes of the links of the arm {arm.name} are not known, so its clearance "
