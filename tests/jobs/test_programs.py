@@ -15,7 +15,7 @@ from armcontour.core.progress import Step
 from armcontour.files.cell import read_cell
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Rounding, run, warnings_of
-from armcontour.jobs.run_plan import plan_one, prepare_and_round
+from armcontour.jobs.run_plan import plan_one, prepare_program
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
@@ -63,9 +63,9 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
     line = Lead(length=3e-3)
     process = Process(lead_in=Lead(), by_layer={"MARK": {"lead_in": line, "lead_out": Lead()}})
     alone = [job(Process(lead_in=Lead()), moves[0]), job(Process(lead_out=Lead()), moves[1])]
-    (cut,), (mark,) = (prepare_and_round(x, x.runs[0])[0].contours for x in alone)
+    (cut,), (mark,) = (prepare_program(x, x.runs[0]).contours for x in alone)
     case = job(process, *moves)
-    first, second = prepare_and_round(case, case.runs[0])[0].contours
+    first, second = prepare_program(case, case.runs[0]).contours
     assert first.work == pytest.approx(cut.at_work, abs=1e-12) and cut.at_work[0] > 1e-3
     assert second.work[0] == pytest.approx(3e-3, abs=1e-12)
     assert after(second) == pytest.approx(after(mark), abs=1e-12) and after(mark) > 1e-3
@@ -74,7 +74,7 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
     lengths = []
     for moves in (contours, contours[::-1]):
         case = job(Process(lead_in=Lead(shape="arc")), *moves)
-        objective, _ = prepare_and_round(case, case.runs[0])
+        objective = prepare_program(case, case.runs[0])
         assert [x.name for x in objective.contours] == ["hole", "outline"]
         lengths.append([x.at_work[0] for x in objective.contours])
     assert lengths[0] == lengths[1] and abs(lengths[0][0] - lengths[0][1]) > 1e-4
@@ -162,17 +162,15 @@ def test_runs_a_program_from_its_drawing_to_its_evaluation():
     assert result.set_points.trajectory is result.trajectory
 
 
-def test_runs_share_their_tracing_and_find_their_own_leads():
+def test_runs_share_their_plan_and_find_their_own_leads():
     one = job(Process(lead_in=Lead(length=0.01)))
     (first_run,) = one.runs
-    mac = dataclasses.replace(
-        first_run, name="paper", timing=ac.Paper(reserve=0.1), compensation=ac.NoCompensation()
-    )
+    plain = dataclasses.replace(first_run, name="plain", compensation=ac.NoCompensation())
     slower = dataclasses.replace(first_run, name="slow", limits=LIMITS.replace(speed=0.02))
-    runs = run(dataclasses.replace(one, runs=(first_run, mac, slower))).runs
-    assert runs["paper"].traced is runs["compensated"].traced is not runs["slow"].traced
-    assert runs["paper"].path is runs["compensated"].path
-    assert runs["paper"].trajectory.method == "paper"
+    runs = run(dataclasses.replace(one, runs=(first_run, plain, slower))).runs
+    shared = runs["compensated"].trajectory
+    assert runs["plain"].trajectory is shared is not runs["slow"].trajectory
+    assert runs["plain"].run.name == "plain"
     auto = job(Process(lead_in=Lead()), Contour(path=BEND), rounding=None)
     (first_run,) = auto.runs
     less = dataclasses.replace(first_run, name="less", timing=ac.Optimal(reserve=0.5))

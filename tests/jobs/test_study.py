@@ -16,7 +16,7 @@ import armcontour as ac
 from armcontour.core.errors import NotRealizable
 from armcontour.core.frames import from_rpy
 from armcontour.files import parse_job
-from armcontour.jobs import Experiment, Rounding, build_plant, prepare_and_round, run
+from armcontour.jobs import Experiment, Rounding, build_plant, prepare_program, round_program, run
 from armcontour.jobs.job import choose_run
 from armcontour.jobs.plan_quantities import angular_speed, planned_torques
 from armcontour.planning.tracing.tracer import trace_all
@@ -231,9 +231,8 @@ def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
     corner = ac.Path.polyline([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]])
     turned = corner.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0], [np.pi, 0, 0.5]]))
     only_run = changed(in_space.runs[0], rounding=Rounding(tolerance=1e-2, angular_tolerance=1e-3))
-    corners = prepare_and_round(dataclasses.replace(in_space, path=turned), only_run)[
-        1
-    ].path.corners
+    bent = dataclasses.replace(in_space, path=turned)
+    corners = round_program(bent, only_run, prepare_program(bent, only_run)).path.corners
     assert corners.angular_error[0] == pytest.approx(1e-3, rel=1e-6)
     assert corners.shrunk[0]
 

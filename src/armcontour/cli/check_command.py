@@ -118,10 +118,10 @@ def _limits_and_path(
 
     path, limits = None, arm.limits
     if job is not None:
-        from armcontour.jobs import prepare_and_round
+        from armcontour.jobs import prepare_program, round_program
 
         run = _run(job, options.run_name, limited=options.limits is None)
-        path, limits = prepare_and_round(job, run)[1], run.limits
+        path, limits = round_program(job, run, prepare_program(job, run)), run.limits
     if options.limits is None:
         return limits, path, None, None
     from armcontour.files import read_limits
@@ -272,10 +272,9 @@ def _noise(q: FloatArray) -> float:
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     """Select the run of a job for the check, which uses its path and, if `limited`, its limits."""
     # The default is the first run that rounds corners, if all such runs round corners equally.
+    from armcontour.core.checks import comparable
     from armcontour.core.errors import InvalidInput
     from armcontour.jobs.job import find_run
-    from armcontour.jobs.reuse import comparable
-    from armcontour.jobs.run_plan import path_inputs
 
     if run_name is not None:
         return find_run(job, run_name)
@@ -287,8 +286,7 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
             f"The runs of the job {job.name} round corners differently. Choose a run with --run "
             f"({names})."
         )
-    first, *others = ((path_inputs(job, x), comparable(x.limits)) for x in runs)
-    if limited and any(x != first for x in others):
+    if limited and any(comparable(x.limits) != comparable(runs[0].limits) for x in runs):
         names = ", ".join(x.name for x in runs)
         raise InvalidInput(
             f"The runs of the job {job.name} have different limits. Choose a run with --run "

@@ -666,3 +666,17 @@ def in_unit(unit: str) -> str:
 def suffix(unit: str) -> str:
     """Unit after a number in messages, with a leading space; empty without a unit."""
     return f" {unit}" if unit else ""
+
+
+def comparable(value: Any) -> Any:
+    """Convert a value with arrays or mappings in its fields to a form that `==` can compare."""
+    if isinstance(value, np.ndarray):
+        return value.shape, value.tobytes()
+    if is_dataclass(value):
+        parts = [comparable(getattr(value, x.name)) for x in fields(value)]
+        return type(value), parts
+    if isinstance(value, Mapping):
+        return {name: comparable(x) for name, x in value.items()}
+    if isinstance(value, tuple):
+        return [comparable(x) for x in value]
+    return value

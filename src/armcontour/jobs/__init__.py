@@ -9,7 +9,7 @@ _HOME = {
     "goal": "CertificateGoal Uncertainty",
     "job": "Experiment Job Rounding Run build_plant",
     "planned_run": "Planned ShapingGain",
-    "run_plan": "plan_one prepare_and_round",
+    "run_plan": "plan_one prepare_program round_program",
     "job_result": "Advice ExperimentResult Improvement JobResult RunResult warnings_of",
     "study": "STEPS run",
 }

@@ -17,6 +17,7 @@ from armcontour.jobs.job_result import warnings_of as warnings_of
 from armcontour.jobs.planned_run import Planned as Planned
 from armcontour.jobs.planned_run import ShapingGain as ShapingGain
 from armcontour.jobs.run_plan import plan_one as plan_one
-from armcontour.jobs.run_plan import prepare_and_round as prepare_and_round
+from armcontour.jobs.run_plan import prepare_program as prepare_program
+from armcontour.jobs.run_plan import round_program as round_program
 from armcontour.jobs.study import STEPS as STEPS
 from armcontour.jobs.study import run as run

@@ -16,7 +16,6 @@ from armcontour.core.render import split
 from armcontour.jobs.job import Job, Run, default_compensation
 from armcontour.jobs.job_result import Advice, Improvement, JobResult, RunResult
 from armcontour.jobs.planned_run import Planned
-from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
 from armcontour.jobs.verdict import (
@@ -82,7 +81,7 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
 
 def advice_steps(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     """Compute the advice in steps of one change; yields the completed share, returns the advice."""
-    reuse, helpful = Reuse(2), list[Improvement]()
+    helpful = list[Improvement]()
     repairs = result.kept is False
     if repairs:
         groups = list(_repairs(job, result))
@@ -101,7 +100,7 @@ def advice_steps(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     for k, group in enumerate(groups):
         for candidate in group:
             yield k / len(groups)
-            tried = _plan_change(candidate, result, reuse)
+            tried = _plan_change(candidate, result)
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
@@ -124,10 +123,10 @@ def is_small(job: Job, maximum: int = SMALL) -> bool:
     return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
 
 
-def _plan_change(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
+def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None:
     """Plan and simulate a change; None if that is not possible."""
     try:
-        planned = plan_one(candidate.job, candidate.run, reuse)
+        planned = plan_one(candidate.job, candidate.run)
         errors = _contour_errors(candidate.job, planned)
     except ArmContourError:
         return None

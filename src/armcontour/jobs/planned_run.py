@@ -86,7 +86,7 @@ class Planned:
         path: The program that the tool follows: with rounded or shaped corners, if the run rounds
             corners.
         trajectory: The realizable trajectory.
-        traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
+        traced: Joint paths of all moves, if known.
         clearance: Planned clearance of the arm from itself and its cell; None for an arm with
             unknown shapes.
         avoided: Sentences on other joint paths that were taken to avoid collisions; without a

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from copy import copy
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
-from itertools import tee
-from typing import Any
 
 from armcontour.core.errors import InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress, Step, subprogress
@@ -18,7 +17,6 @@ from armcontour.jobs.alternatives import (
 )
 from armcontour.jobs.job import TANGENT, Job, Run
 from armcontour.jobs.planned_run import Planned
-from armcontour.jobs.reuse import Reuse, comparable
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
@@ -30,7 +28,6 @@ from armcontour.planning import (
     trace_program,
 )
 from armcontour.program import Program, prepare, round_corners, smooth_curvature
-from armcontour.verification.clearance import Clearance
 
 # Names of the first step of a run: rounding of corners, or shaping for corners of shape free.
 ROUNDING, SHAPING = "rounding", "shaping"
@@ -39,122 +36,49 @@ ROUNDING, SHAPING = "rounding", "shaping"
 def plan_one(
     job: Job,
     run: Run,
-    reuse: Reuse | None = None,
     progress: Progress | None = None,
     *,
     objective: Program | None = None,
     clear: bool = True,
-    first_only: bool = False,
 ) -> Planned:
     """Plan a run: prepare, round and trace its program, and time it on a collision-free joint path.
+
+    `objective`: the prepared program, if known; `clear`: whether to avoid collisions.
 
     Raises:
         ArmContourError: The run cannot be planned.
     """
-    reuse, report = Reuse() if reuse is None else reuse, subprogress(progress)
-    objective, traced = trace_one(
-        job, run, reuse, progress, objective=objective, clear=clear, first_only=first_only
-    )
-    traced, trajectory, clearance, notes = reuse.get(
-        "timing",
-        (traced, comparable(run.limits), run.timing, clear),
-        lambda: _time(job, run, traced, reuse, report, clear),
-    )
-    return Planned(
-        run=run,
-        objective=objective,
-        path=traced.program,
-        trajectory=trajectory,
-        traced=traced,
-        clearance=clearance,
-        avoided=notes,
-    )
-
-
-def trace_one(
-    job: Job,
-    run: Run,
-    reuse: Reuse,
-    progress: Progress | None = None,
-    *,
-    objective: Program | None = None,
-    clear: bool = True,
-    first_only: bool = False,
-) -> tuple[Program, Tracing]:
-    """Prepared program of a run (with sharp corners), and joint paths of the rounded program."""
     report = subprogress(progress)
+    objective = prepare_program(job, run, report) if objective is None else objective
+    path = round_program(job, run, objective, report)
+    traced = trace_run(job, run, path, report)
+    time = time_clear if clear else time_run
+    return time(job, run, objective, traced, report)
+
+
+@contextmanager
+def explained_reach(job: Job) -> Iterator[None]:
+    """Context in which an error of reach names the farthest unreachable point of a job."""
     try:
-        prepared, path = prepare_and_round(job, run, reuse, progress, objective)
-        limits = comparable(run.limits)
-        if job.seed is not None and not clear:
-            limits = comparable(run.limits.joint_range(job.arm.dof))
-        made_of = path, _arm_inputs(job), limits
-        return prepared, reuse.get("tracing", made_of, lambda: trace_run(job, run, path, report))
+        yield
     except Unreachable as error:
-        if first_only:
-            raise
         from armcontour.jobs import reachability
 
         raise reachability.explain(error, job) from None
 
 
-def prepare_and_round(
-    job: Job,
-    run: Run,
-    reuse: Reuse | None = None,
-    progress: Progress | None = None,
-    objective: Program | None = None,
-) -> tuple[Program, Program]:
-    """Prepared program of a run, before and after its corners are rounded or shaped.
+def explain_plan(job: Job, trajectory: Trajectory) -> Explanation | None:
+    """Active limits along a plan; None if its timing method is not optimal."""
+    return explain(trajectory, job.arm) if trajectory.method is Method.OPTIMAL else None
+
+
+def prepare_program(job: Job, run: Run, progress: Progress | None = None) -> Program:
+    """Program of a job with leads, overlaps and events of the process, and with sharp corners.
 
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
     """
-    cache, report = Reuse() if reuse is None else reuse, subprogress(progress)
-    inputs = path_inputs(job, run)
-
-    def make() -> tuple[Program, Program]:
-        report(Step((SHAPING if run.is_shaped else ROUNDING,)))
-        prepared = objective
-        if prepared is None:
-            shared = inputs if job.process.automatic else inputs[:2]
-            prepared = cache.get("preparing", shared, lambda: _prepare(job, run))
-            run.check_end_time(prepared)
-        return prepared, round_program(job, run, prepared, report)
-
-    return cache.get(ROUNDING, (objective, *inputs), make)
-
-
-def path_inputs(job: Job, run: Run) -> tuple[Any, ...]:
-    """All inputs on which the path of a run depends, in a comparable form."""
-    program, timing = job.program, run.timing
-    moves = [[getattr(x, y.name) for y in dataclasses.fields(x)] for x in program.moves]
-    by_limits = job.process.automatic or run.is_shaped
-    if by_limits and isinstance(timing, Optimal):
-        timing = dataclasses.replace(timing, duration=None)
-    return (
-        (moves, program.source, program.notes, program.remarks, program.rapid_speed),
-        comparable(job.process),
-        *(run.rounding, run.continuity, run.transition_tolerance, run.end_time),
-        run.limits.centripetal_acceleration,
-        (_arm_inputs(job), comparable(run.limits), timing) if by_limits else None,
-    )
-
-
-def explain_plan(job: Job, trajectory: Trajectory, reuse: Reuse) -> Explanation | None:
-    """Active limits along a plan; None if its timing method is not optimal."""
-    if trajectory.method is not Method.OPTIMAL:
-        return None
-    return reuse.get("explanation", trajectory, lambda: explain(trajectory, job.arm))
-
-
-def _arm_inputs(job: Job) -> tuple[Any, ...]:
-    """Inputs of arm and cell on which joint paths depend, in a comparable form."""
-    return job.arm, job.configuration, comparable(job.seed), job.scene
-
-
-def _prepare(job: Job, run: Run) -> Program:
-    """Program of a job with leads, overlaps and events of the process, and with sharp corners."""
+    subprogress(progress)(Step((SHAPING if run.is_shaped else ROUNDING,)))
     leads = None
     if job.process.automatic:
         if not isinstance(run.timing, Optimal):
@@ -164,9 +88,11 @@ def _prepare(job: Job, run: Run) -> Program:
             )
         from armcontour.jobs.automatic_leads import automatic_leads
 
-        leads = automatic_leads(job, run, partial(plan_one, clear=False, first_only=True))
+        leads = automatic_leads(job, run, partial(plan_one, clear=False))
     with error_context("process"):
-        return prepare(job.program, job.process, leads)
+        prepared = prepare(job.program, job.process, leads)
+    run.check_end_time(prepared)
+    return prepared
 
 
 def round_program(
@@ -234,34 +160,30 @@ def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
     return smooth_curvature(program, tolerance=allowed) if due and allowed > 0 else program
 
 
-def _time(
-    job: Job, run: Run, traced: Tracing, reuse: Reuse, progress: Progress, clear: bool
-) -> tuple[Tracing, Trajectory, Clearance | None, tuple[str, ...]]:
-    """Plan along the first of several alternative joint paths that is collision-free.
-
-    Returns joint paths, plan, clearance, and notes on the alternative.
-    """
-
-    def timed(traced: Tracing) -> Trajectory:
-        progress(Step(("timing",)))
-        return plan(traced, job.arm, run.limits, run.timing, progress=progress)
-
-    if not clear:
-        return traced, timed(traced), None, ()
-    # The cache contains a `tee` iterator. A copy of it starts from the first alternative, and
-    # alternatives that were already computed are not computed again.
-    cached = reuse.get(
-        "alternatives",
-        (traced, comparable(run.limits)),
-        lambda: tee(alternatives(job, run, traced, progress), 1)[0],
+def time_run(
+    job: Job, run: Run, objective: Program, traced: Tracing, progress: Progress
+) -> Planned:
+    """Plan along joint paths without a check of collisions."""
+    progress(Step(("timing",)))
+    return Planned(
+        run=run,
+        objective=objective,
+        path=traced.program,
+        trajectory=plan(traced, job.arm, run.limits, run.timing, progress=progress),
+        traced=traced,
     )
-    for candidate in copy(cached):
-        traced, notes = candidate
-        trajectory = timed(traced)
+
+
+def time_clear(
+    job: Job, run: Run, objective: Program, traced: Tracing, progress: Progress
+) -> Planned:
+    """Plan along the first of several alternative joint paths that is collision-free."""
+    for candidate, notes in alternatives(job, run, traced, progress):
+        planned = time_run(job, run, objective, candidate, progress)
         progress(Step(("clearance",)))
-        clearance = clearance_of(job, trajectory)
+        clearance = clearance_of(job, planned.trajectory)
+        planned = dataclasses.replace(planned, clearance=clearance, avoided=notes)
         if clearance is None or clearance.satisfied:
-            break
-    else:
-        check_collision(job, traced.program, trajectory)
-    return traced, trajectory, clearance, notes
+            return planned
+    check_collision(job, planned.path, planned.trajectory)
+    return planned

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
@@ -10,14 +11,14 @@ from typing import Any
 
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.compensation.compensator import unchecked_set_points
+from armcontour.core.checks import comparable
 from armcontour.core.errors import ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.job import Experiment, Job, Run, build_plant
 from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
 from armcontour.jobs.planned_run import Planned
-from armcontour.jobs.reuse import Reuse
-from armcontour.jobs.run_plan import ROUNDING, explain_plan, plan_one
+from armcontour.jobs.run_plan import ROUNDING, explain_plan, explained_reach, plan_one
 from armcontour.jobs.run_warnings import sample_rates
 from armcontour.jobs.verdict import ExpectedErrors
 from armcontour.motion import Execution, Method, SetPoints, Trajectory
@@ -32,6 +33,8 @@ from armcontour.verification.clearance import Clearance
 STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 PLAN_STEPS = STEPS[:5]
 EXPERIMENT = "experiment"
+# Fields of a run that determine its plan.
+SHARED = "limits", "timing", "rounding", "end_time"
 # Maximum time between two samples of a simulation [s], unless the drive cycle is longer.
 RESOLUTION = 1e-3
 
@@ -56,21 +59,32 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
         ArmContourError: The error of the first run that fails.
     """
     plants = _plants(job, simulate)
-    reuse, done = Reuse(len(job.runs)), dict[str, RunResult]()
+    done = dict[str, RunResult]()
     for each in job.runs:
         tell = subprogress(progress, each.name)
         with error_context(f"Run {each.name}"):
-            planned = plan_one(job, each, reuse, tell)
+            planned = _plan(job, each, list(done.values()), tell)
             tell(Step(("compensation",)))
             set_points = compute_set_points(job, each, planned.trajectory)
             simulated: dict[str, Any] = {}
             if simulate:
                 simulated = _simulate(job, planned, set_points, plants.get(each.name), tell)
-                simulated["explanation"] = explain_plan(job, planned.trajectory, reuse)
+                simulated["explanation"] = planned.explanation or explain_plan(
+                    job, planned.trajectory
+                )
             done[each.name] = RunResult.of(
                 planned, set_points=set_points, servo=job.servo, **simulated
             )
     return JobResult(job=job, runs=MappingProxyType(done))
+
+
+def _plan(job: Job, run: Run, done: Sequence[RunResult], progress: Progress) -> Planned:
+    """Plan of a run, or that of an earlier run with the same limits, timing and rounding."""
+    for earlier in done:
+        if all(comparable(getattr(run, x)) == comparable(getattr(earlier.run, x)) for x in SHARED):
+            return Planned.of(earlier, run=run)
+    with explained_reach(job):
+        return plan_one(job, run, progress)
 
 
 def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:

@@ -224,7 +224,7 @@ class _Planner:
     def __call__(self, values: Mapping[str, float]) -> Place:
         try:
             job = place_job(self.job, displacement(values, self.about), self.moved)
-            planned = plan_one(job, job.runs[0], first_only=True)
+            planned = plan_one(job, job.runs[0])
         except ArmContourError as error:
             kind = (error.limit or "other").replace("_", " ")
             return Place(values=values, refusal=kind, why_not=str(error))

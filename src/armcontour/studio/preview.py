@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, comparable
 from armcontour.core.errors import InvalidInput, Unreachable, error_context
-from armcontour.core.progress import Progress
+from armcontour.core.progress import Progress, subprogress
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_file import assemble_job
 from armcontour.files.job_model import JobModel
@@ -26,8 +27,14 @@ from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
 from armcontour.jobs.planned_run import Planned
-from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
-from armcontour.jobs.run_plan import explain_plan, plan_one
+from armcontour.jobs.run_plan import (
+    explain_plan,
+    explained_reach,
+    prepare_program,
+    round_program,
+    time_run,
+    trace_run,
+)
 from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
 from armcontour.jobs.verdict import EXPECTED, SERVO, Errors, ExpectedErrors, judging_executions
 from armcontour.motion import Execution
@@ -35,6 +42,7 @@ from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
+from armcontour.studio.step_cache import LARGE_RESULTS, StepCache
 from armcontour.verification import ErrorProfile, evaluate
 from armcontour.verification.contour_errors import ContourExecution, pieces_of, settling_time
 
@@ -114,14 +122,14 @@ class CoarsePlanner:
 
     def __init__(self, folder: FilePath | None = None) -> None:
         self.folder = folder or FilePath()
-        self._reuse = Reuse()
+        self._cache = StepCache()
         # Arm and start configuration of the last plan.
         self._arm: Arm | None = None
         self._start: FloatArray | None = None
 
     def forget(self) -> None:
         """Clear the cache, because files of the job may have changed."""
-        self._reuse = Reuse()
+        self._cache = StepCache()
         self._arm = self._start = None
 
     def may_be_exact(self, planned: Preview) -> bool:
@@ -142,7 +150,7 @@ class CoarsePlanner:
 
     def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:
         """The job with only one run, by default the first."""
-        return self._reuse.get("job", (data, run), lambda: self._make_job(data, run))
+        return self._cache.get("job", (data, run), lambda: self._make_job(data, run))
 
     def path_program(self, data: Mapping[str, Any]) -> Program:
         """The path of a job as a program; other keys than those of arm and path may be invalid."""
@@ -152,12 +160,12 @@ class CoarsePlanner:
             data = path_only(data)
             model = self._model(data)
         _, path = self._arm_and_path(model, data)
-        return self._reuse.get("program", path, lambda: Program.from_path(path))
+        return self._cache.get("program", path, lambda: Program.from_path(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
         """True if the program is too long to be planned at every edit."""
         program = self.path_program(data)
-        count = self._reuse.get(
+        count = self._cache.get(
             "segments", program, lambda: sum(len(x.path) for x in program.contours)
         )
         return count > LONG_PROGRAM
@@ -176,9 +184,12 @@ class CoarsePlanner:
         with error_context(f"Run {job_run.name}"):
             run_of_tier, differs = coarser_run(job, job_run, tier)
             plan, notes = self._plan(job, run_of_tier, tier, progress)
-            explanation = explain_plan(job, plan.trajectory, self._reuse)
+            explanation = self._cache.get(
+                "explanation", plan.trajectory, lambda: explain_plan(job, plan.trajectory)
+            )
         return Preview.of(
             plan,
+            run=run_of_tier,
             job=job,
             explanation=explanation,
             below_base=below_base(job, plan.trajectory),
@@ -189,7 +200,7 @@ class CoarsePlanner:
 
     def execute(self, planned: Preview) -> PreviewExecution:
         """Compute set-points of a plan, simulate their execution, and compute contour errors."""
-        job, run, get = planned.job, planned.run, self._reuse.get
+        job, run, get = planned.job, planned.run, self._cache.get
         moving = planned.tier == Tier.MOVING
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
         with error_context(f"Run {run.name}"):
@@ -251,16 +262,16 @@ class CoarsePlanner:
         if model.scene is not None:
             scene_model, part = model.scene, part_of(model.path)
             made_of = data["scene"], _part(data)
-            scene = self._reuse.get(
+            scene = self._cache.get(
                 "scene", made_of, lambda: scene_of(scene_model, self.folder, part)
             )
         return assemble_job(model, arm, path, scene)
 
     def _model(self, data: Mapping[str, Any]) -> JobModel:
-        return self._reuse.get("keys", data, lambda: _model_of(data))
+        return self._cache.get("keys", data, lambda: _model_of(data))
 
     def _arm_and_path(self, model: JobModel, data: Mapping[str, Any]) -> tuple[Arm, Path | Program]:
-        arm = self._reuse.get(
+        arm = self._cache.get(
             "arm",
             data["arm"],
             lambda: arm_of(model.arm, self.folder),
@@ -268,12 +279,12 @@ class CoarsePlanner:
         # The drawing is cached without the part frame, so that moving the part does not read the
         # drawing again.
         unplaced = {key: x for key, x in data["path"].items() if key != "frame"}
-        drawn = self._reuse.get(
+        drawn = self._cache.get(
             "drawing",
             (unplaced, arm.dimension),
             lambda: unplaced_path(model.path, self.folder, arm.dimension),
         )
-        path = self._reuse.get(
+        path = self._cache.get(
             "path", (drawn, _part(data)), lambda: placed_path(model.path, drawn, arm.dimension)
         )
         return arm, path
@@ -286,27 +297,63 @@ class CoarsePlanner:
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
             seeded_job = dataclasses.replace(job, seed=self._start)
             try:
-                plan = plan_one(
-                    seeded_job, run, self._reuse, progress, clear=False, first_only=True
-                )
-                return plan, (CONFIGURATION_NOTE,)
+                return self._plan_steps(seeded_job, run, progress), (CONFIGURATION_NOTE,)
             except Unreachable:
                 # Another configuration may reach the path. If no configuration does, the search
                 # below raises the error.
                 pass
         # While a handle moves, the search ends at the first unreachable point.
-        plan = plan_one(
-            job, run, self._reuse, progress, clear=False, first_only=tier == Tier.MOVING
-        )
+        with nullcontext() if tier == Tier.MOVING else explained_reach(job):
+            plan = self._plan_steps(job, run, progress)
         if searches:
             self.keep_start(job, plan.trajectory(0.0))
         return plan, ()
+
+    def _plan_steps(self, job: Job, run: Run, progress: Progress | None) -> Planned:
+        """Plan as `plan_one` does, but without a check of collisions and with cached steps."""
+        get, report = self._cache.get, subprogress(progress)
+        limits, arm_inputs = comparable(run.limits), _arm_inputs(job)
+        program = job.program
+        moves = [[getattr(x, y.name) for y in dataclasses.fields(x)] for x in program.moves]
+        drawn = moves, program.source, program.notes, program.remarks, program.rapid_speed
+        corners = (
+            *(run.rounding, run.continuity, run.transition_tolerance),
+            run.limits.centripetal_acceleration,
+        )
+        by_limits: Any = None
+        if job.process.automatic or run.is_shaped:
+            timing = run.timing
+            if isinstance(timing, Optimal):
+                timing = dataclasses.replace(timing, duration=None)
+            by_limits = arm_inputs, limits, timing
+        leads = (corners, by_limits) if job.process.automatic else ()
+        made_of = drawn, comparable(job.process), run.end_time, leads
+        objective = get("preparing", made_of, lambda: prepare_program(job, run, report))
+        path = get(
+            "rounding",
+            (objective, corners, by_limits),
+            lambda: round_program(job, run, objective, report),
+        )
+        ranges = limits if job.seed is None else comparable(run.limits.joint_range(job.arm.dof))
+        traced = get(
+            "tracing", (path, arm_inputs, ranges), lambda: trace_run(job, run, path, report)
+        )
+        return get(
+            "timing",
+            (traced, limits, run.timing),
+            lambda: time_run(job, run, objective, traced, report),
+        )
 
 
 def path_only(data: Mapping[str, Any]) -> dict[str, Any]:
     """Data of a job with the arm and the path of another one, whose other keys may be invalid."""
     used = {key: data[key] for key in ("arm", "path") if key in data}
     return {"name": "path", **used, "servo": {"kp": 1.0, "kv": 1.0}, "runs": {"path": {}}}
+
+
+def _arm_inputs(job: Job) -> tuple[Any, ...]:
+    """Inputs of arm and cell on which joint paths depend, in a comparable form."""
+    return job.arm, job.configuration, comparable(job.seed), job.scene
 
 
 def _model_of(data: Mapping[str, Any]) -> JobModel:

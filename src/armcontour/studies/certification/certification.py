@@ -17,8 +17,7 @@ from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Rounding, Run, build_plant, choose_run
 from armcontour.jobs.job_result import RunResult
-from armcontour.jobs.reuse import Reuse
-from armcontour.jobs.run_plan import plan_one
+from armcontour.jobs.run_plan import explained_reach, plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.motion import Method
 from armcontour.planning import Optimal, check_jerk_support, explain
@@ -165,14 +164,15 @@ def _find_fastest(
     Returns its duration [s], its verdict, and the plan without derating. If no plan is faster than
     `deadline` [s], returns a lower bound of the duration, and None.
     """
-    reuse, tolerance = Reuse(), goal.tolerance
+    tolerance = goal.tolerance
 
     def case_of(servo: float) -> Case:
         """The case in which the corners have the tolerance that the servo does not need [m]."""
         shaped = run
         if run.rounding is not None and tolerance is not None:
             shaped = replace(run, rounding=replace(run.rounding, tolerance=tolerance - servo))
-        planned = plan_one(job, shaped, reuse, report, clear=False)
+        with explained_reach(job):
+            planned = plan_one(job, shaped, report, clear=False)
         return Case(job, planned, goal, servo, report)
 
     # The plan without derating is the reference of the certificate's cost. It is planned first,

@@ -1,12 +1,9 @@
-"""`Reuse`: cache for the results of planning steps, by their inputs."""
+"""`StepCache`: results of the steps of a preview, by their inputs."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, TypeVar
-
-import numpy as np
 
 T = TypeVar("T")
 # Default number of results of each step in the cache, for a few runs that a user compares.
@@ -16,8 +13,8 @@ RESULTS = 4
 LARGE_RESULTS, MAX_SAMPLES = 2, 200_000
 
 
-class Reuse:
-    """Cache of results, so that a step with the same inputs is not repeated."""
+class StepCache:
+    """Cache of results, so that the Studio does not repeat a step with the same inputs."""
 
     def __init__(self, size: int = RESULTS) -> None:
         self.size = size
@@ -48,16 +45,3 @@ class Reuse:
         while len(entries) > 1 and sum(samples(x) for _, x in entries) > MAX_SAMPLES:
             del entries[-1]
         return value
-
-
-def comparable(value: Any) -> Any:
-    """Convert a value with arrays or mappings in its fields to a form that `==` can compare."""
-    if isinstance(value, np.ndarray):
-        return value.shape, value.tobytes()
-    if dataclasses.is_dataclass(value):
-        return [comparable(getattr(value, x.name)) for x in dataclasses.fields(value)]
-    if isinstance(value, Mapping):
-        return {name: comparable(x) for name, x in value.items()}
-    if isinstance(value, tuple):
-        return [comparable(x) for x in value]
-    return value
