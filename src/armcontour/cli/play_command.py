@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Mapping
-from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -34,39 +33,51 @@ OF_CONTROLLER = {x: f"--{x}" for x in ("execute", "drives", "hal", "address")}
 @command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")
 def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> int:
     """Play a run on a robot controller and record it; the robot moves only with --execute."""
-    from armcontour.controllers.player import Player, check_speed, plan_played, play_planned
-    from armcontour.core.quantities import AngularDistance, Factor
+    from armcontour.controllers.player import (
+        Player,
+        SpeedFactor,
+        judge_motion,
+        plan_play,
+        prepare_motion,
+    )
+    from armcontour.core.quantities import AngularDistance
     from armcontour.files.set_point_file import read_set_points
 
     if options.out is not None and not options.execute:
         raise InvalidInput("--out requires --execute too, because only a motion has a log.")
     refuse_without_terminal(options)
-    speed_factor = read_option("--speed-factor", options.speed_factor, Factor)
+    speed_factor = read_option("--speed-factor", options.speed_factor, SpeedFactor)
     band = read_option("--band", options.band, AngularDistance)
     assert speed_factor is not None
-    check_speed(speed_factor, learned=options.set_points is not None)
     stop = threading.Event()
     with result_folder(options) as folder:
         with show_progress("playing") as progress:
             opened = open_job(job, job_options, progress)
             controller = controller_of(opened, options.on, options)
-            opened, plan = plan_played(opened, options.run_name, speed_factor, progress=progress)
+            opened, plan = plan_play(
+                opened,
+                options.run_name,
+                speed_factor,
+                learned=options.set_points is not None,
+                progress=progress,
+            )
             set_points = None
             if options.set_points is not None:
                 set_points = read_set_points(options.set_points, opened, plan)
-            play_once = partial(
-                play_planned,
-                job=opened,
-                planned=plan,
+            ready = prepare_motion(
+                opened,
+                plan,
+                controller,
+                set_points=set_points,
                 speed_factor=speed_factor,
                 band=band,
-                set_points=set_points,
             )
-            played = play_once(Player(controller, False, stop.is_set, progress))
+            played = Player(controller, progress=progress).play(ready)
         if options.execute:
             confirm(played)
             with on_interrupt(stop.set), show_progress("playing") as progress:
-                played = play_once(Player(controller, True, stop.is_set, progress))
+                played = Player(controller, True, stop.is_set, progress).play(ready)
+            played = judge_motion(played, controller.cycle, band)
         if folder is not None:
             _write(played, folder)
     if options.as_json:

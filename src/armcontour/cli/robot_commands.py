@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+from contextlib import suppress
 from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,8 @@ from armcontour.cli.progress_bars import show_progress
 
 if TYPE_CHECKING:
     from armcontour.cli.options import IdentifyOptions, LearnOptions
-    from armcontour.controllers import RobotIdentification, RobotLearner, RobotLearning
+    from armcontour.controllers import RobotIdentification, RobotLearning
+    from armcontour.controllers.player import Player
     from armcontour.files import ResultFolder
     from armcontour.jobs import Job
     from armcontour.jobs.run_learning import LearningStudy
@@ -41,7 +43,11 @@ def identify_robot(
 ) -> RobotIdentification:
     """Play the motions of an identification and identify servos; a dry run without --execute."""
     from armcontour.control.identification import ServoFit
-    from armcontour.controllers import identify_on
+    from armcontour.controllers.player import Player
+    from armcontour.controllers.robot_identification import (
+        play_identification,
+        prepare_identification,
+    )
     from armcontour.core.checks import raise_if
     from armcontour.core.quantities import Reserve
 
@@ -57,27 +63,20 @@ def identify_robot(
     with show_progress("identifying") as progress:
         job = open_job(file, job_options, progress)
         controller = controller_of(job, options.on, options)
-        identify_once = partial(
-            identify_on,
-            job,
-            controller,
-            run_name=options.run_name,
-            reserve=reserve,
-            options=ServoFit(model=options.model, kinematics=job.arm, **fit_options),
-            stop_requested=stop.is_set,
-        )
-        result = identify_once(progress=progress)
+        motions = prepare_identification(job, controller, options.run_name, reserve, progress)
+        fit = ServoFit(model=options.model, kinematics=job.arm, **fit_options)
+        result = play_identification(motions, Player(controller, progress=progress), fit)
     if not options.execute:
         return result
     confirm(result.played["run"])
     with show_progress("identifying") as progress, on_interrupt(stop.set):
-        return identify_once(execute=True, progress=progress)
+        return play_identification(motions, Player(controller, True, stop.is_set, progress), fit)
 
 
 def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) -> int:
     """Play runs and learn after each; write the folder after each run, and return the exit code."""
-    from armcontour.controllers import RobotLearner
     from armcontour.controllers.player import Player
+    from armcontour.controllers.robot_learning import learn_next, start_learning
     from armcontour.core.checks import raise_if
     from armcontour.core.quantities import AngularDistance, Reserve
 
@@ -93,24 +92,17 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
     with show_progress("learning") as progress:
         job = open_job(file, job_options, progress)
         controller = controller_of(job, options.on, options)
-        learner = RobotLearner(
-            Player(controller, options.execute, stop.is_set, progress),
-            job,
-            run_name=options.run_name,
-            runs=options.runs,
-            reserve=reserve,
-            band=band,
-        )
-        if options.out is not None and not options.force:
-            learner.resume(_earlier_logs(options.out, job))
-        dry = learner.rehearse() if options.execute and learner.goes_on else None
+        logs = _earlier_logs(options.out, job) if options.out and not options.force else []
+        player = Player(controller, progress=progress)
+        result = start_learning(job, player, options.run_name, reserve, logs)
+        go_on = result.continues(options.runs)
+        dry = learn_next(result, player).played if options.execute and go_on else None
     if dry is not None:
         confirm(dry)
     with show_progress("learning") as progress, on_interrupt(stop.set):
-        learner.player = dataclasses.replace(learner.player, progress=progress)
-        while learner.goes_on:
-            _run_next(learner, options)
-    result = learner.result
+        player = Player(controller, options.execute, stop.is_set, progress)
+        while result.continues(options.runs):
+            result = _run_next(result, player, band, options)
     if options.as_json:
         print_json(result.to_data())
     else:
@@ -122,22 +114,23 @@ class _NothingLearned(Exception):
     """Raised inside a result folder's context to leave the folder unchanged."""
 
 
-def _run_next(learner: RobotLearner, options: LearnOptions) -> None:
+def _run_next(
+    result: RobotLearning, player: Player, band: float | None, options: LearnOptions
+) -> RobotLearning:
     """Play one run, learn from it, and write the folder."""
+    from armcontour.controllers.robot_learning import learn_next
     from armcontour.files import ResultFolder
 
     if not options.execute or options.out is None:
-        learner.run_next()
-        return
-    try:
+        return learn_next(result, player, band)
+    with suppress(_NothingLearned):
         # `ResultFolder` checks that the folder is writable before the robot moves.
         with ResultFolder(options.out, force=options.force, replaces=KIND) as folder:
-            learner.run_next()
-            if learner.result.lesson is None:
+            result = learn_next(result, player, band)
+            if result.lesson is None:
                 raise _NothingLearned
-            _write(learner.result, folder)
-    except _NothingLearned:
-        pass
+            _write(result, folder)
+    return result
 
 
 def _earlier_logs(out: FilePath, job: Job) -> list[Log]:

@@ -9,7 +9,7 @@ _HOME = {
     "linuxcnc": "LinuxCNC",
     "player": "Played play",
     "robot_identification": "RobotIdentification identify_on",
-    "robot_learning": "RobotLearner RobotLearning learn_on",
+    "robot_learning": "RobotLearning learn_on",
     "ur": "Ur",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -8,7 +8,6 @@ from armcontour.controllers.player import Played as Played
 from armcontour.controllers.player import play as play
 from armcontour.controllers.robot_identification import RobotIdentification as RobotIdentification
 from armcontour.controllers.robot_identification import identify_on as identify_on
-from armcontour.controllers.robot_learning import RobotLearner as RobotLearner
 from armcontour.controllers.robot_learning import RobotLearning as RobotLearning
 from armcontour.controllers.robot_learning import learn_on as learn_on
 from armcontour.controllers.ur import Ur as Ur

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import AngularDistance, Factor
+from armcontour.core.quantities import AngularDistance, Quantity
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.jobs.alternatives import clearance_of
@@ -37,6 +37,7 @@ from armcontour.robot import Limits, resolve_limits
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.limits import LIMITS
 
+SpeedFactor = Annotated[float, Quantity("1", "50 %", within=(1e-3, 1.0))]
 # Default speed factor, and largest speed factor of the motion to the start.
 SLOW = 0.1
 # Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
@@ -58,7 +59,7 @@ class Played(Result):
 
     Args:
         job: The job with the run as it is played.
-        plan: Plan, set-points and simulation of this run.
+        plan: Plan and simulation of this run, with the set-points that are played.
         controller: Name of the controller.
         speed_factor: Share of the job's speed.
         checks: What was compared with the controller.
@@ -136,7 +137,7 @@ def play(
     *,
     run_name: str | None = None,
     execute: bool = False,
-    speed_factor: Factor = SLOW,
+    speed_factor: SpeedFactor = SLOW,
     band: AngularDistance | None = None,
     set_points: SetPoints | None = None,
     stop_requested: Callable[[], bool] = lambda: False,
@@ -173,47 +174,39 @@ def play(
         ControllerLost: The controller failed during the motion.
         ArmContourError: The run cannot be planned.
     """
-    check_speed(speed_factor, learned=set_points is not None)
-    player = Player(controller, execute, stop_requested, progress)
-    played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
-    return play_planned(
-        player, played_job, planned, speed_factor=speed_factor, band=band, set_points=set_points
+    played_job, planned = plan_play(
+        job, run_name, speed_factor, learned=set_points is not None, progress=progress
     )
+    ready = prepare_motion(
+        played_job,
+        planned,
+        controller,
+        set_points=set_points,
+        speed_factor=speed_factor,
+        band=band,
+    )
+    played = Player(controller, execute, stop_requested, progress).play(ready)
+    return judge_motion(played, controller.cycle, band)
 
 
-def check_speed(speed_factor: float, *, learned: bool) -> None:
-    """Refuse a speed factor above 1, or below 1 for learned set-points."""
-    if speed_factor > 1:
-        raise InvalidInput(f"speed_factor must be at most 1, but is {speed_factor:g}.")
+def plan_play(
+    job: Job,
+    run_name: str | None,
+    speed_factor: float,
+    *,
+    learned: bool,
+    progress: Progress | None = None,
+) -> tuple[Job, RunResult]:
+    """Plan the run of `play`; `learned`: the set-points of `learn` will be played."""
     if learned and speed_factor != 1.0:
         raise InvalidInput("Learned set-points are valid at full speed only: set speed_factor=1.")
-
-
-def play_planned(
-    player: Player,
-    job: Job,
-    planned: RunResult,
-    *,
-    speed_factor: float,
-    band: float | None,
-    set_points: SetPoints | None,
-) -> Played:
-    """Play a run that `plan_played` has planned; arguments as of `play`."""
-    if set_points is not None:
-        _check_same_plan(set_points, planned)
+    played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
     if planned.kept is False:
         raise ControllerRefused(
             f"The simulation of run {planned.run.name} is not within its limits or accuracy: see "
             "armcontour run."
         )
-    played = player.play_plan(
-        job, planned, set_points=set_points, speed_factor=speed_factor, band=band
-    )
-    if played.record is None:
-        return played
-    begin = (set_points or planned.set_points).start_time
-    rows = _result_rows(played, begin, player.controller.cycle, band)
-    return replace(played, results=rows)
+    return played_job, planned
 
 
 def plan_played(
@@ -229,110 +222,104 @@ def plan_played(
     return played_job, run(played_job, progress=progress).runs[chosen.name]
 
 
+def prepare_motion(
+    job: Job,
+    planned: RunResult,
+    controller: Controller,
+    *,
+    set_points: SetPoints | None = None,
+    speed_factor: float = 1.0,
+    band: float | None = None,
+    lag: float = LAG,
+) -> Played:
+    """Motion of a planned run, checked against the controller without a connection.
+
+    `set_points`: learned set-points; by default those of the plan. `lag`: as of `guarded_motion`.
+    """
+    points = planned.set_points if set_points is None else set_points
+    stopper = Stopper(points, job.servo, planned.run.compensation, job.arm, controller.cycle)
+    t = points.times(len(stopper.q), controller.cycle)
+    if set_points is None:
+        simulated = planned.execution
+        bodies = planned.experiment
+        if bodies is not None and planned.judged is bodies.evaluation:
+            simulated = bodies.execution
+        assert simulated is not None
+        predicted = np.column_stack([np.interp(t, simulated.t, x) for x in simulated.q.T])
+    else:
+        _check_same_plan(set_points, planned)
+        predicted = planned.trajectory.with_rests(t)
+    limits = limits_of(job, planned)
+    rows = controller.check(job.arm, limits, stopper.q)
+    limits = limits.replace(**_scaled(limits, 1 / speed_factor))
+    is_safe = controller.simulates or job.servo.contour_ratio is not None
+    rows.append(_check_accelerations(planned.run.name, points, limits, is_safe))
+    return Played(
+        job=job,
+        plan=replace(planned, set_points=points),
+        controller=controller.name,
+        speed_factor=speed_factor,
+        checks=tuple(rows),
+        motion=guarded_motion(stopper, predicted, lag, band),
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Player:
     """A controller, and the options of motions on it; fields as the arguments of `play`."""
 
     controller: Controller
-    execute: bool
-    stop_requested: Callable[[], bool]
-    progress: Progress | None
+    execute: bool = False
+    stop_requested: Callable[[], bool] = lambda: False
+    progress: Progress | None = None
 
-    def play_plan(
-        self,
-        job: Job,
-        planned: RunResult,
-        *,
-        set_points: SetPoints | None = None,
-        speed_factor: float = 1.0,
-        band: float | None = None,
-        lag: float = LAG,
+    def play(
+        self, ready: Played, is_final: Callable[[PlayedMotion], bool] = lambda record: True
     ) -> Played:
-        """Play learned set-points, or by default those of the plan; arguments as of `play`."""
-        points = planned.set_points if set_points is None else set_points
-        controller, limits = self.controller, limits_of(job, planned)
-        options = planned.run.compensation
-        stopper = Stopper(points, job.servo, options, job.arm, controller.cycle)
-        t = points.times(len(stopper.q), controller.cycle)
-        if set_points is None:
-            simulated = planned.execution
-            bodies = planned.experiment
-            if bodies is not None and planned.judged is bodies.evaluation:
-                simulated = bodies.execution
-            assert simulated is not None
-            predicted = np.column_stack([np.interp(t, simulated.t, x) for x in simulated.q.T])
-        else:
-            predicted = planned.trajectory.with_rests(t)
-        rows = controller.check(job.arm, limits, stopper.q)
-        rows.append(self._check_accelerations(job, planned, points, speed_factor))
-        played = Played(
-            job=job,
-            plan=planned,
-            controller=controller.name,
-            speed_factor=speed_factor,
-            checks=tuple(rows),
-            motion=guarded_motion(stopper, predicted, lag, band),
-        )
-        return self.play_motion(played)
-
-    def _check_accelerations(
-        self, job: Job, planned: RunResult, points: SetPoints, speed_factor: float
-    ) -> Row:
-        """Ratio of the acceleration of set-points to the limits of each joint at full speed."""
-        limits = limits_of(job, planned)
-        limits = limits.replace(**_scaled(limits, 1 / speed_factor))
-        demand = use_of("joint_acceleration", limits, differences(points.q, 2) / points.cycle**2)
-        use = demand.ratio
-        i, j = divmod(int(use.argmax()), job.arm.dof)
-        needed = float(demand.value[i, j])
-        is_safe = self.controller.simulates or job.servo.contour_ratio is not None
-        if use[i, j] > 1 + ROUNDING and not is_safe:
-            name, allowed = planned.run.name, float(needed / use[i, j])
-            raise ControllerRefused(
-                f"The set-points of run {name} demand {number(needed, 'rad/s^2')} of joint "
-                f"{j + 1}, above its limit {number(allowed, 'rad/s^2')}, because they compensate a "
-                "servo that was not identified. Identify it (armcontour identify --on), and copy "
-                "the key servo of servo.yaml, with contour_ratio, to the job. Or play without "
-                f"compensation (--set runs.{name}.compensation.method=none).",
-                joint=j,
-                needed=needed,
-                allowed=allowed,
-            )
-        return Row("command_use", use.max(axis=0), "1", "set-point acceleration", "of the limit")
-
-    def play_undisturbed(
-        self, play_once: Callable[[], Played], is_final: Callable[[PlayedMotion], bool]
-    ) -> Played:
-        """Play a motion, up to 3 times until a stop is requested or a record is final."""
+        """Play a motion, up to 3 times until a stop is requested or its record is final."""
         for _ in range(ATTEMPTS):
-            played = play_once()
-            record = played.record
-            if record is None or self.stop_requested() or is_final(record):
+            played = self._play_once(ready)
+            if played.record is None or self.stop_requested() or is_final(played.record):
                 break
         return played
 
-    def play_motion(self, played: Played) -> Played:
-        """Connect, move to the start of a motion, and play it."""
-        controller, stop_requested = self.controller, self.stop_requested
-        job, tell = played.job, subprogress(self.progress, played.plan.run.name)
-        start = played.motion.q[0]
-        with controller:
+    def _play_once(self, ready: Played) -> Played:
+        """Connect, move to the start, and play; a dry run only measures the distance."""
+        tell, start = subprogress(self.progress, ready.plan.run.name), ready.motion.q[0]
+        with self.controller as controller:
             tell(Step(("connecting",)))
-            controller.connect(job.arm, start)
+            controller.connect(ready.job.arm, start)
             position = controller.position()
-            distance = _measure_distance(job, limits_of(job, played.plan), position, start)
-            played = replace(played, distance=distance)
-            if not self.execute or stop_requested():
+            played = replace(ready, distance=_measure_distance(ready, position))
+            if not self.execute or self.stop_requested():
                 return played
-            if distance > START:
+            if played.distance > START:
                 tell(Step(("moving to the start",)))
-                self._move_to_start(played, start)
+                self._move_to_start(played)
                 moved = float(np.abs(controller.position() - position).max())
                 played = replace(played, approach=moved)
-                if stop_requested():
+                if self.stop_requested():
                     return played
             tell(Step(("playing",)))
-            return replace(played, record=self._stream(played.motion))
+            return replace(played, record=self._stream(ready.motion))
+
+    def _move_to_start(self, ready: Played) -> None:
+        """Move in joint space to the first set-point, again if set-points were late."""
+        job, start, controller = ready.job, ready.motion.q[0], self.controller
+        limits = limits_of(job, ready.plan)
+        limits = limits.replace(**_scaled(limits, min(SLOW / ready.speed_factor, 1.0)))
+        for _ in range(ATTEMPTS):
+            approach = approach_of(job, limits, controller.position(), start, controller.cycle)
+            record = self._stream(approach)
+            distance = np.abs(record.measured[-1] - start).max()
+            if self.stop_requested() or (record.stopped is None and distance <= LEAST):
+                return
+            if record.stopped is None or record.deviated:
+                break
+        raise ControllerRefused(
+            f"The motion to the start ended {number(distance, 'rad')} from it. "
+            f"{' '.join(record.notes) or 'Check the drives.'}"
+        )
 
     def _stream(self, motion: Motion) -> PlayedMotion:
         """Play a motion, and refuse drives that have not moved."""
@@ -351,23 +338,90 @@ class Player:
             )
         return record
 
-    def _move_to_start(self, played: Played, start: FloatArray) -> None:
-        """Move in joint space to the first set-point, again if set-points were late."""
-        controller, job = self.controller, played.job
-        limits = limits_of(job, played.plan)
-        limits = limits.replace(**_scaled(limits, min(SLOW / played.speed_factor, 1.0)))
-        for _ in range(ATTEMPTS):
-            approach = approach_of(job, limits, controller.position(), start, controller.cycle)
-            record = self._stream(approach)
-            distance = np.abs(record.measured[-1] - start).max()
-            if self.stop_requested() or (record.stopped is None and distance <= LEAST):
-                return
-            if record.stopped is None or record.deviated:
-                break
+
+def _measure_distance(ready: Played, position: FloatArray) -> float:
+    """Largest distance of a joint from the start [rad], if the robot can move there straight."""
+    limits, start = limits_of(ready.job, ready.plan), ready.motion.q[0]
+    low = -np.inf if limits.joint_lower is None else limits.joint_lower
+    high = np.inf if limits.joint_upper is None else limits.joint_upper
+    low, high, distance = np.broadcast_arrays(low, high, np.abs(position - start))
+    beyond = np.maximum(low - position, position - high) - START
+    j = int(np.maximum(beyond, distance - TURN).argmax())
+    if beyond[j] > 0 or distance[j] >= TURN:
+        where = f"{number(distance[j], 'rad')} from the start, at least a turn"
+        if beyond[j] > 0:
+            where = f"outside its range of {number(low[j], 'rad')} to {number(high[j], 'rad')}"
         raise ControllerRefused(
-            f"The motion to the start ended {number(distance, 'rad')} from it. "
-            f"{' '.join(record.notes) or 'Check the drives.'}"
+            f"Joint {j + 1} is at {number(position[j], 'rad')}, {where}. Check unit and zero of "
+            "its measured position, or move the joint by other means.",
+            joint=j,
+            needed=float(position[j]),
         )
+    if distance.max() > START:
+        _clear_line(ready.job, position, start)
+    return float(distance.max())
+
+
+def approach_of(
+    job: Job, limits: Limits, position: FloatArray, start: FloatArray, cycle: float
+) -> Motion:
+    """Straight motion in joint space to the first set-point, without contact.
+
+    Raises:
+        ControllerRefused: The arm would come too near to itself or its cell.
+    """
+    line = _clear_line(job, position, start)
+    trajectory = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
+    return uncompensated_motion(trajectory, job.arm, cycle)
+
+
+def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
+    """Straight line in joint space, on which the arm stays clear of itself and its cell."""
+    line = JointPath.spline(np.stack([position, start]), [0.0, 1.0])
+    clearance = clearance_of(job, line)
+    if clearance is not None and not clearance.satisfied:
+        raise ControllerRefused(
+            f"The straight motion in joint space to the start is not possible: "
+            f"{clearance.sentence} Move the robot to the start by other means."
+        )
+    return line
+
+
+def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
+    """Add the verdict on a recorded motion, and its differences from the simulation."""
+    record, motion, planned, arm = played.record, played.motion, played.plan, played.job.arm
+    if record is None:
+        return played
+    assert motion.predicted is not None and planned.judged is not None
+    k = np.rint(record.t / cycle).astype(int)
+    if record.stopped is not None:
+        k = k[k < max(record.stopped, 1)]
+    measured, predicted = record.measured[: len(k)], motion.predicted[k.clip(0, len(motion.q) - 1)]
+    joints = np.abs(measured - predicted)
+    tool = np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1)
+    i, j = divmod(int(joints.argmax()), arm.dof)
+    where = f"from the simulation, joint {j + 1} at {number(record.t[i], 's')}"
+    when = f"from the simulation, at {number(record.t[tool.argmax()], 's')}"
+    kept: bool | None = False
+    reason = " ".join(record.notes) or "stopped on request"
+    rows = [
+        Row("difference.joints", joints.max(axis=0), "rad", "joint difference", where, FIRST),
+        Row("difference.tool", float(tool.max()), "m", "tool difference", when, FIRST),
+    ]
+    if record.stopped is None:
+        pieces = measured_pieces(
+            played.job, planned, planned.set_points.start_time + record.t, record.measured
+        )
+        errors = [x.contour_error.max for x in pieces]
+        note = f"simulated {number(planned.judged.contour_error.max, 'm')}"
+        rows.append(Row("contour_error.max", max(errors), "m", "contour error", note, FIRST))
+        kept, reason = judge(planned, {"measured": errors})
+        j = int(joints[-1].argmax())
+        if joints[-1, j] > (LEAST if band is None else band):
+            kept = False
+            reason = f"joint {j + 1} rests {number(joints[-1, j], 'rad')} from its simulated end"
+    verdict = Row("kept", kept is not False, JUDGED, "verdict", reason, VERDICT)
+    return replace(played, results=(verdict, *rows))
 
 
 def limits_of(job: Job, planned: RunResult) -> Limits:
@@ -391,30 +445,6 @@ def _scaled(limits: Limits, factor: float) -> dict[str, Any]:
     }
 
 
-def approach_of(
-    job: Job, limits: Limits, position: FloatArray, start: FloatArray, cycle: float
-) -> Motion:
-    """Straight motion in joint space to the first set-point, without contact.
-
-    Raises:
-        ControllerRefused: The arm would come too near to itself or its cell.
-    """
-    line = JointPath.spline(np.stack([position, start]), [0.0, 1.0])
-    _check_clear(job, line)
-    trajectory = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
-    return uncompensated_motion(trajectory, job.arm, cycle)
-
-
-def _check_clear(job: Job, line: JointPath) -> None:
-    """Refuse a joint path in which the arm comes too near to itself or to its cell."""
-    clearance = clearance_of(job, line)
-    if clearance is not None and not clearance.satisfied:
-        raise ControllerRefused(
-            f"The straight motion in joint space to the start is not possible: "
-            f"{clearance.sentence} Move the robot to the start by other means."
-        )
-
-
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
     """Refuse learned set-points whose plan differs from that of the job."""
     before, now = set_points.trajectory, planned.trajectory
@@ -428,55 +458,20 @@ def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
         )
 
 
-def _measure_distance(job: Job, limits: Limits, position: FloatArray, start: FloatArray) -> float:
-    """Largest distance of a joint from the start [rad], if the robot can move there straight."""
-    low = -np.inf if limits.joint_lower is None else limits.joint_lower
-    high = np.inf if limits.joint_upper is None else limits.joint_upper
-    low, high, distance = np.broadcast_arrays(low, high, np.abs(position - start))
-    beyond = np.maximum(low - position, position - high) - START
-    j = int(np.maximum(beyond, distance - TURN).argmax())
-    if beyond[j] > 0 or distance[j] >= TURN:
-        where = f"{number(distance[j], 'rad')} from the start, at least a turn"
-        if beyond[j] > 0:
-            where = f"outside its range of {number(low[j], 'rad')} to {number(high[j], 'rad')}"
+def _check_accelerations(run_name: str, points: SetPoints, limits: Limits, is_safe: bool) -> Row:
+    """Ratio of the acceleration of set-points to the limits of each joint at full speed."""
+    use = use_of("joint_acceleration", limits, differences(points.q, 2) / points.cycle**2)
+    i, j = divmod(int(use.ratio.argmax()), use.ratio.shape[1])
+    needed, ratio = float(use.value[i, j]), float(use.ratio[i, j])
+    if ratio > 1 + ROUNDING and not is_safe:
         raise ControllerRefused(
-            f"Joint {j + 1} is at {number(position[j], 'rad')}, {where}. Check unit and zero of "
-            "its measured position, or move the joint by other means.",
+            f"The set-points of run {run_name} demand {number(needed, 'rad/s^2')} of joint "
+            f"{j + 1}, above its limit {number(needed / ratio, 'rad/s^2')}, because they "
+            "compensate a servo that was not identified. Identify it (armcontour identify --on), "
+            "and copy the key servo of servo.yaml, with contour_ratio, to the job. Or play without "
+            f"compensation (--set runs.{run_name}.compensation.method=none).",
             joint=j,
-            needed=float(position[j]),
+            needed=needed,
+            allowed=needed / ratio,
         )
-    if distance.max() > START:
-        _check_clear(job, JointPath.spline(np.stack([position, start]), [0.0, 1.0]))
-    return float(distance.max())
-
-
-def _result_rows(played: Played, begin: float, cycle: float, band: float | None) -> tuple[Row, ...]:
-    """Verdict on a motion that began at a time [s], and its differences from the simulation."""
-    record, motion, planned, arm = played.record, played.motion, played.plan, played.job.arm
-    assert record is not None and motion.predicted is not None and planned.judged is not None
-    k = np.rint(record.t / cycle).astype(int)
-    if record.stopped is not None:
-        k = k[k < max(record.stopped, 1)]
-    measured, predicted = record.measured[: len(k)], motion.predicted[k.clip(0, len(motion.q) - 1)]
-    joints = np.abs(measured - predicted)
-    tool = np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1)
-    i, j = divmod(int(joints.argmax()), arm.dof)
-    where = f"from the simulation, joint {j + 1} at {number(record.t[i], 's')}"
-    when = f"from the simulation, at {number(record.t[tool.argmax()], 's')}"
-    kept: bool | None = False
-    reason = " ".join(record.notes) or "stopped on request"
-    rows = [
-        Row("difference.joints", joints.max(axis=0), "rad", "joint difference", where, FIRST),
-        Row("difference.tool", float(tool.max()), "m", "tool difference", when, FIRST),
-    ]
-    if record.stopped is None:
-        pieces = measured_pieces(played.job, planned, begin + record.t, record.measured)
-        errors = [x.contour_error.max for x in pieces]
-        note = f"simulated {number(planned.judged.contour_error.max, 'm')}"
-        rows.append(Row("contour_error.max", max(errors), "m", "contour error", note, FIRST))
-        kept, reason = judge(planned, {"measured": errors})
-        j = int(joints[-1].argmax())
-        if joints[-1, j] > (LEAST if band is None else band):
-            kept = False
-            reason = f"joint {j + 1} rests {number(joints[-1, j], 'rad')} from its simulated end"
-    return (Row("kept", kept is not False, JUDGED, "verdict", reason, VERDICT), *rows)
+    return Row("command_use", use.ratio.max(axis=0), "1", "set-point acceleration", "of the limit")

@@ -11,7 +11,13 @@ from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
 from armcontour.controllers.commands import UNKNOWN_LAG, uncompensated_motion
 from armcontour.controllers.controller import Controller, Motion, PlayedMotion
-from armcontour.controllers.player import Played, Player, limits_of, plan_played
+from armcontour.controllers.player import (
+    Played,
+    Player,
+    limits_of,
+    plan_played,
+    prepare_motion,
+)
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.fields import checked
@@ -52,11 +58,13 @@ class RobotIdentification(Result):
     Args:
         played: The motions by their names, `run` and `excitation`: the run without compensation,
             and a motion that excites all joints.
+        stopped: True if a motion was stopped or did not start.
         fit: The identified servos; None in a dry run, or if a motion was stopped.
         prediction: The run as the identified servos predict it.
     """
 
     played: dict[str, Played]
+    stopped: bool = False
     fit: Identification | None = None
     prediction: Prediction | None = None
 
@@ -68,13 +76,6 @@ class RobotIdentification(Result):
             for name, x in self.played.items()
             if x.record is not None and x.record.stopped is None
         }
-
-    @property
-    def stopped(self) -> bool:
-        """True if a motion was stopped or did not start."""
-        records = [x.record for x in self.played.values()]
-        executed = any(x is not None for x in records)
-        return executed and any(x is None or x.stopped is not None for x in records)
 
     def to_data(self) -> Data:
         """Rows on the motions."""
@@ -119,33 +120,44 @@ def identify_on(
             do not move.
         ControllerLost: The controller failed during a motion.
     """
+    motions = prepare_identification(job, controller, run_name, reserve, progress)
     player = Player(controller, execute, stop_requested, progress)
+    return play_identification(motions, player, options or ServoFit(kinematics=job.arm))
+
+
+def prepare_identification(
+    job: Job,
+    controller: Controller,
+    run_name: str | None,
+    reserve: float,
+    progress: Progress | None = None,
+) -> dict[str, Played]:
+    """Motions of an identification by their names, checked against the controller."""
     chosen = choose_run(job, run_name, "identified")
     plain = replace(chosen, compensation=NoCompensation(), accuracy=None)
-    played_job, planned = plan_played(
+    job, planned = plan_played(
         replace(job, runs=(plain,)), None, reserve=reserve, progress=progress
     )
-    limits, tell = limits_of(played_job, planned), subprogress(progress, chosen.name)
-    excitation = excite(played_job, limits, planned.trajectory, controller.cycle)
-    result = RobotIdentification(played={})
+    ready = prepare_motion(job, planned, controller, lag=UNKNOWN_LAG)
+    excitation = excite(job, limits_of(job, planned), planned.trajectory, controller.cycle)
+    return {RUN: ready, EXCITATION: replace(ready, motion=excitation)}
 
-    def play_excitation() -> Played:
-        return player.play_motion(replace(result.played[RUN], record=None, motion=excitation))
 
-    motions: dict[str, Callable[[], Played]] = {
-        RUN: lambda: player.play_plan(played_job, planned, lag=UNKNOWN_LAG),
-        EXCITATION: play_excitation,
-    }
-    for name, play_once in motions.items():
-        played = player.play_undisturbed(play_once, _is_complete)
-        result = replace(result, played={**result.played, name: played})
-        if execute and result.stopped:
-            return result
-    if not execute:
+def play_identification(
+    motions: dict[str, Played], player: Player, options: ServoFit
+) -> RobotIdentification:
+    """Play the motions of an identification until one is stopped, and identify the servos."""
+    played = {}
+    for name, ready in motions.items():
+        played[name] = player.play(ready, _is_complete)
+        record = played[name].record
+        if player.execute and (record is None or record.stopped is not None):
+            return RobotIdentification(played=played, stopped=True)
+    result = RobotIdentification(played=played)
+    if not player.execute:
         return result
-    tell(Step(("identifying",)))
-    fit_options = options or ServoFit(kinematics=job.arm)
-    fit = identify(list(result.logs.values()), fit_options, progress=progress)
+    subprogress(player.progress, played[RUN].plan.run.name)(Step(("identifying",)))
+    fit = identify(list(result.logs.values()), options, progress=player.progress)
     return replace(result, fit=fit, prediction=fit.predict(result.logs[RUN]))
 
 

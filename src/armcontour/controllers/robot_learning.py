@@ -9,13 +9,19 @@ import numpy as np
 
 from armcontour.control.learning import LearningResult
 from armcontour.controllers.commands import commands_at
-from armcontour.controllers.controller import Controller, PlayedMotion
-from armcontour.controllers.player import ATTEMPTS, Played, Player, plan_played
+from armcontour.controllers.controller import Controller
+from armcontour.controllers.player import (
+    ATTEMPTS,
+    Played,
+    Player,
+    plan_played,
+    prepare_motion,
+)
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import AngularDistance, Reserve
-from armcontour.core.render import Result, number
+from armcontour.core.render import Result
 from armcontour.core.result import FIRST, VERDICT, Data, Row
 from armcontour.jobs.job import Job
 from armcontour.jobs.job_result import RunResult
@@ -55,6 +61,15 @@ class RobotLearning(Result):
     ended: str = ""
 
     @property
+    def set_points(self) -> SetPoints:
+        """Set-points of the next run."""
+        return self.lesson or self.plan.set_points
+
+    def continues(self, runs: int) -> bool:
+        """True if another run follows, up to a number of runs."""
+        return not self.ended and len(self.logs) < runs
+
+    @property
     def best(self) -> LearningResult | None:
         """The lesson with the set-points of the best run, for production."""
         lesson = self.lesson
@@ -88,137 +103,69 @@ class RobotLearning(Result):
         return Data(f"Learning of run {self.plan.run.name}", tuple(rows))
 
 
-class RobotLearner:
-    """Plays and learns one run at a time; arguments as of `learn_on`.
+def start_learning(
+    job: Job, player: Player, run_name: str | None, reserve: float, logs: Sequence[Log]
+) -> RobotLearning:
+    """Plan the run, and learn from the logs of earlier runs.
 
-    Attributes:
-        result: The runs so far.
+    Raises:
+        InvalidInput: The commands of a log differ from the set-points of its run.
     """
+    played_job, plan = plan_played(job, run_name, reserve=reserve, progress=player.progress)
+    result = RobotLearning(job=played_job, plan=plan)
+    for log in logs:
+        _check_commands(result, log, player.controller.cycle)
+        result = _learn_from(result, log, player.progress)
+    return result
 
-    def __init__(
-        self,
-        player: Player,
-        job: Job,
-        *,
-        run_name: str | None = None,
-        runs: int = RUNS,
-        reserve: float = CORRECTIONS,
-        band: float | None = None,
-    ) -> None:
-        played_job, plan = plan_played(job, run_name, reserve=reserve, progress=player.progress)
-        self.player, self.runs, self.band = player, runs, band
-        self.result = RobotLearning(job=played_job, plan=plan)
 
-    @property
-    def goes_on(self) -> bool:
-        """True if another run follows."""
-        return not self.result.ended and len(self.result.logs) < self.runs
-
-    @property
-    def set_points(self) -> SetPoints:
-        """Set-points of the next run."""
-        return self.result.lesson or self.result.plan.set_points
-
-    def resume(self, logs: Sequence[Log]) -> None:
-        """Learn from logs of earlier runs.
-
-        Raises:
-            InvalidInput: The commands of a log differ from the set-points of its run.
-        """
-        for log in logs:
-            self._check_commands(log)
-            self._learn_from(log)
-
-    def rehearse(self) -> Played:
-        """Compare the next run with the controller, and move nothing."""
-        player, result = replace(self.player, execute=False), self.result
-        return player.play_plan(result.job, result.plan, set_points=result.lesson)
-
-    def run_next(self) -> None:
-        """Play the next run, and learn from it."""
-        player = self.player
-        if player.stop_requested():
-            self.result = replace(self.result, ended=STOPPED)
-            return
-        result, band = self.result, self._choose_band()
-        played = player.play_undisturbed(
-            lambda: player.play_plan(result.job, result.plan, set_points=result.lesson, band=band),
-            lambda record: (record.stopped is None and record.faithful) or record.deviated,
-        )
-        record = played.record
-        self.result = replace(self.result, played=played)
-        if not player.execute:
-            self.result = replace(self.result, ended="dry run")
-        elif record is None or (record.stopped is not None and player.stop_requested()):
-            self.result = replace(self.result, ended=STOPPED)
-        elif record.deviated:
-            self._go_back(record)
-        elif record.stopped is not None or not record.faithful:
-            raise ControllerRefused(
-                f"The run was disturbed in each of {ATTEMPTS} attempts: {_notes(record)}"
-            )
-        else:
-            name = f"run {len(self.result.logs) + 1}"
-            self._learn_from(replace(played.log, source=name))
-
-    def _learn_from(self, log: Log) -> None:
-        """Compute the next set-points from the log of a run."""
-        result = self.result
-        lesson = learn_logs(
-            result.job,
-            result.plan,
-            [log],
-            set_points=self.set_points,
-            progress=self.player.progress,
-        )
-        ended = lesson.reason if lesson.finished else ""
-        self.result = replace(result, logs=(*result.logs, log), lesson=lesson, ended=ended)
-
-    def _go_back(self, record: PlayedMotion) -> None:
-        """End learning with the best run, after a motion that deviated too much."""
-        reason, lesson = _notes(record), self.result.lesson
-        if lesson is None:
-            raise ControllerRefused(f"The first run was stopped on its path: {reason}")
-        ended = f"run {len(self.result.logs) + 1} was stopped on its path: {reason}"
-        self.result = replace(self.result, lesson=_end(lesson, ended), ended=ended)
-
-    def _choose_band(self) -> float | None:
-        """Largest deviation of the next run from its prediction [rad]; None for the default."""
-        lesson = self.result.lesson
-        if lesson is None:
-            return self.band
+def learn_next(result: RobotLearning, player: Player, band: float | None = None) -> RobotLearning:
+    """Play the next run, and learn from it; `band` as of `learn_on`."""
+    if player.stop_requested():
+        return replace(result, ended=STOPPED)
+    lesson, run = result.lesson, f"run {len(result.logs) + 1}"
+    if lesson is not None:
         largest = float(np.abs(lesson.runs[lesson.best].error).max())
-        return min(np.inf if self.band is None else self.band, max(RUNAWAY * largest, LEAST))
+        band = min(np.inf if band is None else band, max(RUNAWAY * largest, LEAST))
+    ready = prepare_motion(result.job, result.plan, player.controller, set_points=lesson, band=band)
+    played = player.play(ready, lambda x: (x.stopped is None and x.faithful) or x.deviated)
+    result, record = replace(result, played=played), played.record
+    if not player.execute:
+        return replace(result, ended="dry run")
+    if record is None or (record.stopped is not None and player.stop_requested()):
+        return replace(result, ended=STOPPED)
+    notes = " ".join(record.notes)
+    if record.deviated:
+        if lesson is None:
+            raise ControllerRefused(f"The first run was stopped on its path: {notes}")
+        ended = f"{run} was stopped on its path: {notes}"
+        best = lesson.runs[lesson.best]
+        lesson = replace(lesson, q=best.q, finished=True, reason=ended)
+        return replace(result, lesson=lesson, ended=ended)
+    if record.stopped is not None or not record.faithful:
+        raise ControllerRefused(f"The run was disturbed in each of {ATTEMPTS} attempts: {notes}")
+    return _learn_from(result, replace(played.log, source=run), player.progress)
 
-    def _check_commands(self, log: Log) -> None:
-        """Refuse a log whose commands differ from the set-points of the next run."""
-        q = commands_at(
-            self.set_points, self.player.controller.cycle, self.result.job.servo.interpolation
+
+def _learn_from(result: RobotLearning, log: Log, progress: Progress | None) -> RobotLearning:
+    """Compute the next set-points from the log of a run."""
+    lesson = learn_logs(
+        result.job, result.plan, [log], set_points=result.set_points, progress=progress
+    )
+    ended = lesson.reason if lesson.finished else ""
+    return replace(result, logs=(*result.logs, log), lesson=lesson, ended=ended)
+
+
+def _check_commands(result: RobotLearning, log: Log, cycle: float) -> None:
+    """Refuse a log whose commands differ from the set-points of the next run."""
+    q = commands_at(result.set_points, cycle, result.job.servo.interpolation)
+    n = min(len(q), len(log.command))
+    same = log.dof == q.shape[1] and abs(log.interval - cycle) < SAME * cycle
+    if not same or np.abs(log.command[:n] - q[:n]).max() > SAME:
+        raise InvalidInput(
+            f"The commands of {log.source} differ from the set-points of run "
+            f"{len(result.logs) + 1}: the job has changed since. Start again in another folder."
         )
-        n = min(len(q), len(log.command))
-        same = (
-            log.dof == q.shape[1]
-            and abs(log.interval - self.player.controller.cycle)
-            < SAME * self.player.controller.cycle
-        )
-        differs = float(np.abs(log.command[:n] - q[:n]).max()) if same else np.inf
-        if differs > SAME:
-            by = f", by up to {number(differs, 'rad')}" if same else ""
-            raise InvalidInput(
-                f"The commands of {log.source} differ from the set-points of run "
-                f"{len(self.result.logs) + 1}{by}: the job has changed since. Start again in "
-                "another folder."
-            )
-
-
-def _notes(record: PlayedMotion) -> str:
-    return " ".join(record.notes)
-
-
-def _end(lesson: LearningResult, reason: str) -> LearningResult:
-    """Finish a lesson with the set-points of its best run."""
-    best = lesson.runs[lesson.best]
-    return replace(lesson, q=best.q, finished=True, reason=reason)
 
 
 @checked
@@ -260,8 +207,7 @@ def learn_on(
         ControllerLost: The controller failed during a motion.
     """
     player = Player(controller, execute, stop_requested, progress)
-    learner = RobotLearner(player, job, run_name=run_name, runs=runs, reserve=reserve, band=band)
-    learner.resume(logs)
-    while learner.goes_on:
-        learner.run_next()
-    return learner.result
+    result = start_learning(job, player, run_name, reserve, logs)
+    while result.continues(runs):
+        result = learn_next(result, player, band)
+    return result
