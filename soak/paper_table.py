@@ -19,6 +19,7 @@ from soak.hal_drives import CYCLE, KP, KV, LIMIT, TOLERANCE, distances, tool
 
 PAGE = Path(__file__).parents[1] / "docs" / "paper.md"
 SERVO = ac.ServoModel(kp=KP, kv=KV)
+DRIVES = SERVO.replace(acceleration_limit=LIMIT)
 # Time over which the conventional error is averaged, as in Table I [s].
 CONVENTIONAL = 12.06
 # A tool at rest is slower than this [m/s].
@@ -58,7 +59,7 @@ def play(command: np.ndarray) -> np.ndarray:
     """Measured positions of a motion on LinuxCNC [rad], (n, dof)."""
     arm = ac.load_arm("pmk3s")
     for _ in range(ATTEMPTS):
-        with LinuxCNC(servo=SERVO, accelerations=LIMIT) as on:
+        with LinuxCNC(drives=DRIVES) as on:
             on.connect(arm, command[0])
             record = on.stream(Motion(q=command))
         if record.faithful:

@@ -74,7 +74,7 @@ def paper_job() -> ac.Job:
 
 def new_controller() -> LinuxCNC:
     """LinuxCNC with simulated drives as in the job."""
-    return LinuxCNC(servo=ac.ServoModel(kp=KP, kv=KV), accelerations=LIMIT)
+    return LinuxCNC(drives=ac.ServoModel(kp=KP, kv=KV, acceleration_limit=LIMIT))
 
 
 def judge(t: np.ndarray, command: np.ndarray, measured: np.ndarray) -> tuple[list[str], float]:

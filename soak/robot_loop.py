@@ -14,7 +14,7 @@ import numpy as np
 import armcontour as ac
 from armcontour.controllers import LinuxCNC, identify_on, learn_on, play
 from armcontour.files import parse_job
-from soak.hal_drives import KP, KV, LIMIT, distances, tool
+from soak.hal_drives import CYCLE, KP, KV, LIMIT, distances, tool
 
 JOB = """
 name: loop
@@ -35,8 +35,8 @@ ATTEMPTS = 5
 
 def robot(**parameters: float) -> LinuxCNC:
     """Drives whose loops are one cycle late."""
-    servo = ac.ServoModel(kp=KP, kv=KV, **parameters)
-    return LinuxCNC(servo=servo, accelerations=LIMIT, late=True)
+    servo = ac.ServoModel(kp=KP, kv=KV, dead_time=CYCLE, acceleration_limit=LIMIT)
+    return LinuxCNC(drives=servo.replace(**parameters))
 
 
 def error(measured: np.ndarray, duration: float) -> float:

@@ -9,7 +9,7 @@ from tests.dynamics_extra import needs_dynamics
 from tests.public_names import PUBLIC
 
 import armcontour as ac
-from armcontour.controllers.linuxcnc import signal_name, simulated_drives
+from armcontour.controllers.linuxcnc import simulated_drives
 
 needs_linuxcnc = pytest.mark.skipif(
     shutil.which("halcmd") is None, reason="needs the Debian package linuxcnc-uspace"
@@ -56,9 +56,7 @@ def folder(tmp_path_factory, names):
     folder = tmp_path_factory.mktemp("examples")
     t = names["np"].arange(300) * 4e-3
     rows = [f"{x:.3f},{names['np'].sin(x):.5f},{names['np'].sin(x - 0.01):.5f}" for x in t]
-    servo = names["servo"].for_joints(2)
-    joints = [signal_name(x) for x in names["arm"].joint_names]
-    hal = simulated_drives(joints, servo, names["np"].zeros(2), 1.0, False, 1e-3)
+    hal = simulated_drives(names["servo"], names["arm"], names["np"].zeros(2), 1e-3)
     files = FILES | {
         "machine.hal": "\n".join(hal),
         "log.csv": "\n".join(["t,u1,q1", *rows]),

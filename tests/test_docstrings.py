@@ -11,7 +11,6 @@ from tests.corner_job import CORNER_JOB
 from tests.public_names import PUBLIC
 
 import armcontour as ac
-from armcontour.control.learning import Recording
 from armcontour.core.result import Data
 from armcontour.core.text import MAX_LINES, format_table
 from armcontour.files import parse_job
@@ -181,7 +180,7 @@ def results():
     yield ac.Program(moves=(contours[0], ac.Dwell(duration=0.5), contours[1]))
     t = np.linspace(0.0, 1.0, 251)
     q = np.column_stack([t, -t])
-    yield from (ac.Log(t=t, command=q, measured=q), Recording(t=t, q=q))
+    yield ac.Log(t=t, command=q, measured=q)
     yield dataclasses.replace(ac.load_arm("ur5e").limits, speed=0.25)
 
 

@@ -19,7 +19,7 @@ from tests.oracle.test_franka_limiter import (
 import armcontour as ac
 from armcontour.controllers import Franka
 from armcontour.controllers.feeders.feeder import DeviceError
-from armcontour.controllers.franka import LIMITS
+from armcontour.controllers.franka import LOWER, UPPER, compare
 from armcontour.core.errors import ControllerRefused
 
 DEVICE = "armcontour.controllers.feeders.franka_feeder"
@@ -31,51 +31,46 @@ def fr3():
     return ac.load_arm("fr3")
 
 
-def limits_of(name):
-    return ac.load_arm(name).limits.replace(**recipes()[name])
+@pytest.fixture(scope="module")
+def limits(fr3):
+    return fr3.limits.replace(**recipes()["fr3"])
 
 
-@pytest.mark.parametrize(
-    ("name", "move"), [("panda", fast_line), ("fr3", square), ("fr3", joint_line)]
-)
-def test_what_the_check_accepts_the_limiter_does_not_change(name, move):
-    arm, limits = ac.load_arm(name), limits_of(name)
-    q = commands_of(move(arm, limits))
-    rows = Franka("127.0.0.1", model=name).check(arm, limits, q)
-    assert max(x.value for x in rows) <= 1 and commands_changed(name, q) == 0
+@pytest.mark.parametrize("move", [fast_line, square, joint_line])
+def test_what_the_check_accepts_the_limiter_does_not_change(fr3, limits, move):
+    q = commands_of(move(fr3, limits))
+    rows = Franka("127.0.0.1").check(fr3, limits, q)
+    assert max(x.value for x in rows) <= 1 and commands_changed("fr3", q) == 0
 
 
-@pytest.mark.parametrize("name", ["panda", "fr3"])
-def test_the_limiter_changes_what_the_check_refuses(name):
+def test_the_limiter_changes_what_the_check_refuses():
     """Motions of one joint whose accelerations or jerks are 0.99 or 1.01 of the limit."""
-    allowed = LIMITS[name]
     n = np.arange(400)
     for j in range(7):
-        middle = (allowed.lower + allowed.upper) / 2
+        middle = (LOWER + UPPER) / 2
         for frequency in (3.0, 100.0):
             wave = (1 - np.cos(2 * np.pi * frequency * n * 1e-3))[:, None] * (np.arange(7) == j)
             start = np.minimum(n / 100, 1)[:, None] ** 5
-            compared = allowed.compare(middle + 1e-3 * start * wave).values()
+            compared = compare(middle + 1e-3 * start * wave).values()
             use = max(float((values / most).max()) for values, most in compared)
             for share in (0.99, 1.01):
                 q = middle + 1e-3 * share / use * start * wave
-                changed = commands_changed(name, q)
-                assert (changed > 0) == (share > 1), (name, j, frequency, share)
+                changed = commands_changed("fr3", q)
+                assert (changed > 0) == (share > 1), (j, frequency, share)
 
 
-def test_the_velocity_limit_falls_towards_the_ends_of_the_ranges(fr3):
+def test_the_velocity_limit_falls_towards_the_ends_of_the_ranges(fr3, limits):
     q = np.repeat(HOME[None], 2000, axis=0)
     x = np.linspace(0, 1, 1000)
     q[:1000, 0] = 1.7 + 1.02 * x**3 * (10 - x * (15 - 6 * x))
     q[1000:, 0] = q[999, 0]
-    limits = limits_of("fr3")
     with pytest.raises(ControllerRefused, match="velocity of joint 1 .* limit joint_velocity") as e:
         Franka("127.0.0.1").check(fr3, limits, q)
     assert e.value.joint == 0 and e.value.needed > e.value.allowed > 0.3
 
 
-def test_what_the_fci_does_not_take_is_refused(fr3):
-    limits, robot = limits_of("fr3"), Franka("127.0.0.1")
+def test_what_the_fci_does_not_take_is_refused(fr3, limits):
+    robot = Franka("127.0.0.1")
     q = np.repeat(HOME[None], 20, axis=0)
     jump, far = q.copy(), q.copy()
     jump[10:, 4] += 1e-4
@@ -91,8 +86,6 @@ def test_what_the_fci_does_not_take_is_refused(fr3):
             robot.check(fr3, changed, given)
     with pytest.raises(ControllerRefused, match="franka has 7 joints, but the arm UR5e has 6"):
         robot.check(ac.load_arm("ur5e"), limits, q[:, :6])
-    with pytest.raises(ac.InvalidInput, match="model must be fr3 or panda"):
-        Franka("127.0.0.1", model="fr2")
 
 
 class Control:

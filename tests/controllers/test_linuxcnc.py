@@ -62,7 +62,7 @@ def planned(job):
 
 
 def controller(**changes):
-    return LinuxCNC(**{"servo": SERVO, "accelerations": ACCELERATION, **changes})
+    return LinuxCNC(drives=SERVO.replace(**{"acceleration_limit": ACCELERATION, **changes}))
 
 
 def commands(set_points):
@@ -118,7 +118,7 @@ def test_a_stop_and_a_following_error_end_at_rest_on_the_path(job):
     def play_once(on, **options):
         return play(job, on, execute=True, speed_factor=1.0, **options).record
 
-    weak = controller(servo=SERVO.replace(kp=15.0))
+    weak = controller(kp=15.0)
     asked = undisturbed(lambda: play_once(controller(), stop_requested=Later(3)))
     errs = undisturbed(lambda: play_once(weak, band=3e-3))
     for record, distance in ((asked, 5e-6), (errs, 2e-3)):
@@ -153,7 +153,7 @@ def test_a_wrong_start_and_swapped_joints_are_refused(job, planned, refuses):
 
 
 def test_limits_above_those_of_the_drives_are_refused(job, refuses):
-    weak = controller(accelerations=[0.72, 0.7])
+    weak = controller(acceleration_limit=[0.72, 0.7])
     refuses(
         lambda: play(job, weak, execute=True, speed_factor=1.0),
         ControllerRefused,

@@ -11,7 +11,7 @@ import armcontour as ac
 from armcontour.files import parse_job
 from armcontour.jobs.run_learning import (
     LearningStudy,
-    learn_run,
+    learn_logs,
     plan_run,
 )
 
@@ -33,9 +33,10 @@ def executed(job, plan):
 
 @pytest.fixture(scope="module")
 def study(job, plan, executed):
-    lesson = learn_run(job, plan, plan.set_points, executed)
+    lesson = learn_logs(job, plan, [executed])
     again = ac.simulate(lesson, loaded_robot(job, plan, 1), resolution=1e-3)
-    return LearningStudy(job=job, plan=plan, lesson=learn_run(job, plan, lesson, again))
+    lesson = learn_logs(job, plan, [again], set_points=lesson)
+    return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
 def test_errors_are_those_of_encoders(job, plan, executed, study):
@@ -56,9 +57,7 @@ def test_limits_exceeded_before_learning_are_reported(job, plan, study):
     slow = dataclasses.replace(plan, trajectory=trajectory, set_points=set_points)
     notes = dataclasses.replace(study, plan=slow).notes
     assert sum("set-points before learning already exceed joint limits" in x for x in notes) == 1
-    lesson = learn_run(
-        job, slow, slow.set_points, ac.simulate(slow.set_points, loaded_robot(job, plan))
-    )
+    lesson = learn_logs(job, slow, [ac.simulate(slow.set_points, loaded_robot(job, plan))])
     assert not lesson.finished
 
 

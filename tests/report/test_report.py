@@ -19,7 +19,7 @@ from armcontour.core.frames import Frame
 from armcontour.core.render import number
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.jobs.run_learning import LearningStudy, learn_run, plan_run
+from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
 from armcontour.report import render_report, sections, write_report
 from armcontour.report.figure import Node, make_subplots, make_trace, to_json
 from armcontour.report.sections import clearance
@@ -215,7 +215,7 @@ def real():
     job = parse_job(CORNER_JOB.replace("pole_placement", "none"))
     plan = plan_run(job, None)
     executed = ac.simulate(plan.set_points, ac.ServoPlant(job.arm, job.servo), resolution=4e-3)
-    lesson = learn_run(job, plan, plan.set_points, executed)
+    lesson = learn_logs(job, plan, [executed])
     first = lesson.runs[0]
     second = dataclasses.replace(
         first, error=first.error / 10, joint_rms=first.joint_rms / 10, contour_rms=2e-6,

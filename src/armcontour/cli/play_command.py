@@ -102,14 +102,14 @@ def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller
         if hal is not None:
             return LinuxCNC(hal)
         servo = job.plant_servo if drives is None else read_servo(drives, job.arm.dof)
-        return LinuxCNC.simulated(servo, job.arm)
+        return LinuxCNC(drives=servo)
     raise_if(hal is not None, f"--hal is only allowed with --on linuxcnc, but --on is {name}.")
     raise_if(drives is not None, "--drives is only allowed with --on linuxcnc.")
     if address is None:
         raise InvalidInput(f"--on {name} requires the robot's address. Specify it with --address.")
     if name == "ur":
         return Ur(address)
-    return Franka(address, model="panda" if job.arm.name == "Panda" else "fr3")
+    return Franka(address)
 
 
 def refuse_without_controller(

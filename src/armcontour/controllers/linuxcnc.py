@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -56,12 +56,11 @@ class LinuxCNC(Controller):
             float for the cycle number and one per joint, and a `sampler` with the same and the
             measured positions [rad]. The signal of the command of a joint has the joint's name,
             with `-` in place of spaces; the signal `armcontour-enable` enables the drives, which
-            ignore their command before. By default joints are simulated.
-        servo: Simulated drives: position and velocity loops by HAL's `pid`, which integrate to
-            positions; gains, integrators and dry friction of the model are used.
-        accelerations: Largest acceleration of the simulated drives [rad/s²], one or one per joint.
-        late: True for `pid` with `error-previous-target`, LinuxCNC's default, with which a loop
-            compares the measured position with the command of the cycle before.
+            ignore their command before.
+        drives: Servo of simulated drives in place of a HAL file: position and velocity loops by
+            HAL's `pid`, which integrate to positions, with gains, integrators and dry friction of
+            the model, and the acceleration limits of the model or of the arm. A dead time of one
+            cycle is `pid` with `error-previous-target`, LinuxCNC's default.
     """
 
     name = "linuxcnc"
@@ -70,44 +69,21 @@ class LinuxCNC(Controller):
 
     @checks.explained
     def __init__(
-        self,
-        hal_file: str | FilePath | None = None,
-        *,
-        servo: ServoModel | None = None,
-        accelerations: float | FloatArray = np.inf,
-        late: bool = False,
+        self, hal_file: str | FilePath | None = None, *, drives: ServoModel | None = None
     ) -> None:
         super().__init__()
+        if (hal_file is None) == (drives is None):
+            raise InvalidInput("LinuxCNC needs either a HAL file or drives to simulate.")
         self.hal_file = None if hal_file is None else FilePath(hal_file)
-        if (self.hal_file is None) == (servo is None):
-            raise InvalidInput("LinuxCNC needs either a HAL file or a servo to simulate.")
-        self.simulates = self.hal_file is None
-        self.servo, self.accelerations, self.late = servo, accelerations, late
-
-    @classmethod
-    @checks.explained
-    def simulated(cls, servo: ServoModel, arm: Arm) -> LinuxCNC:
-        """LinuxCNC with simulated drives, with the acceleration limits of the servo or the arm.
-
-        Args:
-            servo: The drives; with a dead time of one cycle loops are `late`.
-            arm: The arm.
-        """
-        model = servo.for_joints(arm.dof)
-        late = bool(np.isclose(model.dead_time, cls.cycle).all())
-        lower, upper = model.saturate(*arm.limits.acceleration_bounds(arm.dof))
-        return cls(
-            servo=model.replace(dead_time=0.0) if late else model,
-            accelerations=np.minimum(-lower, upper),
-            late=late,
-        )
+        self.drives, self.simulates = drives, drives is not None
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare limits with the simulated drives, or joints with the HAL file."""
         if self.hal_file is not None:
             _check_file(self.hal_file, arm, round(self.cycle * 1e9))
             return [Row("joints", list(arm.joint_names), "", "joints of the HAL file")]
-        drives = np.broadcast_to(np.asarray(self.accelerations, dtype=float), arm.dof)
+        assert self.drives is not None
+        drives = _accelerations(self.drives, arm)
         planned = or_unlimited(limits.joint_acceleration, arm.dof)
         above = planned > drives * (1 + 1e-12)
         if above.any():
@@ -123,15 +99,13 @@ class LinuxCNC(Controller):
         return [Row("drive_accelerations", list(drives), "rad/s²", "accelerations of the drives")]
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
-        file = folder / ("servo.hal" if self.hal_file is None else self.hal_file.name)
         if self.hal_file is None:
-            assert self.servo is not None
-            names = [signal_name(x) for x in arm.joint_names]
-            servo = self.servo.for_joints(arm.dof)
-            lines = simulated_drives(names, servo, start, self.accelerations, self.late, self.cycle)
+            assert self.drives is not None
+            file = folder / "servo.hal"
+            lines = simulated_drives(self.drives, arm, start, self.cycle)
             file.write_text("\n".join(lines) + "\n")
         else:
-            shutil.copy(self.hal_file, file)
+            file = FilePath(shutil.copy(self.hal_file, folder))
         if shutil.which("halcmd") is None:
             raise ControllerRefused(
                 "LinuxCNC is not installed: apt-get install --no-install-recommends linuxcnc-uspace"
@@ -212,23 +186,25 @@ def signal_name(joint: str) -> str:
     return re.sub(r"[^\w.-]", "-", joint)
 
 
-def simulated_drives(
-    names: Sequence[str],
-    servo: ServoModel,
-    start: FloatArray,
-    accelerations: float | FloatArray,
-    late: bool,
-    cycle: float,
-) -> Iterator[str]:
+def _accelerations(servo: ServoModel, arm: Arm) -> FloatArray:
+    """Acceleration limits of simulated drives [rad/s²], (dof,)."""
+    bounds = arm.limits.acceleration_bounds(arm.dof)
+    lower, upper = servo.for_joints(arm.dof).saturate(*bounds)
+    return np.minimum(-lower, upper)
+
+
+def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: float) -> Iterator[str]:
     """Text of a HAL file with a servo and a double integrator per joint."""
+    dof, servo, limits = arm.dof, servo.for_joints(arm.dof), _accelerations(servo, arm)
+    late = bool(np.isclose(servo.dead_time, cycle).all())
+    servo = servo.replace(dead_time=0.0) if late else servo
     other = [x for x in UNSUPPORTED if np.any(getattr(servo, x))]
     if servo.kv is None or not np.isfinite(servo.kv).all() or other:
         raise InvalidInput(
             "LinuxCNC's simulated drives have only kp, kv, ki and friction: set plant or --drives "
             f"to a servo of order second without {', '.join(other or UNSUPPORTED)}."
         )
-    dof = len(start)
-    limits = np.broadcast_to(np.asarray(accelerations, dtype=float), dof)
+    names = [signal_name(x) for x in arm.joint_names]
     joints = range(dof)
 
     def each(prefix: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
@@ -178,77 +179,45 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
     Raises:
         ControllerRefused: The begin is too near to a limit or to an obstacle.
     """
-    start, size = base(0.0), 1.0
-    low, high = limits.joint_lower, limits.joint_upper
+    start, t = base(0.0), np.arange(0.0, DURATION + STEP / 2, STEP)
     room = np.full(len(start), AMPLITUDE)
-    for bound, sign in ((low, -1), (high, 1)):
+    for bound, sign in ((limits.joint_lower, -1), (limits.joint_upper, 1)):
         if bound is not None:
             room = np.minimum(room, SHARE * sign * (bound - start))
-    t = np.arange(0.0, DURATION + STEP / 2, STEP)
-    columns = _sines(len(start), t)
-    columns = [x * (np.maximum(room, 0.0) / np.abs(columns[0]).max(axis=0)) for x in columns]
-    if (np.ptp(columns[0], axis=0) == 0).any():
-        j = int(np.ptp(columns[0], axis=0).argmin())
+    j = int(room.argmin())
+    if room[j] <= 0:
         raise ControllerRefused(f"Joint {j + 1} starts at the end of its range.", joint=j)
+    moved = _sines(len(start), t)
+    curve = make_interp_spline(t, moved * (room / np.abs(moved).max(axis=0)), k=5)
+    columns = [curve(t, order) for order in range(4)]
     # Scale each joint by its own limits first, then all joints by the limits of the tool.
     of_joints = (x for x in JOINT_LIMITS if LIMITS[x].power)
     for some in (*(Limits.only(**{x: getattr(limits, x)}) for x in of_joints), limits.of_tool):
-        states = States(job.arm, [columns[0] + start, *columns[1:]])
-        for use in states.uses(some):
+        for use in States(job.arm, [columns[0] + start, *columns[1:]]).uses(some):
             ratio = use.ratio.max(axis=0)
             columns = [x * np.minimum(SHARE / np.maximum(ratio, 1e-9), 1.0) for x in columns]
     for _ in range(HALVINGS):
-        scaled = [size * x for x in columns]
-        trajectory = _trajectory(base, t, scaled, start)
-        states = States(job.arm, [scaled[0] + start, *scaled[1:]])
+        states = States(job.arm, [columns[0] + start, *columns[1:]])
+        q, dq, ddq = states.q, states.dq, states.ddq
+        path = JointPath.hermite(t, (q[:-1], dq[:-1], ddq[:-1]), (q[1:], dq[1:], ddq[1:]))
+        laws = (PathLaw.over_time(path),)
+        trajectory = replace(base, laws=laws, path=None, stretches=(), spans=(), events=())
         clearance = clearance_of(job, trajectory)
         within = all((x.ratio <= 1).all() for x in states.uses(limits))
         if within and (clearance is None or clearance.satisfied):
             return uncompensated_motion(trajectory, job.arm, cycle)
-        size /= 2
+        columns = [x / 2 for x in columns]
     reason = clearance.sentence if within and clearance is not None else "a limit is active."
     raise ControllerRefused(f"The joints cannot be excited about the begin of the run: {reason}")
 
 
-def _sines(dof: int, t: FloatArray) -> list[FloatArray]:
-    """Positions for an amplitude of 1 and three derivatives, from rest to rest, (n, dof) each."""
-    x = np.clip(np.minimum(t, t[-1] - t) / FADING, 0.0, 1.0)
-    sign = np.where(t < t[-1] / 2, 1.0, -1.0)
-    inside = ((x > 0) & (x < 1)) / FADING
-    fade = (
-        x**4 * (35 - x * (84 - x * (70 - 20 * x))),
-        140 * x**3 * (1 - x) ** 3 * inside * sign,
-        420 * x**2 * (1 - x) ** 2 * (1 - 2 * x) * inside / FADING,
-        840 * x * (1 - x) * (1 - 5 * x + 5 * x**2) * inside / FADING**2 * sign,
-    )
-    columns = [np.zeros((len(t), dof)) for _ in range(4)]
-    for j in range(dof):
-        for k, frequency in enumerate(FREQUENCIES):
-            w = 2 * np.pi * frequency * (1 + DETUNED * j)
-            # Amplitudes decrease with the power 1.5 of the frequency, so velocities decrease and
-            # accelerations increase with its square root.
-            a, phase = 1 / w**1.5, w * t + 2.0 * j + 1.3 * k
-            sine = [a * w**n * np.sin(phase + n * np.pi / 2) for n in range(4)]
-            columns[0][:, j] += fade[0] * sine[0]
-            columns[1][:, j] += fade[1] * sine[0] + fade[0] * sine[1]
-            columns[2][:, j] += fade[2] * sine[0] + 2 * fade[1] * sine[1] + fade[0] * sine[2]
-            columns[3][:, j] += (
-                fade[3] * sine[0]
-                + 3 * fade[2] * sine[1]
-                + 3 * fade[1] * sine[2]
-                + fade[0] * sine[3]
-            )
-    return columns
-
-
-def _trajectory(
-    base: Trajectory, t: FloatArray, columns: list[FloatArray], start: FloatArray
-) -> Trajectory:
-    """Trajectory through samples of a motion, with the limits of a plan."""
-    states = (columns[0] + start, columns[1], columns[2])
-    begin = (states[0][:-1], states[1][:-1], states[2][:-1])
-    end = (states[0][1:], states[1][1:], states[2][1:])
-    path = JointPath.hermite(t, begin, end)
-    return replace(
-        base, laws=(PathLaw.over_time(path),), path=None, stretches=(), spans=(), events=()
-    )
+def _sines(dof: int, t: FloatArray) -> FloatArray:
+    """Sums of sines for each joint, from rest to rest, (n, dof)."""
+    x = np.clip(np.minimum(t, t[-1] - t) / FADING, 0.0, 1.0)[:, None]
+    fade = x**4 * (35 - x * (84 - x * (70 - 20 * x)))
+    joint, k = np.arange(dof), np.arange(len(FREQUENCIES))[:, None, None]
+    w = 2 * np.pi * np.reshape(FREQUENCIES, (-1, 1, 1)) * (1 + DETUNED * joint)
+    # Amplitudes decrease with the power 1.5 of the frequency, so velocities decrease and
+    # accelerations increase with its square root.
+    sines = np.sin(w * t[:, None] + 2.0 * joint + 1.3 * k) / w**1.5
+    return np.asarray(fade * sines.sum(axis=0))

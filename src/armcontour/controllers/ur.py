@@ -27,19 +27,15 @@ class Ur(Controller):
 
     Args:
         address: Address of the robot.
-        cycle: Cycle of its controller [s]: 2 ms, CB3 8 ms.
-        lookahead: Look-ahead time of `servoj` [s], 0.03 to 0.2.
-        gain: Gain of `servoj`, 100 to 2000.
     """
 
     name = "ur"
+    cycle = 2e-3
     ahead = 5
 
-    def __init__(
-        self, address: str, *, cycle: float = 2e-3, lookahead: float = 0.1, gain: float = 300.0
-    ) -> None:
+    def __init__(self, address: str) -> None:
         super().__init__()
-        self.address, self.cycle, self.lookahead, self.gain = address, cycle, lookahead, gain
+        self.address = address
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare the number of joints, and the set-points with ranges and speeds of the arm."""
@@ -63,5 +59,4 @@ class Ur(Controller):
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
         words = [sys.executable, "-m", "armcontour.controllers.feeders.ur_feeder"]
-        settings = map(repr, (self.cycle, self.lookahead, self.gain))
-        return Command([*words, str(folder / "samples.txt"), self.address, *settings])
+        return Command([*words, str(folder / "samples.txt"), self.address])

@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.control.learning import LearningResult, LearningRun, Recording, learn
-from armcontour.control.learning.alignment import fit_clock
+from armcontour.control.learning import LearningResult, Recording, learn
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import number
 from armcontour.core.result import Data, Row
-from armcontour.core.sampling import interpolate
 from armcontour.jobs.job import Job, choose_run
 from armcontour.jobs.job_result import JobResult, RunResult
 from armcontour.jobs.study import run
@@ -23,15 +20,6 @@ from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.set_point_check import describe_excess
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
-
-# Minimum relative clock error that is reported.
-REPORTED_RATE = 1e-5
-# A log belongs to an earlier run if the misfit of the earlier set-points is below this share of the
-# misfit of the current set-points.
-NEARER = 0.5
-# Minimum reported RMS difference between the set-points in a log and those of the run: an absolute
-# value above the rounding of printed logs [rad], and a share of the error.
-REPORTED_DIFFERENCE, DIFFERENCE_SHARE = 2e-5, 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,7 +57,7 @@ class LearningStudy:
         """Measured contour error over time in run k, with noise, until the end of the plan."""
         assert self.lesson.lifted is not None
         t = self.lesson.lifted.t
-        q = self.planned(t) + self.lesson.runs[k].error
+        q = self.plan.trajectory.with_rests(t) + self.lesson.runs[k].error
         pieces = measured_pieces(self.job, self.plan, t, q)
         return ErrorProfile.join([x.contour_error for x in pieces])
 
@@ -81,10 +69,7 @@ class LearningStudy:
     @property
     def notes(self) -> list[str]:
         """Notes about the next step and about the findings from the runs."""
-        lesson = self.lesson
-        timing = _timing_clauses(lesson.runs[-1])
-        notes = [self._verdict, *(f"{x}; learning takes this into account." for x in timing)]
-        notes += [*_other_set_points(lesson.runs[-1]), *lesson.runs[-1].notes]
+        notes = [self._verdict, *self.lesson.runs[-1].notes]
         if describe_excess(self.plan.set_points):
             notes.append(
                 "The set-points before learning already exceed joint limits, so the learned "
@@ -103,10 +88,6 @@ class LearningStudy:
             return f"Finished: {lesson.reason}. The set-points are those of {best}: {error}."
         because = f" ({lesson.reason})" if lesson.reason else ""
         return f"Continue with another run{because}. The best run is {best}: {error}."
-
-    def planned(self, t: FloatArray) -> FloatArray:
-        """Planned joint positions at times [rad], (n, dof); at rest before and after the motion."""
-        return self.plan.trajectory.with_rests(t)
 
 
 def measured_pieces(
@@ -128,27 +109,6 @@ def measured_pieces(
     return pieces_of(executed, plan.path, None, plan.trajectory.duration)
 
 
-def _timing_clauses(run: LearningRun) -> list[str]:
-    """List with a clause about the clock of a log if its rate differs from 1; else empty."""
-    if abs(run.rate - 1) < REPORTED_RATE:
-        return []
-    deviation = f"{(run.rate - 1) * 100:+.3f} %"
-    return [f"The clock of the log differs from the clock of the set-points by {deviation}"]
-
-
-def _other_set_points(run: LearningRun) -> list[str]:
-    """List with a warning if the set-points in a log differ from those of the run; else empty."""
-    deviation = float(np.sqrt(np.mean(run.error**2)))
-    if run.set_points_off <= max(REPORTED_DIFFERENCE, DIFFERENCE_SHARE * deviation):
-        return []
-    return [
-        f"The set-points in {run.source} differ from those of the run by "
-        f"{number(run.set_points_off, 'rad')} RMS, and the joints deviate from the plan by "
-        f"{number(deviation, 'rad')} RMS. If the robot executed other set-points, all figures of "
-        "this run are wrong; in this case, specify the executed set-points (--set-points)."
-    ]
-
-
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:
     """Plan a run of a job and compute its set-points, without simulation."""
     chosen = choose_run(job, name, "learned")
@@ -156,69 +116,29 @@ def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> Ru
     return run(alone, simulate=False, progress=progress).runs[chosen.name]
 
 
-def learn_run(
-    job: Job,
-    plan: RunResult,
-    set_points: SetPoints,
-    executed: Execution | Log | Recording,
-) -> LearningResult:
-    """Learn from an executed run, with the arm and servo of the job.
-
-    The learned set-points satisfy the limits of the run, unless the executed ones exceed them.
-    """
-    try:
-        lesson = learn(
-            set_points,
-            executed,
-            arm=job.arm,
-            servo=job.servo,
-            gravity_feedforward=plan.run.feeds_gravity_forward,
-        )
-    except InvalidInput as error:
-        # If the log has the set-points of an earlier run, `check_run` raises a clearer error.
-        if error.limit == "set_points" and isinstance(executed, Log):
-            check_run(set_points, executed)
-        raise
-    if isinstance(executed, Log):
-        check_run(set_points, executed)
-    return lesson
-
-
 def learn_logs(
     job: Job,
     plan: RunResult,
-    logs: Sequence[Log | Recording],
+    logs: Sequence[Execution | Log | Recording],
     *,
     set_points: SetPoints | None = None,
     progress: Progress | None = None,
 ) -> LearningResult:
-    """Learn from logs of successive runs; each run executes the set-points learned before it.
+    """Learn from logs of successive runs, with the arm and servo of the job.
 
-    `set_points`: set-points of the first of these runs; by default those of the plan.
+    Each run executes the set-points learned before it; `set_points`: those of the first of these
+    runs, by default those of the plan. The learned set-points satisfy the limits of the run, unless
+    the executed ones exceed them.
     """
     lesson = plan.set_points if set_points is None else set_points
-    for log in logs:
-        subprogress(progress)(Step((f"learning from {log.source}",)))
-        lesson = learn_run(job, plan, lesson, log)
+    for k, log in enumerate(logs, 1):
+        subprogress(progress)(Step((f"learning from log {k}",)))
+        lesson = learn(
+            lesson,
+            log,
+            arm=job.arm,
+            servo=job.servo,
+            gravity_feedforward=plan.run.feeds_gravity_forward,
+        )
     assert isinstance(lesson, LearningResult)
     return lesson
-
-
-def check_run(set_points: SetPoints, log: Log) -> None:
-    """Raise InvalidInput if a log contains the set-points of an earlier run."""
-    if not isinstance(set_points, LearningResult):
-        return
-    times = set_points.times(len(set_points.q), set_points.cycle)
-    misfits = []
-    for q in (*(x.q for x in set_points.runs), set_points.q):
-        offset, rate = fit_clock(log.t, log.command, times, q)
-        commanded = interpolate(offset + rate * log.t, times, q)
-        misfits.append(float(np.sqrt(np.mean((log.command - commanded) ** 2))))
-    k = int(np.argmin(misfits))
-    if misfits[k] < NEARER * misfits[-1]:
-        raise InvalidInput(
-            f"{log.source} contains the set-points of run {k + 1} ({set_points.runs[k].source}), "
-            f"but must contain the specified set-points. Specify the log of the last run, or the "
-            "set-points that the robot executed.",
-            index=k,
-        )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from armcontour.control.learning.learning_result import LearningRun, Recording
+from armcontour.control.learning.learning_result import LearningResult, LearningRun, Recording
 from armcontour.control.learning.lifted_model import REST_TIME, Lifted, rms
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
@@ -35,6 +35,9 @@ INTERVAL_TOLERANCE = 0.01
 # exceeds SET_POINT_TOLERANCE [rad], the share ERROR_SHARE of the RMS error, and NOISE_MULTIPLE
 # times the noise.
 SET_POINT_TOLERANCE, ERROR_SHARE, NOISE_MULTIPLE = 1e-4, 0.05, 10.0
+# A log belongs to an earlier run if the misfit of its set-points is below this share of the misfit
+# of the current set-points.
+NEARER = 0.5
 # A joint rests if it has moved by at most REST_SIGMAS times the noise or REST_MOTION [rad].
 REST_SIGMAS, REST_MOTION = 6.0, 1e-6
 
@@ -126,8 +129,24 @@ def find_rest(recording: Recording, lifted: Lifted, set_points: SetPoints) -> fl
     return float(times[0]) if len(times) else 0.0
 
 
-def require_same_set_points(run: LearningRun) -> None:
+def require_same_set_points(recording: Recording, run: LearningRun, set_points: SetPoints) -> None:
     """Raise an error if the logged set-points are not those of the run."""
+    if recording.command is None:
+        return
+    t, command, times = recording.t, recording.command, set_points.t
+    earlier = set_points.runs if isinstance(set_points, LearningResult) else ()
+    misfits = []
+    for q in (*(x.q for x in earlier), set_points.q):
+        offset, rate = fit_clock(t, command, times, q)
+        misfits.append(rms(command - interpolate(offset + rate * t, times, q)))
+    k = int(np.argmin(misfits))
+    if misfits[k] < NEARER * misfits[-1]:
+        raise InvalidInput(
+            f"{run.source} contains the set-points of run {k + 1} ({earlier[k].source}), but must "
+            "contain the specified set-points. Specify the log of the last run, or the set-points "
+            "that the robot executed.",
+            index=k,
+        )
     error, noise = rms(run.error), rms(run.noise)
     allowed = max(SET_POINT_TOLERANCE, ERROR_SHARE * error, NOISE_MULTIPLE * noise)
     if run.set_points_off > allowed:

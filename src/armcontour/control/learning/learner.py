@@ -16,7 +16,7 @@ from armcontour.control.learning.learning_result import (
     Recording,
     record,
 )
-from armcontour.control.learning.lifted_model import REST_TIME, Lifted, Nominal, rms
+from armcontour.control.learning.lifted_model import REST_TIME, Lifted, Nominal
 from armcontour.core.bounded_differences import differences
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
@@ -66,10 +66,8 @@ class ErrorEstimate:
     # noise: RMS difference of runs with equal set-points from their mean [m]; None if there are no
     # such runs.
     # q: set-points that remove the repeating error [rad], (count, dof).
-    # response_error: relative error of the model's response to the newest change of the set-points;
-    # 0 if all runs have the same set-points.
-    # steps: fraction of the change that each joint makes, according to the error of its response,
-    # (dof,).
+    # steps: fraction of the change that each joint makes, according to the error of the model's
+    # response to the newest change of the set-points, (dof,).
 
     def __init__(self, lifted: Lifted, runs: tuple[LearningRun, ...]) -> None:
         self._lifted, self._runs = lifted, runs
@@ -88,7 +86,7 @@ class ErrorEstimate:
         self.error = moved - response
         self.repeats = lifted.judge(self.error).rms
         self.noise = self._find_noise()
-        self.response_error, self.steps = self._compare()
+        self.steps = self._choose_steps()
 
     def _find_noise(self) -> float | None:
         """RMS tool error that differs between runs of equal set-points [m]; None if unknown."""
@@ -103,8 +101,7 @@ class ErrorEstimate:
                 squares += self._lifted.judge(deviation).rms ** 2
         return float(np.sqrt(squares / freedom)) if freedom else None
 
-    def _compare(self) -> tuple[float, FloatArray]:
-        """Relative error of the response to the newest change of the set-points, and the steps."""
+    def _choose_steps(self) -> FloatArray:
         best = self._runs[self.best]
         for run in reversed(self._runs):
             if not np.array_equal(run.q, best.q):
@@ -112,8 +109,8 @@ class ErrorEstimate:
                 miss = run.error - best.error - moved
                 miss = smooth_error(self._lifted, miss, np.hypot(run.noise, best.noise))
                 ratios = np.mean(miss**2, axis=0) / np.maximum(np.mean(moved**2, axis=0), 1e-300)
-                return rms(miss) / rms(moved), 1 / (1 + CAUTION**2 * ratios)
-        return 0.0, np.ones(self._lifted.dof)
+                return np.asarray(1 / (1 + CAUTION**2 * ratios))
+        return np.ones(self._lifted.dof)
 
     @property
     def is_noise(self) -> bool:
@@ -141,9 +138,9 @@ TRIALS = 4
 # largest acceleration before learning, whichever is larger. The acceleration of a joint that hardly
 # moves counts as RESTING_SHARE times the acceleration of the fastest joint.
 ACCELERATION_FACTOR, RESTING_SHARE = 2.0, 0.25
-# The end of learning is explained by the servo model if the relative error of the response exceeds
-# MAX_RESPONSE_ERROR and more than the share PROVEN_SHARE of the first error remains.
-MAX_RESPONSE_ERROR, PROVEN_SHARE = 0.5, 0.5
+# If learning ends by setbacks and more than this share of the first error remains, the servo may be
+# wrong.
+PROVEN_SHARE = 0.5
 
 
 @checked
@@ -155,7 +152,6 @@ def learn(
     servo: ServoModel,
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
-    controller: Arm | None = None,
 ) -> LearningResult:
     """Compute set-points for the next run from the set-points of the last run and their log.
 
@@ -178,49 +174,34 @@ def learn(
         limits: Limits of the controller, as in `compensate`; by default the limits of the plan,
             unless the set-points of the last run exceed them.
         gravity_feedforward: True if the controller adds the torque against gravity.
-        controller: The arm model of the controller if it differs from `arm`, for example because
-            the payload of `arm` was identified later.
 
     Raises:
         InvalidInput: The log does not belong to these set-points or is not suitable for learning.
         CompensationError: The set-points of the last run exceed the limits.
     """
-    result, lifted = _evaluate_runs(
-        set_points, executed, Nominal(arm, servo, gravity_feedforward, controller)
-    )
-    for run in result.runs:
-        alignment.require_same_set_points(run)
-    return _learn_next(
-        result, lifted, set_points if isinstance(set_points, LearningResult) else None, limits
-    )
-
-
-def _evaluate_runs(
-    set_points: SetPoints, executed: Runs, nominal: Nominal
-) -> tuple[LearningResult, Lifted]:
-    """Measure the errors of the runs; returns a result with estimates of zero, and the model."""
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
     if not logs:
         raise InvalidInput("The number of logs must be at least one, but is 0.")
     recordings = [record(x, set_points) for x in logs]
+    lifted = _lift(set_points, recordings, Nominal(arm, servo, gravity_feedforward))
+    new = tuple(_measure_errors(lifted, set_points, x) for x in recordings)
+    for recording, run in zip(recordings, new, strict=True):
+        alignment.require_same_set_points(recording, run, set_points)
+    return _learn_next(set_points, lifted, new, limits)
+
+
+def _lift(set_points: SetPoints, recordings: Sequence[Recording], nominal: Nominal) -> Lifted:
+    """Model of the run: that of the earlier runs, or a new one that lasts until the arm rests."""
     if isinstance(set_points, LearningResult):
         nominal = nominal._replace(servo=set_points.servo)
-        lifted = set_points.lifted or Lifted(set_points, nominal, len(set_points.runs[0].error))
-    else:
-        nominal = nominal._replace(servo=_linearize(nominal.servo, nominal.arm))
-        lifted = Lifted(set_points, nominal)
-        end = max(alignment.find_rest(x, lifted, set_points) for x in recordings)
-        if end > lifted.t[-1]:
-            times = int(np.ceil((end - lifted.t[0]) / lifted.step)) + 1
-            lifted = Lifted(set_points, nominal, times)
-    result = LearningResult(
-        cycle=set_points.cycle, q=set_points.q, trajectory=set_points.trajectory,
-        method=set_points.method, start_time=set_points.start_time,
-        command_limits=set_points.command_limits, servo=lifted.nominal.servo, lifted=lifted,
-        runs=tuple(_measure_errors(lifted, set_points, x) for x in recordings),
-        best=0, repeats=0.0,
-    )  # fmt: skip
-    return result, lifted
+        return set_points.lifted or Lifted(set_points, nominal, len(set_points.runs[0].error))
+    nominal = nominal._replace(servo=_linearize(nominal.servo, nominal.arm))
+    lifted = Lifted(set_points, nominal)
+    end = max(alignment.find_rest(x, lifted, set_points) for x in recordings)
+    if end > lifted.t[-1]:
+        times = int(np.ceil((end - lifted.t[0]) / lifted.step)) + 1
+        lifted = Lifted(set_points, nominal, times)
+    return lifted
 
 
 def _linearize(servo: ServoModel, arm: Arm) -> ServoModel:
@@ -266,22 +247,24 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
 
 
 def _learn_next(
-    result: LearningResult, lifted: Lifted, last: LearningResult | None, limits: Limits | None
+    set_points: SetPoints, lifted: Lifted, new: tuple[LearningRun, ...], limits: Limits | None
 ) -> LearningResult:
-    """Learn from the new runs and from the runs of the last result."""
-    none: tuple[tuple[LearningRun, ...], int, bool] = ((), 0, False)
-    earlier, setbacks, done = (last.runs, last.setbacks, last.finished) if last else none
-    runs = (*earlier, *result.runs)
+    """Learn from the new runs and from the earlier runs of the set-points."""
+    last = set_points if isinstance(set_points, LearningResult) else None
+    earlier, setbacks = (last.runs, last.setbacks) if last else ((), 0)
+    runs = (*earlier, *new)
     estimate = ErrorEstimate(lifted, runs)
     best = runs[estimate.best]
     before = min((x.rms for x in earlier), default=np.inf)
-    setbacks += min(x.rms for x in result.runs) * USEFUL_FACTOR > before and not done
-    applied = result.trajectory.limits_for(result.command_limits if limits is None else limits)
-    if limits is None and describe_excess(result):
+    done = last is not None and last.finished
+    setbacks += min(x.rms for x in new) * USEFUL_FACTOR > before and not done
+    command_limits = set_points.command_limits
+    applied = set_points.trajectory.limits_for(command_limits if limits is None else limits)
+    if limits is None and describe_excess(set_points):
         # The joint limits of the plan do not apply if the set-points already exceed them.
         applied = applied.of_tool
-    check_set_points(replace(result, q=best.q), applied)
-    first = _accelerations(runs[0].q, result.cycle)
+    check_set_points(replace(set_points, q=best.q), applied)
+    first = _accelerations(runs[0].q, set_points.cycle)
     fastest = ACCELERATION_FACTOR * np.maximum(first, RESTING_SHARE * first.max())
     if applied.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(applied.acceleration_bounds(lifted.dof)))
@@ -289,7 +272,7 @@ def _learn_next(
     change = estimate.steps * (estimate.q - best.q)
     for k in range(setbacks, setbacks + TRIALS):
         requested = best.q + SETBACK_STEP**k * change
-        q, reason = _keep_limits(result, requested, best.q, applied, fastest)
+        q, reason = _keep_limits(set_points, requested, best.q, applied, fastest)
         expected = lifted.judge(estimate.error + lifted.respond(q - best.q)).rms
         if useful := expected * USEFUL_FACTOR < estimate.repeats:
             break
@@ -297,11 +280,12 @@ def _learn_next(
     if not (end or useful):
         end = f"no change reduces the error by more than {USEFUL_FACTOR - 1:.0%}"
         end += f", because {reason}" if reason else ""
-    finished = bool(end)
-    return replace(
-        result, runs=runs, method="learning", setbacks=setbacks, finished=finished,
-        reason=end or reason, q=best.q if finished else q,
-        noise=estimate.noise, best=estimate.best, repeats=estimate.repeats,
+    return LearningResult(
+        cycle=set_points.cycle, q=best.q if end else q, trajectory=set_points.trajectory,
+        method="learning", start_time=set_points.start_time, command_limits=command_limits,
+        servo=lifted.nominal.servo, lifted=lifted, runs=runs, best=estimate.best,
+        repeats=estimate.repeats, noise=estimate.noise, setbacks=setbacks, finished=bool(end),
+        reason=end or reason,
     )  # fmt: skip
 
 
@@ -317,12 +301,7 @@ def _reason_to_finish(
         return ""
     reason = f"{setbacks} changes did not reduce the error by {USEFUL_FACTOR - 1:.0%}"
     unproven = runs[estimate.best].rms > PROVEN_SHARE * runs[0].rms
-    if unproven and estimate.response_error > MAX_RESPONSE_ERROR:
-        reason += (
-            f", and the effect of the last change differs by {estimate.response_error:.0%} from "
-            "the simulation with the servo, so identify the servo"
-        )
-    return reason
+    return f"{reason}, so identify the servo" if unproven else reason
 
 
 def _contradiction(lifted: Lifted, run: LearningRun) -> str:
@@ -349,7 +328,7 @@ def _accelerations(q: FloatArray, cycle: float) -> FloatArray:
 
 
 def _keep_limits(
-    result: LearningResult,
+    set_points: SetPoints,
     requested: FloatArray,
     best: FloatArray,
     limits: Limits,
@@ -365,14 +344,14 @@ def _keep_limits(
         joint_upper=limits.joint_upper,
     )
     bounds = command_bounds(selected, len(fastest))
-    if result.command_limits is not None:
-        others = command_bounds(result.command_limits, len(fastest))
+    if set_points.command_limits is not None:
+        others = command_bounds(set_points.command_limits, len(fastest))
         bounds = np.stack(
             [np.maximum(bounds[:, 0], others[:, 0]), np.minimum(bounds[:, 1], others[:, 1])], axis=1
         )
-    excess = find_excess(requested, result.cycle, bounds)
+    excess = find_excess(requested, set_points.cycle, bounds)
     if excess is None:
         return requested, ""
     name = excess.name if excess.order else "range"
-    q = nearest_commands(requested, result.cycle, bounds, best)[0]
+    q = nearest_commands(requested, set_points.cycle, bounds, best)[0]
     return q, f"the {name} of the set-points of joint {excess.joint + 1} limits the step"

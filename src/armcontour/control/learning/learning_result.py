@@ -16,7 +16,7 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
-from armcontour.core.text import count_noun, format_table, joint_rows, short_repr
+from armcontour.core.text import count_noun, short_repr
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.log_checks import check_gaps
 from armcontour.motion.log_columns import renew_positions
@@ -57,19 +57,6 @@ class Recording(Checked):
     def _check_together(self) -> None:
         if len(self.t) < 2 or (np.diff(self.t) <= 0).any():
             raise InvalidInput(f"{self.source} must have at least two times, which must increase.")
-
-    def __str__(self) -> str:
-        """Text with source, times and joint ranges."""
-        times = f"t = {self.t[0]:.4f} to {self.t[-1]:.4f} s"
-        return format_table(
-            f"Recording: {count_noun(len(self.t), 'sample')}, {times}",
-            [
-                ("source", self.source),
-                ("clock", "that of the plan" if self.in_plan_time else "its own"),
-                ("set-points", "not recorded" if self.command is None else "recorded"),
-                *joint_rows(self.q),
-            ],
-        )
 
     __repr__ = short_repr
 

@@ -66,7 +66,6 @@ class Nominal(NamedTuple):
     arm: Arm
     servo: ServoModel
     gravity_feedforward: bool = True
-    controller: Arm | None = None
 
     @property
     def drives(self) -> Drives | None:
@@ -265,14 +264,14 @@ class Lifted:
         conditions, jumps = (csc_array(x[order][:, order]) for x in parts)
         return conditions, jumps, order
 
-    def choose_penalty(self, error: FloatArray, variance: float, first: float = 0.0) -> float:
+    def choose_penalty(self, error: FloatArray, variance: float) -> float:
         """Penalty (a power of ten) with the largest marginal likelihood of an error, (n, dof)."""
-        # error [rad]. variance: variance of the white noise [rad²]. first: penalty at which the
-        # search starts, by default the penalty that was chosen last.
+        # error [rad]. variance: variance of the white noise [rad²]. The search starts at the last
+        # chosen penalty.
         surprise = cache(
             lambda k: self.negative_log_likelihood(error, 10.0**k, max(variance, 1e-300))
         )
-        power, last = round(np.log10(first or self._penalty)), None
+        power, last = round(np.log10(self._penalty)), None
         while power != last:
             last = power
             around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)

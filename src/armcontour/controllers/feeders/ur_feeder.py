@@ -18,6 +18,8 @@ from armcontour.controllers.feeders.feeder import DeviceError, Row, Sample, main
 
 RTDE_PORT, SCRIPT_PORT = 30004, 30002
 DOF, SLOTS, FIRST = 6, 4, 24
+# Cycle of the controller [s].
+CYCLE = 2e-3
 # Timeout of an answer [s], and maximum number of packages until the program runs.
 TIMEOUT, PACKAGES = 2.0, 2500
 # At rest, every RARE-th package is recorded.
@@ -64,7 +66,7 @@ read_input_float_register(slot + 4), read_input_float_register(slot + 5)]
     write_output_float_register(28, q[4])
     write_output_float_register(29, q[5])
     write_output_integer_register(25, PROGRAM_NUMBER)
-    servoj(q, 0, 0, CYCLE, LOOKAHEAD, GAIN)
+    servoj(q, 0, 0, 0.002, 0.1, 300)
   end
   write_output_integer_register(25, 0)
   stopj(4.0)
@@ -77,17 +79,13 @@ class UrDevice:
 
     Args:
         address: Address of the robot.
-        cycle: Cycle of its controller [s].
-        lookahead: Look-ahead time of `servoj` [s].
-        gain: Gain of `servoj`.
     """
 
-    def __init__(self, address: str, cycle: float, lookahead: float, gain: float) -> None:
-        self.address, self.cycle, self.lookahead, self.gain = address, cycle, lookahead, gain
+    def __init__(self, address: str) -> None:
+        self.address = address
         self.number, self.running, self.fresh = int.from_bytes(os.urandom(3)) + 1, False, False
         self.slots: list[Row] = [(0.0,) * DOF] * SLOTS
         self.newest, self.k = -1, -1
-        self.last = self.count = 0
         self.received = b""
         self.complete: list[Sample] = []
 
@@ -97,7 +95,7 @@ class UrDevice:
         # Request protocol version 2, set up the recipes of outputs and inputs, and start.
         if self._ask("V", struct.pack(">H", 2)) != b"\x01":
             raise DeviceError("the controller does not support version 2 of the RTDE protocol")
-        outputs = self._ask("O", struct.pack(">d", 1 / self.cycle) + ",".join(OUTPUTS).encode())
+        outputs = self._ask("O", struct.pack(">d", 1 / CYCLE) + ",".join(OUTPUTS).encode())
         self.layout = struct.Struct(">B" + self._types(OUTPUTS, outputs))
         inputs = self._ask("I", ",".join(INPUTS).encode())
         self.inputs = struct.Struct(">B" + self._types(INPUTS, inputs))
@@ -119,8 +117,7 @@ class UrDevice:
         if self.running:
             return
         self._send_inputs(1)
-        text = PROGRAM.replace("PROGRAM_NUMBER", str(self.number)).replace("GAIN", str(self.gain))
-        text = text.replace("CYCLE", str(self.cycle)).replace("LOOKAHEAD", str(self.lookahead))
+        text = PROGRAM.replace("PROGRAM_NUMBER", str(self.number))
         with self._open(SCRIPT_PORT) as script:
             script.sendall(text.encode())
             # Closing the socket with unread data could make the controller discard the program.
@@ -165,15 +162,12 @@ class UrDevice:
 
     def wait(self) -> None:
         """Wait for a package with the controller's state."""
-        count = self.count
-        while self.count == count:
+        waiting = True
+        while waiting or self._has_package() or select.select([self.rtde], [], [], 0)[0]:
             kind, data = self._receive()
             if kind == "U":
                 self._take(data)
-        while self._has_package() or select.select([self.rtde], [], [], 0)[0]:
-            kind, data = self._receive()
-            if kind == "U":
-                self._take(data)
+                waiting = False
 
     def close(self) -> None:
         """End the program, and disconnect."""
@@ -249,9 +243,8 @@ class UrDevice:
         """Process a package with the controller's state."""
         # After the number of the recipe: timestamp, target_q, actual_q and the other outputs.
         self.state = self.layout.unpack(data)[1:]
-        self.count += 1
         self.fresh = True
-        clock = round(self.state[0] / self.cycle)
+        clock = round(self.state[0] / CYCLE)
         runtime, number = self.state[15], self.state[18]
         measured = tuple(self.state[7:13])
         if self.running:
@@ -269,4 +262,4 @@ class UrDevice:
 
 
 if __name__ == "__main__":
-    main(UrDevice(sys.argv[2], *map(float, sys.argv[3:6])))
+    main(UrDevice(sys.argv[2]))
