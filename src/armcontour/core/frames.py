@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, Value
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import declared
 from armcontour.core.quantities import WHOLE_TURN
@@ -27,7 +27,7 @@ IDENTITY = checks.frozen_array(np.eye(3))
 
 
 @declared(eq=False)
-class Frame(Value):
+class Frame:
     """Position and orientation of a frame in another frame.
 
         table = Frame((0.5, 0.0, 0.1))

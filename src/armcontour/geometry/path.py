@@ -24,7 +24,7 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segm
 PLANAR_PATH = (
     "A tool orientation requires a path in space. Give the points of the path three coordinates."
 )
-EVERY_VERTEX = checks.freeze_copy(np.empty(0, dtype=np.intp))
+EVERY_VERTEX = checks.freeze(np.empty(0, dtype=np.intp))
 # A break of an orientation within this distance of a vertex of its path, in metres plus the same
 # fraction of the path length, is moved to the vertex. The differences come from remainders that
 # corner rounding discards, and from rounding errors of summed lengths.
@@ -33,11 +33,6 @@ SAME_BREAK = 1e-12
 
 # The class has no slots, because a frozen class with slots raises an unclear error if a property is
 # assigned.
-@checks.hint_attributes(
-    **dict.fromkeys(("position", "point", "at"), "path(s)"),
-    tangent="path(s, 1), or tangents",
-    points="vertices, or path(s)",
-)
 @declared(eq=False, slots=False)
 class Path(Checked):
     """A continuous chain of lines and arcs in the plane or in space, as a function of arc length.
@@ -612,7 +607,7 @@ def _check_waypoints(waypoints: npt.ArrayLike, n: int) -> IntArray:
         raise InvalidInput(
             f"waypoints of a path must be indices of vertices that increase from 0 to {n}."
         )
-    return checks.freeze_copy(indices)
+    return checks.freeze(indices)
 
 
 def _describe_range(values: FloatArray, unit: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray, IntArray, ObjectArray, Value
+from armcontour.core.checks import BoolArray, FloatArray, IntArray, ObjectArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import evaluate, rescale
 
@@ -31,11 +31,11 @@ COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
 # second derivative.
 SECOND_DERIVATIVE = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
 NOT_GIVEN = checks.frozen_array([])
-NO_TAGS = checks.freeze_copy(np.empty(0, dtype=object))
+NO_TAGS = checks.freeze(np.empty(0, dtype=object))
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False)
-class Segments(Value):
+class Segments:
     """Lines, arcs and transitions in the plane or in space, one per row.
 
     A line or arc i is `starts[i] + tangents[i] sin(k u)/k + normals[i] (1 - cos(k u))/k` with
@@ -81,9 +81,7 @@ class Segments(Value):
             object.__setattr__(self, "quintics", np.empty((n, 0, 0)))
         for name in COLUMNS:
             array = np.asarray(getattr(self, name), dtype=object if name == "tags" else np.float64)
-            # Read-only arrays that own their data are shared; other arrays are copied.
-            if array.flags.writeable or not array.flags.owndata:
-                object.__setattr__(self, name, checks.freeze_copy(array))
+            object.__setattr__(self, name, checks.freeze(array))
 
     @classmethod
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:

@@ -283,9 +283,9 @@ class Arm(Immutable, ABC):
             changes["payload"] = payload
         return self._copy(chain=self.chain.replace(**changes)) if changes else self
 
-    def __getstate__(self) -> checks.State:
+    def __getstate__(self) -> dict[str, Any]:
         """State without the dynamics, which are computed again."""
-        return checks.pack_state({k: x for k, x in vars(self).items() if k != "dynamics"})
+        return {k: x for k, x in vars(self).items() if k != "dynamics"}
 
     def _copy(self, **changes: Any) -> Self:
         other = object.__new__(type(self))

@@ -110,6 +110,7 @@ class PlanarTwoLink(Arm):
         self._describe(name, chain, limits, source, limits_hint)
         if tubes is not None:
             self.shapes = _capsules(tubes, (self.link1, self.link2))
+        self._freeze()
 
     @property
     def reach(self) -> tuple[float, float]:

@@ -59,6 +59,7 @@ class SerialArm(Arm):
         self._describe(name, chain, limits, source, limits_hint)
         self.notes = notes
         self.assumed_limits = assumed_limits
+        self._freeze()
 
     def _solutions(
         self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None

@@ -247,6 +247,7 @@ class ServoPlant(LimitedPlant):
         self.limits = limits
         self._requested_saturation = saturation
         vars(self).update(self._saturation_values(None))
+        self._freeze()
 
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
         """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""

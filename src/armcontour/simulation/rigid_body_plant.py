@@ -160,6 +160,7 @@ class RigidBodyPlant(LimitedPlant):
             self.nominal_inertia = self.servo.inertia
         self.limits = limits
         vars(self).update(self._saturation_values(None))
+        self._freeze()
 
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
         """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, Frozen, Value
+from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
@@ -241,7 +241,7 @@ def _of_joints(name: str, shares: FloatArray, unit: str, label: str) -> Row:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EvaluationInputs(Value):
+class EvaluationInputs:
     """Inputs of an evaluation."""
 
     executed: Execution
