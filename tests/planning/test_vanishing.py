@@ -1,4 +1,4 @@
-"""Joint paths along which dq_ds vanishes: closed forms, limits at any time, and the same curve."""
+"""Joint paths along which dq_ds vanishes: closed forms, and limits at any time."""
 
 import functools
 from types import SimpleNamespace
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.planning.constraints import SecondOrder
 
 LINE_1 = np.array(
     [-0.00038593, 0.00013093, 0.00064752, 0.00116383, 0.00167987]
@@ -64,55 +63,34 @@ def test_toppras_robustness_suite(name, worst_ratios):
 WAY = np.array([0.3, -1.1, 0.7])
 
 
-@pytest.mark.parametrize(("factor", "stops"), [(1.0, 0), (2.5, 0), (-1.0, 1)])
-def test_a_cubic_passes_the_place_at_which_it_does_not_move(factor, stops, worst_ratios):
-    """The joints at WAY s³ for s < 0, and that times a factor for s > 0."""
+def test_a_cubic_that_does_not_move_at_a_place_is_refused(refuses):
     coefficients = np.zeros((2, 6, 3))
     coefficients[0, :4] = np.array([-1.0, 3.0, -3.0, 1.0])[:, None] * WAY
-    coefficients[1, 3] = factor * WAY
+    coefficients[1, 3] = WAY
     path = ac.JointPath(breaks=[-1.0, 0.0, 1.0], coefficients=coefficients)
     limits = ac.Limits.only(joint_acceleration=2.0, joint_velocity=50.0)
-    planned = ac.plan(path, limits=limits)
-    ways = [WAY, factor * WAY] if stops else [(1 + factor) * WAY]
-    best = sum(from_rest_to_rest(x, [50.0] * 3, [2.0] * 3) for x in ways)
-    assert 1 - 1e-12 <= planned.duration / best < 1 + 1e-4
-    assert worst_ratios(planned, limits)["joint_acceleration"] <= 1 + 1e-9
-    # A start speed means the same along a straight piece.
-    begun = ac.plan(
-        path,
-        limits=ac.Limits.only(joint_acceleration=2.0),
-        options=ac.Optimal(start_speed=0.5),
-    )
-    np.testing.assert_allclose(begun(0.0, 1), 3 * WAY * 0.5, rtol=1e-9)
+    refuses(lambda: ac.plan(path, limits=limits), ac.NotRealizable, "too uneven there")
 
 
-def test_pieces_in_which_nothing_moves_are_left_out(refuses):
+def test_pieces_in_which_nothing_moves_are_refused(refuses):
     limits = ac.Limits.only(joint_acceleration=2.0)
     still = np.zeros((3, 6, 1))
     still[0, 1], still[1:, 0], still[2, 1] = 1.0, 1.0, 1.0
     path = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
-    planned = ac.plan(path, limits=limits)
-    assert planned.duration >= 2 * np.sqrt(2 / 2.0)
-    np.testing.assert_allclose(planned(planned.duration), 2.0)
-    motion = ac.plan(path, limits=limits, options=ac.Optimal(grid=np.linspace(0, 3, 50)))
-    assert motion.duration == pytest.approx(planned.duration, rel=1e-2)
-    # A constraint counts in s, so that nothing is left out; it is said which piece is at fault.
-    idle = SecondOrder("idle", lambda s, side: 3 * (np.zeros((len(s), 1)),), [-1.0], [1.0])
     still[:, 1], still[:, 0] = 0.0, 1.0
     nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
     bent, flat = (
         make_path([(0.0, 0.0), (1.0, 2.0)]) for make_path in (ac.JointPath.spline, ac.Path.polyline)
     )
-    plain = ac.Optimal()
-    for motion, motion_limits, options, words in (
-        (path, limits, ac.Optimal(constraints=[idle]), "No joint moves from s = 1 to"),
-        (nothing, limits, plain, "No joint moves"),
+    for motion, motion_limits, words in (
+        (path, limits, "No joint moves from s = 1 to"),
+        (nothing, limits, "No joint moves"),
         # Without an arm.
-        (bent, limits.replace(joint_torque=1.0), plain, "masses of an arm"),
-        (bent, None, plain, "needs an Arm"),
-        (flat, ac.Limits.only(speed=1.0), plain, "needs an Arm"),
+        (bent, limits.replace(joint_torque=1.0), "masses of an arm"),
+        (bent, None, "needs an Arm"),
+        (flat, ac.Limits.only(speed=1.0), "needs an Arm"),
     ):
-        call = functools.partial(ac.plan, motion, limits=motion_limits, options=options)
+        call = functools.partial(ac.plan, motion, limits=motion_limits)
         refuses(call, ac.InvalidInput, words)
 
 
@@ -122,16 +100,20 @@ def hermite(breaks, q, dq_ds, d2q_ds2):
     return ac.JointPath.hermite(np.array(breaks), begin, end)
 
 
-def test_a_path_that_turns_back_at_a_break_with_a_limit_of_jerk(recwarn):
+def test_a_path_that_turns_back_at_a_break_with_a_limit_of_jerk(recwarn, worst_ratios):
     s = np.linspace(0, 1, 8)
     v, jerk = s[3], 50.0
     path = hermite(s, -0.4 * (s - v) ** 2, -0.8 * (s - v), np.full(8, -0.8))
     limits = ac.Limits(joint_velocity=1.0, joint_acceleration=5.0, joint_jerk=jerk)
     planned = ac.plan(path, limits=limits)
     # There and back, each from rest to rest: with four times the jerk, and with a constant phase.
+    # The joint turns back at full acceleration, so the plan is faster.
     short, long = 0.4 * v**2, 0.4 * (1 - v) ** 2
-    best = 4 * (short / 2 / jerk) ** (1 / 3) + 0.1 + np.sqrt(0.01 + 4 * long / 5.0)
-    assert 1 - 1e-9 <= planned.duration / best < 1 + 1e-3
+    stopped = 4 * (short / 2 / jerk) ** (1 / 3) + 0.1 + np.sqrt(0.01 + 4 * long / 5.0)
+    assert planned.duration < 0.9 * stopped
+    assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
+    times = np.linspace(0, planned.duration, 10_001)
+    assert np.abs(planned(times, 3)).max() <= jerk * (1 + 1e-9)
     assert (
         not recwarn.list
         and ac.explain(planned, SimpleNamespace(dof=1, limits=limits)).jerk_stops == ()

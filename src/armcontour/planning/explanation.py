@@ -371,7 +371,6 @@ def find_jerk_stops(trajectory: Trajectory) -> FloatArray:
     stops = [np.empty(0)]
     for span in trajectory.contour_spans:
         if span.trajectory is not None and isinstance(law := span.trajectory.laws[0], PathLaw):
-            # The joint path of the plan can have another parameter than the one that was planned.
             breaks = np.setdiff1d(law.joint_path.breaks[1:-1], law.joint_path.stops)
             stops.append(span.s[0] + breaks[span.trajectory.speed_at(breaks) == 0])
     return np.concatenate(stops)

@@ -20,21 +20,22 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.planning.constraints import CONSTRAINTS, Constraint, OnGrid, limits_on
-from armcontour.planning.law_checks import END, START, raise_too_fast
+from armcontour.planning.law_checks import raise_too_fast
 from armcontour.planning.options import FASTEST, Optimal, Task
 from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
+    VANISHED,
     Grid,
     cut_pieces,
     distribute_intervals,
     grid_through,
+    resting_breaks,
     split,
 )
 from armcontour.planning.topp import kernels
 from armcontour.planning.topp.kernels import GridPlan, Rules, plan_on_grid
 from armcontour.planning.topp.limit_forms import GridLimits
 from armcontour.planning.topp.losses import estimate_losses
-from armcontour.planning.vanishing import reparametrize, rests_at_breaks
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -64,26 +65,10 @@ def plan_optimal(
     """Plan the fastest motion along a path, without a given duration."""
     # `joint_path`: a traced path, or a joint path without a tool path (then without limits of the
     # tool). `limits`: joint ranges are ignored; the speed of each path segment applies, too.
-    # `options`: grid, speeds at the ends, and additional constraints. If a joint path needs another
-    # parameter than s, grid points keep their relative positions in the pieces.
+    # `options`: grid, speeds at the ends, and additional constraints.
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
         points = checks.kernel_array(points)
-    free_ends = options.start_speed == 0, options.end_speed == 0
-    reparametrized, new_breaks = reparametrize(joint_path, free_ends)
-    at_rest = joint_path.breaks[:0]
-    if constraints:
-        # Constraints are functions of s, so the parameter s must not be replaced.
-        at_rest = (
-            at_rest
-            if reparametrized is joint_path
-            else joint_path.breaks[rests_at_breaks(joint_path)]
-        )
-    elif reparametrized is not joint_path:
-        if points is not None:
-            grid_through(joint_path, points)
-            points = np.interp(points, joint_path.breaks, new_breaks)
-        joint_path = reparametrized
     loss = math.inf
     if points is None:
         grid = cut_pieces(joint_path, distribute_intervals(joint_path, intervals))
@@ -93,17 +78,12 @@ def plan_optimal(
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     jerk = np.broadcast_to(or_unlimited(limits.joint_jerk, joint_path.dof), (joint_path.dof,))
     ends = options.start_speed, options.end_speed
-    try:
-        law = time_optimal(grid, active, arm, *ends, loss)
-        if np.isfinite(jerk).any():
-            # Imported on demand, because most plans have no limits of jerk.
-            from armcontour.planning.jerk.limiter import limit_jerk
+    law = time_optimal(grid, active, arm, *ends, loss)
+    if np.isfinite(jerk).any():
+        # Imported on demand, because most plans have no limits of jerk.
+        from armcontour.planning.jerk.limiter import limit_jerk
 
-            law = limit_jerk(law, Task(tuple(active), jerk, *ends, intervals, options.iterations))
-    except NotRealizable as error:
-        if error.limit not in (START, END) and len(at_rest):
-            _refuse_standing(float(at_rest[0]))
-        raise
+        law = limit_jerk(law, Task(tuple(active), jerk, *ends, intervals, options.iterations))
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 
@@ -123,7 +103,7 @@ def time_optimal(
 ) -> PathLaw:
     """Plan on a grid and refine it where margins or the estimated loss of time are too large."""
     # At an end at which dq_ds vanishes, the joints rest at any ds.
-    rests = rests_at_breaks(grid.joint_path)
+    rests = resting_breaks(grid.joint_path.coefficients, VANISHED)
     start = np.inf if start_speed == 0 and rests[0] else start_speed**2
     end = np.inf if end_speed == 0 and rests[-1] else end_speed**2
     max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
@@ -220,16 +200,6 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
     raise InvalidInput(
         "Nothing limits the acceleration along the path: give joint_acceleration, "
         f"joint_torque or tool_acceleration{f'; {hint}' if hint else ''}."
-    )
-
-
-def _refuse_standing(s: float) -> NoReturn:
-    """Raise the error for constraints that are functions of s, if no joint moves at some point."""
-    raise NotRealizable(
-        f"At {s:.6g} m along the path no joint moves with s, so ds is not limited there, and "
-        "constraints that are functions of s cannot be satisfied. Remove the constraints, or "
-        "give the joint path a parameter along which the joints keep moving.",
-        s=s,
     )
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, Frozen, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
@@ -24,6 +24,8 @@ MAX_INTERVALS = 5_000_000
 EVEN_SHARE = 0.5
 # Points with a dq_ds below this share of the largest dq_ds have no direction.
 AT_REST = 1e-9
+# dq_ds counts as zero below this share of the sum of its terms. A double root is accurate to 1e-8.
+VANISHED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -196,3 +198,31 @@ def merge_breaks(
         fewest = min(fewest, n - first)
     s[n] = breaks[last]
     return s[: n + 1].copy(), piece[:n].copy(), fewest
+
+
+@compiled()
+def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
+    """Mask of breaks at which dq_ds of all joints vanishes, so they rest at any ds, (n + 1,)."""
+    # `coefficients`: coefficients of the joint path, (n, 6, dof); `vanished`: dq_ds counts as zero
+    # below this share of the sum of its terms.
+    n, dof = coefficients.shape[0], coefficients.shape[2]
+    resting = np.empty(n + 1, np.bool_)
+    for i in range(n + 1):
+        resting[i] = True
+    for i in range(n):
+        sizes = 0.0
+        for k in range(1, 6):
+            square = 0.0
+            for j in range(dof):
+                square += (k * coefficients[i, k, j]) ** 2
+            sizes += math.sqrt(square)
+        start = end = 0.0
+        for j in range(dof):
+            slope = 0.0
+            for k in range(1, 6):
+                slope += k * coefficients[i, k, j]
+            start += coefficients[i, 1, j] ** 2
+            end += slope**2
+        resting[i] &= math.sqrt(start) <= vanished * sizes
+        resting[i + 1] &= math.sqrt(end) <= vanished * sizes
+    return resting

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.progress import Progress, Step
@@ -122,7 +120,7 @@ def _restore_joint_path(trajectory: Trajectory, joint_path: JointPath) -> Trajec
     if trajectory.path is joint_path.tool_path:
         return trajectory
     (law,) = trajectory.laws
-    if isinstance(law, PathLaw) and np.array_equal(law.joint_path.breaks, joint_path.breaks):
+    if isinstance(law, PathLaw):
         law = replace(law, joint_path=joint_path)
     return replace(trajectory, laws=(law,), path=joint_path.tool_path)
 
