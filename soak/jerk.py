@@ -65,9 +65,6 @@ def draw(seed: int) -> Problem:
     path = ac.JointPath.spline(points, s, ends="clamped" if rng.random() < 0.1 else "natural")
     limits = _limits(rng, path)
     options: dict[str, Any] = {"intervals": int(rng.choice(INTERVALS, p=[0.4, 0.35, 0.15, 0.1]))}
-    for name in ("start_speed", "end_speed"):
-        if rng.random() < 0.06:
-            options[name] = _speed(rng, path, limits)
     return Problem(kind=kind, path=path, limits=limits, options=options)
 
 
@@ -113,13 +110,6 @@ def _limits(rng: Random, path: ac.JointPath) -> ac.Limits:
     return ac.Limits.only(**options, joint_jerk=jerk)
 
 
-def _speed(rng: Random, path: ac.JointPath, limits: ac.Limits) -> float:
-    """A speed at an end, now and then higher than can be had."""
-    slope = float(np.abs(path(path.breaks, 1)).max())
-    scale = np.sqrt(float(np.abs(limits.joint_acceleration).min()) * path.length / slope)
-    return float(scale * 10 ** rng.uniform(-3, 0.0))
-
-
 KINDS: dict[str, Callable[[Random], np.ndarray]] = {
     "points": _points,
     "near-duplicates": _near,
@@ -138,17 +128,14 @@ def run(seed: int) -> Outcome:
 
 
 def _judge(planned: ac.Trajectory, problem: Problem, options: dict[str, Any]) -> Any:
-    ends = options.get("start_speed", 0.0), options.get("end_speed", 0.0)
-    return judge(planned, problem.limits, ends)
+    return judge(planned, problem.limits)
 
 
-def judge(
-    planned: ac.Trajectory, limits: ac.Limits, ends: tuple[float, float] = (0.0, 0.0)
-) -> tuple[list[str], float]:
+def judge(planned: ac.Trajectory, limits: ac.Limits) -> tuple[list[str], float]:
     """What is wrong with a plan of one law along a joint path, and its largest ratio to a limit."""
     (law,) = planned.laws
     sampled = Sampled(law)
-    notes = sampled.joins(limits, ends)
+    notes = sampled.joins(limits)
     worst = 0.0
     for name, (ratio, unit) in ratios(sampled, limits).items():
         k = np.unravel_index(int(np.argmax(np.nan_to_num(ratio, nan=np.inf))), ratio.shape)
@@ -231,7 +218,7 @@ class Sampled:
         ds, dds, ddds = (x[..., None] for x in self.motion)
         return q1 * ds, q2 * ds**2 + q1 * dds, q3 * ds**3 + 3 * q2 * ds * dds + q1 * ddds
 
-    def joins(self, limits: ac.Limits, ends: tuple[float, float]) -> list[str]:
+    def joins(self, limits: ac.Limits) -> list[str]:
         """What is wrong where intervals meet, and at both ends."""
         law, notes = self.law, []
         if not np.isin(self.path.breaks, law.s).all():
@@ -250,11 +237,7 @@ class Sampled:
                 share = jump.max() / np.abs(x).max()
                 notes.append(f"{name} jumps by {share:.1e} of its largest at break {k}")
         joints = self.joints()
-        for name, index, boundary in (("start", (0, 0), ends[0]), ("end", (-1, -1), ends[1])):
-            if boundary:
-                if abs(ds[index] - boundary) > STEP * ds.max():
-                    notes.append(f"the {name} speed is {ds[index]:.6g}, not {boundary:.6g}")
-                continue
+        for name, index in (("start", (0, 0)), ("end", (-1, -1))):
             for quantity, values in zip(ORDERS[:2], joints, strict=False):
                 share = np.abs(values[index]).max() / np.abs(values).max()
                 if share > STEP:

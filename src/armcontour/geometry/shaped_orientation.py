@@ -6,11 +6,6 @@ stop, wherever the ratio of these arc lengths changes. Therefore the arc length 
 a smooth function of the arc length on the path: monotone cubics between the fewest knots that keep
 the orientation near that of the corresponding points. Where the rate of the objective's orientation
 jumps, blends smooth the jump as at rounded corners (rounded_orientation.py).
-
-A tool that follows the tangent follows the tangent of the shaped path. A frame that never turns
-about this tangent differs from the frame of the objective by a small rotation about the tangent,
-the twist. It equals the solid angle between the tangents of both paths. The twist is corrected
-evenly from segment to segment of the objective.
 """
 
 from __future__ import annotations
@@ -22,8 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.frames import exp, log, shortest
-from armcontour.core.sampling import number_parts
 from armcontour.geometry.orientation import (
     RATE_FLOOR,
     SAME_ORIENTATION,
@@ -34,10 +27,8 @@ from armcontour.geometry.orientation import (
     turns_between,
 )
 from armcontour.geometry.path import Path
-from armcontour.geometry.prescribed_orientation import carry_frame
 from armcontour.geometry.rounding.rounded_orientation import (
     SLIVER,
-    blend_kinks,
     find_kinks,
     largest_cuts,
 )
@@ -48,10 +39,6 @@ from armcontour.geometry.shaped_path import check_correspondence
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-# Twists below this are rounding errors [rad].
-NO_TWIST = 1e-12
-# Largest turn of an arc along which a twist is corrected by one constant rate [rad].
-MAX_TURN = 0.1
 # Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Their
 # errors do not add up, because the smooth arc lengths are exact at the vertices, where blends have
 # their largest error.
@@ -73,10 +60,10 @@ def orient_shaped(
     """Apply the tool orientation of an objective path to a path that was shaped from it.
 
     A constant orientation is unchanged. An orientation that turns at constant rates is that of the
-    corresponding point of the objective, except for blends at the vertices where its rate jumps. An
-    orientation that follows the tangent follows that of the path, except for blends where arcs
-    meet. The angular rate does not jump, except at corners of the path, where the tool stops
-    anyway, and at angular tolerance 0.
+    corresponding point of the objective, except for blends at the vertices where its rate jumps;
+    this also applies to an orientation that follows the tangent of the objective. The angular rate
+    does not jump, except at corners of the path, where the tool stops anyway, and at angular
+    tolerance 0.
 
     Args:
         path: The path, made of lines and arcs.
@@ -84,13 +71,13 @@ def orient_shaped(
         places: Corresponding arc lengths on the objective and on the path [m], from start to end,
             neither decreasing, (n, 2); linear between them.
         angular_tolerance: Largest angle between the orientation and that of the corresponding
-            point, or that of the tangent [rad]. Without one, a blend at a corner of the objective
-            is as long as a parabola with the same distance from the corner.
+            point [rad]. Without one, a blend at a corner of the objective is as long as a parabola
+            with the same distance from the corner.
 
     Returns:
         The path, and the largest sampled angle between its orientation and that of the
-        corresponding point of the objective [rad]; if it follows the tangent, to that of the path's
-        tangent. The angle is between the tool axes if only they are prescribed.
+        corresponding point of the objective [rad]; between the tool axes if only they are
+        prescribed.
 
     Raises:
         InvalidInput: The orientation needs an angular tolerance, or is rounded already; or the
@@ -99,14 +86,12 @@ def orient_shaped(
     source = objective.orientation
     if source is None:
         return path, 0.0
+    objective = replace(objective, orientation=replace(source, follows=False))
     corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
     straight = np.setdiff1d(find_kinks(objective), corner)
     allowed = check_angular_tolerance(objective, angular_tolerance, straight)
     pairs = check_correspondence(places, objective, path)
-    if source.follows:
-        orientation, deviation = _follow_tangent(path, objective, pairs, allowed)
-    else:
-        orientation, deviation = _orient_smoothly(path, objective, pairs, allowed)
+    orientation, deviation = _orient_smoothly(path, objective, pairs, allowed)
     return replace(path, orientation=orientation), deviation
 
 
@@ -271,71 +256,3 @@ def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:
         return np.zeros(0, dtype=np.intp), np.zeros(0)
     i = np.searchsorted((marks[1:] + marks[:-1]) / 2, s)
     return i, np.abs(s - marks[i])
-
-
-def _follow_tangent(
-    path: Path, objective: Path, pairs: FloatArray, allowed: float
-) -> tuple[Orientation, float]:
-    """Orientation that follows the tangent of the path, and its largest angular error [rad]."""
-    source = objective.orientation
-    assert source is not None
-    begin = shortest(objective.tangents[:1], path.tangents[:1])
-    carried = carry_frame(
-        path.segments, (exp(begin) @ source.starts[:1])[0], axis_only=source.axis_only
-    )
-    # Twist at the middle of each objective segment: rotation about the tangent from the carried
-    # frame to the objective's frame, after the shortest rotation of that frame to the path's
-    # tangent.
-    middle = (objective.breaks[:-1] + objective.breaks[1:]) / 2
-    s = np.interp(middle, pairs[:, 0], pairs[:, 1])
-    tangents = path.segments.evaluate(*_locate(path, s), 1)
-    tilt = exp(shortest(objective.segments.evaluate(*_locate(objective, middle), 1), tangents))
-    twist = np.sum(log(tilt @ source(middle) @ _transpose(carried(s))) * tangents, axis=1)
-    deviation = 0.0
-    if np.abs(twist).max() > NO_TWIST:
-        # The twist is zero at the start.
-        knots, twists = np.append(0.0, s), np.unwrap(np.append(0.0, twist))
-        carried, deviation = _apply_twist(path, carried, knots, twists)
-    orientation, angles = blend_kinks(carried, largest_cuts(carried, allowed))
-    return orientation, float(angles.max(initial=0.0)) + deviation
-
-
-def _apply_twist(
-    path: Path, carried: Orientation, s: FloatArray, twist: FloatArray
-) -> tuple[Orientation, float]:
-    """Rotate an orientation about the path's tangent; also returns the largest error [rad]."""
-    # `twist`: angles at arc lengths `s`, linear between them [rad], (n,). Each piece has the
-    # constant rate that connects its start and its end; long arcs are divided into several pieces.
-    deviations = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
-    cuts = np.union1d(path.breaks, s[deviations > REPEATED_POINT])
-    whole = path.locate((cuts[:-1] + cuts[1:]) / 2)
-    first, last = cuts[:-1] - path.breaks[whole], cuts[1:] - path.breaks[whole]
-    # On tiny arcs, a difference of arc lengths has too few significant digits.
-    last = np.where(cuts[1:] == path.breaks[whole + 1], path.lengths[whole], last)
-    count = np.ceil(path.curvatures[whole] * (last - first) / MAX_TURN).astype(np.intp).clip(1)
-    part, k = number_parts(count)
-    i, step = whole[part], ((last - first) / count)[part]
-    u = [first[part] + x * step for x in (k, k + 0.5, k + 1)]
-    begin, middle, end = (
-        exp(np.interp(path.breaks[i] + x, s, twist)[:, None] * path.segments.evaluate(i, x, 1))
-        @ carried.on_piece(i, x)
-        for x in u
-    )
-    lengths = u[2] - u[0]
-    rates = log(end @ _transpose(begin)) / lengths[:, None]
-    twisted = Orientation.even(
-        lengths, begin, rates, axis_only=carried.axis_only, follows=carried.follows
-    )
-    deviations = log(twisted.on_piece(np.arange(len(i)), lengths / 2) @ _transpose(middle))
-    return twisted, float(np.linalg.norm(deviations, axis=1).max())
-
-
-def _locate(path: Path, s: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Index of the segment at each arc length, and the distance along this segment [m]."""
-    i = path.locate(s)
-    return i, s - path.breaks[i]
-
-
-def _transpose(rotations: FloatArray) -> FloatArray:
-    """Transposed, that is inverse, rotation matrices, (n, 3, 3)."""
-    return np.swapaxes(rotations, 1, 2)

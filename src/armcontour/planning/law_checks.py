@@ -20,8 +20,6 @@ from armcontour.robot.limits import LIMITS
 PEAK_SAMPLES = 33
 # Rounding error by which a law may exceed a limit, as a share of the limit
 ROUNDING = 1e-6
-# Limits that errors of `raise_too_fast` name.
-START, END = "start speed", "end speed"
 
 
 def with_reserve(limits: Limits, reserve: float) -> Limits:

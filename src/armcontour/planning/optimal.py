@@ -78,12 +78,17 @@ def plan_optimal(
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     jerk = np.broadcast_to(or_unlimited(limits.joint_jerk, joint_path.dof), (joint_path.dof,))
     ends = options.start_speed, options.end_speed
+    if any(ends) and np.isfinite(jerk).any():
+        raise InvalidInput(
+            "start_speed and end_speed are not supported with limits of jerk, with which a motion "
+            "starts and ends at rest: remove them, or lift joint_jerk."
+        )
     law = time_optimal(grid, active, arm, *ends, loss)
     if np.isfinite(jerk).any():
         # Imported on demand, because most plans have no limits of jerk.
         from armcontour.planning.jerk.limiter import limit_jerk
 
-        law = limit_jerk(law, Task(tuple(active), jerk, *ends, intervals, options.iterations))
+        law = limit_jerk(law, Task(tuple(active), jerk, intervals, options.iterations))
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 

@@ -88,8 +88,8 @@ class Optimal(PlanOptions):
             is slower, and satisfies all limits.
         grid: Grid points along a single path [m], (n,), instead of `intervals`; the breaks of the
             joint path are added. With limits of jerk, the grid applies to the plan without jerk.
-        start_speed: Path speed at the start of a single path [m/s].
-        end_speed: Path speed at the end of a single path [m/s].
+        start_speed: Path speed at the start of a single path [m/s]; 0 with limits of jerk.
+        end_speed: Path speed at the end of a single path [m/s]; 0 with limits of jerk.
         constraints: Additional constraints.
 
     Raises:
@@ -194,8 +194,6 @@ class Task:
 
     active: tuple[Constraint, ...]  # The constraints of the planner without jerk
     jerk: FloatArray  # Limits of joint jerk, infinite without a limit [rad/s³], (dof,)
-    start_speed: float = 0.0  # Path speed at the start [m/s]
-    end_speed: float = 0.0  # Path speed at the end [m/s]
     cells: int | None = None  # Approximate number of cells; None for the default
     # Largest number of iterations of each pass. Every iterate satisfies all limits.
     iterations: int = MAX_ITERATIONS

@@ -33,15 +33,13 @@ WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 # Smallest pivot of the scaled matrix.
 RIDGE = 1e-14
 TINY = 1e-300
-# Objective: the duration, or minus the speed at the start or at the end.
-DURATION, START, END = 0, 1, 2
 
 
 class JerkSection(NamedTuple):
     """Optimization problem of one section with n cells, which are divided into m parts."""
 
     # A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
-    # are the values of `a = ds²` at the start and the end.
+    # are the values of `a = ds²` at the start and the end, which are 0.
 
     width: FloatArray  # Lengths of the cells [m], (n,)
     # begin, end: Rows of the first and last control point of a on each cell, (n, 3) each
@@ -153,11 +151,9 @@ def _round_slack(bound: float, vector: Any) -> float:
 
 
 @compiled(inner=True)
-def _write_slacks(
-    p: JerkSection, d: FloatArray, free: int, tangents: FloatArray, slack: _Duals
-) -> bool:
-    """Write the slacks of d; returns true if all are positive. A fixed end has no bound."""
-    n, smallest = len(p.width), math.inf
+def _write_slacks(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _Duals) -> bool:
+    """Write the slacks of d; returns true if all are positive. The ends have no bound."""
+    smallest = math.inf
     for c in range(len(p.cell)):
         i = p.cell[c]
         _write_tangents(p, c, d, tangents)
@@ -172,14 +168,9 @@ def _write_slacks(
         for r in range(p.round.shape[1]):
             slack.round[c, r] = _round_slack(p.radius[c, r], _vector(p, c, r, i, d))
             smallest = min(smallest, slack.round[c, r])
-    for i in range(n + 2):
+    for i in range(1, len(d) - 1):
         slack.positive[i] = d[i]
-        if 0 < i <= n:
-            smallest = min(smallest, d[i])
-    if free != START:
-        slack.positive[0] = 0.0
-    if free != END:
-        slack.positive[n + 1] = 0.0
+        smallest = min(smallest, d[i])
     # The comparison is also false if a slack is NaN.
     return smallest > 0.0
 
@@ -200,7 +191,7 @@ def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
     for c in range(len(p.cell)):
         p.about[c] = _mean(p, c, d)
     slack, tangents = _new_duals(p), np.empty((p.raised.shape[1], 4))
-    _write_slacks(p, d, DURATION, tangents, slack)
+    _write_slacks(p, d, tangents, slack)
     shares = np.ones(len(p.width))
     for c in range(len(p.cell)):
         i = p.cell[c]
@@ -280,16 +271,15 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
             h, g = _accumulate(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
         _add_cell(bands, right, i, h, g)
     for side in range(2):
-        if p.ramps[side] > 0.0:
-            i = 0 if side == 0 else n - 1
-            rows = p.begin if side == 0 else p.end
-            a = _end_value(rows, i, d)
-            part = 3.0 * p.ramps[side] / math.sqrt(a)
-            total += part
-            row = (rows[i, 0], rows[i, 1], rows[i, 2])
-            h, g = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-            h, g = _accumulate(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
-            _add_cell(bands, right, i, h, g)
+        i = 0 if side == 0 else n - 1
+        rows = p.begin if side == 0 else p.end
+        a = _end_value(rows, i, d)
+        part = 3.0 * p.ramps[side] / math.sqrt(a)
+        total += part
+        row = (rows[i, 0], rows[i, 1], rows[i, 2])
+        h, g = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        h, g = _accumulate(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
+        _add_cell(bands, right, i, h, g)
     return total
 
 
@@ -492,13 +482,11 @@ def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
 
 
 @compiled(inner=True)
-def _fix_ends(bands: FloatArray, right: FloatArray, free: int) -> None:
-    """Fix both ends in Newton's system, except the end `free`."""
+def _fix_ends(bands: FloatArray, right: FloatArray) -> None:
+    """Fix both ends in Newton's system."""
     last = len(right) - 1
-    if free != START:
-        bands[0, 0], bands[1, 0], bands[2, 0], right[0] = 1.0, 0.0, 0.0, 0.0
-    if free != END:
-        bands[0, last], bands[1, last - 1], bands[2, last - 2], right[last] = 1.0, 0.0, 0.0, 0.0
+    bands[0, 0], bands[1, 0], bands[2, 0], right[0] = 1.0, 0.0, 0.0, 0.0
+    bands[0, last], bands[1, last - 1], bands[2, last - 2], right[last] = 1.0, 0.0, 0.0, 0.0
 
 
 @compiled(inner=True)
@@ -541,38 +529,24 @@ def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
 
 
 @compiled()
-def improve(
-    p: JerkSection,
-    d: FloatArray,
-    goal: int,  # DURATION, or the end at which a is free and raised to the target: START or END
-    target: float,  # Value of a at which the search for START or END ends
-    weight: float,
-    tolerance: float,
-    max_iterations: int,
-) -> int:
+def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int) -> int:
     """Improve a strictly feasible d in place until its gap is small; returns the iterations."""
-    # `d`: control points of a [m²/s²], (n + 2,); the ends are fixed except the end of the goal.
-    # `weight`: weight of the target relative to the duration, which is also minimized, so that the
-    # remaining path does not slow down to rest.
+    # `d`: control points of a [m²/s²], (n + 2,); the ends are fixed.
     n = len(p.width)
     slack, dual, change = _new_duals(p), _new_duals(p), _new_duals(p)
     tangents = np.empty((p.raised.shape[1], 4))
     iterate = _Iterate(d, tangents, slack, dual)
     bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
-    end = 0 if goal == START else n + 1
-    _write_slacks(p, d, goal, tangents, slack)
+    _write_slacks(p, d, tangents, slack)
     size = _add_durations(p, d, bands, right)
-    pull = weight * size / target if goal != DURATION else 0.0
     bounds = _count_bounds(p, dual)
     mu = size / bounds
     _central_duals(p, slack, mu, dual)
     for iteration in range(max_iterations):
         bands[:], right[:] = 0.0, 0.0
         size = _add_durations(p, d, bands, right)
-        if goal != DURATION:
-            right[end] += pull
         _add_barriers(p, iterate, mu, bands, right)
-        _fix_ends(bands, right, goal)
+        _fix_ends(bands, right)
         trial[:] = right
         _solve_bands(bands, right)
         decrement = 0.0
@@ -580,23 +554,16 @@ def improve(
             decrement += trial[i] * right[i]
         reach = _dual_changes(p, iterate, right, mu, change)
         share = reach[0]
-        landed = goal != DURATION and d[end] + share * right[end] >= target
-        if landed:
-            share = (target - d[end]) / right[end]
         _take_step(d, right, share, trial)
         halvings = 0
-        while not _write_slacks(p, trial, goal, tangents, slack):
+        while not _write_slacks(p, trial, tangents, slack):
             # Rounding errors close to a bound can violate a row.
-            halvings, share, landed = halvings + 1, share * SHORTENING, False
+            halvings, share = halvings + 1, share * SHORTENING
             if halvings > MAX_SHORTENINGS:
                 return iteration
             _take_step(d, right, share, trial)
         d[:] = trial
-        if landed:
-            d[end] = target
         _move_tangents(p, d, tangents, slack)
-        if landed:
-            return iteration + 1
         _add_scaled(dual.low, change.low, reach[1])
         _add_scaled(dual.high, change.high, reach[1])
         _add_scaled(dual.curved, change.curved, reach[1])

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
 from armcontour.planning.jerk.interior_point import (
-    DURATION,
-    END,
-    START,
     JerkSection,
     improve,
     least_slacks,
@@ -27,10 +25,7 @@ from armcontour.planning.jerk.mesh import (
     square_at,
 )
 from armcontour.planning.jerk.mesh_rows import MeshRows
-from armcontour.planning.law_checks import END as END_SPEED
-from armcontour.planning.law_checks import START as START_SPEED
-from armcontour.planning.law_checks import raise_too_fast
-from armcontour.planning.options import MAX_ITERATIONS, Task
+from armcontour.planning.options import Task
 from armcontour.planning.topp.kernels import MotionBounds
 
 # Default number of cells: PER_BUILD_UP times the duration of non-uniform motion divided by the
@@ -70,17 +65,12 @@ TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
 LARGEST_MARGIN, MAX_PARTS, MAX_SPLITS = 1e-2, 10, 6
 # Largest share of a limit that margins may take on cells of uniform jerk.
 MAX_AT_RAMPS = 0.5
-# A start or end speed equal to its limit is reduced by half of this share, because the
-# interior-point method requires strictly feasible points, at which no row is active.
-CLOSE_TO_LIMIT = 1e-7
-# Weights of a start or end speed relative to the duration, tried in order.
-WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 
 
 def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     """Plan the fastest motion with limits of jerk, from a plan without limits of jerk."""
-    section_ends, at_rest = find_sections(law, task)
-    ends = find_ends(law, task, section_ends, at_rest)
+    section_ends = find_sections(law, task)
+    ends = find_ends(law, task, section_ends)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
     # Each polynomial of the joint path has rows of its own, so fewer cells would save little time.
     coarse = max(cells // COARSER, FEWEST, len(law.joint_path.breaks) // 2)
@@ -88,7 +78,7 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     coarse_rows = _make_rows(task, mesh, law)
     coarse_law = _solve(coarse_rows, (law, 1.0), task, COARSE_GAP)
     mesh = place_mesh(
-        coarse_law, law.s, cells, section_ends, find_ends(coarse_law, task, section_ends, at_rest)
+        coarse_law, law.s, cells, section_ends, find_ends(coarse_law, task, section_ends)
     )
     if coarse_rows.exact:
         return _solve(_make_rows(task, mesh, coarse_law), (coarse_law, INSIDE), task, FINE_GAP)
@@ -110,8 +100,8 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
         rows = _reduce_ramp_bounds(rows, task, near)
         try:
             law = _solve(rows, (near, INSIDE), task, FINE_GAP)
-        except NotRealizable as error:
-            if error.limit in (START_SPEED, END_SPEED) or not curved:
+        except NotRealizable:
+            if not curved:
                 if best is None:
                     raise
                 return best
@@ -222,23 +212,10 @@ def _estimate_gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
 def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
     """Fastest motion within the rows of all sections; `near` as in `_find_start`."""
     mesh, solutions = rows.mesh, []
-    speeds = np.square([task.start_speed, task.end_speed])
-    for k, at_rest in enumerate(mesh.at_rest):
+    for k, (first, last) in enumerate(pairwise(mesh.sections)):
         p = rows.of_section(k)
-        s = mesh.nodes[mesh.sections[k] : mesh.sections[k + 1] + 1]
-        targets = np.where(at_rest, 0.0, speeds)
-        d = _find_start(p, s, at_rest, near, targets, rows.allowed_slopes(k))
-        for goal, end, target in ((START, 0, targets[0]), (END, -1, targets[1])):
-            allowed = float(p.high[end, 0 if end == 0 else 2])
-            if (1 - CLOSE_TO_LIMIT) * target <= allowed:
-                target = min(target, (1 - CLOSE_TO_LIMIT) * allowed)
-            for weight in WEIGHTS:
-                if d[end] < target:
-                    improve(p, d, goal, target, weight, COARSE_GAP, MAX_ITERATIONS)
-            if d[end] < target:
-                name = "start" if goal == START else "end"
-                raise_too_fast(name, target, float(d[end]), float(s[end]))
-        improve(p, d, DURATION, 0.0, 0.0, tolerance, task.iterations)
+        d = _find_start(p, mesh.nodes[first : last + 1], near, rows.allowed_slopes(k))
+        improve(p, d, tolerance, task.iterations)
         solutions.append(d)
     return _make_law(rows, solutions)
 
@@ -246,28 +223,24 @@ def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: f
 def _find_start(
     p: JerkSection,
     s: FloatArray,
-    at_rest: BoolArray,
     near: tuple[PathLaw, float],
-    targets: FloatArray,
     allowed_slopes: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
     """Control points of ds² of one section, including its ends, that satisfy every row [m²/s²]."""
     # The start is ds² of the plan in `near` times the factor in `near`, reduced near violated rows.
     # With uniform jerk from a rest, ds^1.5 is linear in s, so the allowed slope of ds^1.5 limits
     # the rise of a start. `allowed_slopes`: allowed slopes of ds^1.5 and of ds² on every cell, (n,)
-    # each; `targets`: ds² at both ends.
+    # each.
     law, share = near
-    inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
+    inner = s[1:-1]
     middle = (inner[:-1] + inner[1:]) / 2
     spacing = np.diff(middle)
-    d = np.empty(len(middle) + 2)
+    d = np.zeros(len(middle) + 2)
     profile = share * square_at(law, middle)
     if share == 1:
         power = profile**0.75
         for end in (0, -1):
-            away = abs(middle[end] - s[end]) if at_rest[end] else 0.0
-            first_power = allowed_slopes[0][end] * away + targets[end] ** 0.75
-            power[end] = min(power[end], first_power)
+            power[end] = min(power[end], allowed_slopes[0][end] * abs(middle[end] - s[end]))
         limit_steps(power, np.minimum(allowed_slopes[0][1:], allowed_slopes[0][:-1]) * spacing)
         profile = power ** (4 / 3)
         limit_steps(profile, np.minimum(allowed_slopes[1][1:], allowed_slopes[1][:-1]) * spacing)
@@ -279,7 +252,6 @@ def _find_start(
         height = np.log2(profile * part ** (4 / 3))
         limit_steps(height, doubled)
         d[1:-1] = 2**height
-        d[[0, -1]] = np.where(at_rest, 0.0, np.minimum(d[[1, -2]], targets))
         room = least_slacks(p, d)
         if (room > CLEAR).all():
             return d
@@ -299,10 +271,8 @@ def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
     mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
     grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
     square = np.zeros((3, len(width)))  # control points of ds² on each cell
-    for d, first, last, (start, stop) in zip(
-        solutions, mesh.sections[:-1], mesh.sections[1:], mesh.at_rest, strict=True
-    ):
-        cells = slice(first + int(start), last - int(stop))
+    for d, (first, last) in zip(solutions, pairwise(mesh.sections), strict=True):
+        cells = slice(first + 1, last - 1)
         around = np.stack([d[:-2], d[1:-1], d[2:]], axis=1)
         square[0, cells], square[2, cells] = (
             np.sum(x[cells] * around, axis=1) for x in (begin, end)
@@ -310,10 +280,8 @@ def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
         square[1, cells] = d[1:-1]
         # ds² at the moving end of a cell of uniform jerk equals ds² at the end of the adjacent
         # cell.
-        if start:
-            square[2, first] = square[0, first + 1]
-        if stop:
-            square[0, last - 1] = square[2, last - 2]
+        square[2, first] = square[0, first + 1]
+        square[0, last - 1] = square[2, last - 2]
     i, n = mesh.cell, len(grid)
     x, y = (np.clip((s - mesh.nodes[i]) / width[i], 0, 1) for s in (grid.s[:-1], grid.s[1:]))
     first, last = ((square[1] - square[0]) / width)[i], ((square[2] - square[1]) / width)[i]

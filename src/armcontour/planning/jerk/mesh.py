@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.motion import JointPath, PathLaw
 from armcontour.planning.constraints import JointMotion, OnGrid, limits_on
@@ -38,37 +38,30 @@ SNAP = 0.2
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Motion at an end of a section: rest or speed, and scales for the cells near this end."""
+    """Scales for the cells near an end of a section, at which the motion rests."""
 
-    rest: bool  # True if the motion rests at this end
-    square: float  # ds² at this end [m²/s²]
     acceleration: float  # Largest path acceleration near this end [m/s²]
     jerk: float  # Largest path jerk near this end [m/s³]
     speed: float  # Largest path speed of the section [m/s]
     even: float  # Length over which the joint path is nearly straight near this end [m]
 
     def first_cell(self, length: float) -> float:
-        """Length of the first cell at this end [m], in a section of a given length."""
-        # At a rest this is the cell of uniform jerk. At another end it is the length over which ds²
-        # may change much.
+        """Length of the cell of uniform jerk at this end [m], in a section of a given length."""
         shortest, longest = SHORTEST_FIRST * length, min(LONGEST_FIRST * length, self.even)
         longest = max(shortest, longest)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            if not self.rest:
-                distance = self.square / self.acceleration
-            else:
-                time = min(
-                    self.acceleration / self.jerk,
-                    np.sqrt(self.speed / self.jerk),
-                    np.cbrt(length / 2 / self.jerk),
-                )
-                distance = FIRST_CELL * self.jerk * time**3 / 6 if np.isfinite(self.jerk) else 0.0
+            time = min(
+                self.acceleration / self.jerk,
+                np.sqrt(self.speed / self.jerk),
+                np.cbrt(length / 2 / self.jerk),
+            )
+            distance = FIRST_CELL * self.jerk * time**3 / 6 if np.isfinite(self.jerk) else 0.0
         return float(np.clip(np.nan_to_num(distance, nan=longest), shortest, longest))
 
 
 @dataclass(frozen=True, slots=True)
 class JerkMesh:
-    """Cells of a path and parts of these cells, in sections between rests or other ends."""
+    """Cells of a path and parts of these cells, in sections between rests."""
 
     # ds² is one parabola on each cell, and the joint path one polynomial on each part.
 
@@ -76,8 +69,6 @@ class JerkMesh:
     nodes: FloatArray  # Ends of the n cells [m], (n + 1,)
     cell: IntArray  # The cell of each part, (m,)
     sections: IntArray  # First cell of each section, and the number of all cells, (sections + 1,)
-    # True at starts and ends of sections at which the motion rests, (sections, 2)
-    at_rest: BoolArray
 
     @property
     def width(self) -> FloatArray:
@@ -88,19 +79,17 @@ class JerkMesh:
     def ramps(self) -> IntArray:
         """Uniform jerk: 1 for cells from a rest, -1 for cells to a rest, 0 for others, (n,)."""
         signs = np.zeros(len(self.nodes) - 1, dtype=np.intp)
-        signs[self.sections[:-1][self.at_rest[:, 0]]] = 1
-        signs[self.sections[1:][self.at_rest[:, 1]] - 1] = -1
+        signs[self.sections[:-1]] = 1
+        signs[self.sections[1:] - 1] = -1
         return signs
 
     @classmethod
-    def through(
-        cls, joint_path: JointPath, nodes: FloatArray, sections: IntArray, at_rest: BoolArray
-    ) -> JerkMesh:
+    def through(cls, joint_path: JointPath, nodes: FloatArray, sections: IntArray) -> JerkMesh:
         """Mesh of given cells; breaks of the joint path are additional ends of parts."""
         s = np.union1d(nodes, joint_path.breaks)
         middle = (s[:-1] + s[1:]) / 2
         grid = Grid(joint_path, s, joint_path.locate(middle))
-        return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections, at_rest)
+        return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections)
 
     def split(self, parts: FloatArray) -> JerkMesh:
         """Split each cell into equal cells, as many as the largest `parts` on it, (m,)."""
@@ -115,7 +104,7 @@ class JerkMesh:
         # A new node that differs from a break by rounding would leave an empty part.
         snapped, new = _snap(nodes, self.grid.joint_path.breaks), np.append(number > 0, False)
         nodes = np.where(new, snapped, nodes)
-        return JerkMesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
+        return JerkMesh.through(self.grid.joint_path, nodes, before[self.sections])
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +140,7 @@ def place_mesh(
         node_rows.append(nodes[:-1])
         first.append(first[-1] + len(nodes) - 1)
     nodes = np.concatenate([*node_rows, section_ends[-1:]])
-    at_rest = np.array([[x.rest, y.rest] for x, y in ends])
-    return JerkMesh.through(law.joint_path, nodes, np.array(first), at_rest)
+    return JerkMesh.through(law.joint_path, nodes, np.array(first))
 
 
 def _place_nodes(
@@ -170,11 +158,9 @@ def _place_nodes(
     knots = knots[(knots > begin) & (knots < end)]
     s = np.unique(np.concatenate([[begin, end], inner, knots, _sample_ends(limits, firsts)]))
     mass = cells * share.before(s)
-    for first, away, sign, section_end in zip(
-        firsts, (s - begin, end - s), (1, -1), ends, strict=True
-    ):
-        mass += sign * _count_cells(first, away, per_ramp if section_end.rest else 0.0)
-    start, stop = (begin + firsts[0] * ends[0].rest, end - firsts[1] * ends[1].rest)
+    for first, away, sign in zip(firsts, (s - begin, end - s), (1, -1), strict=True):
+        mass += sign * _count_cells(first, away, per_ramp)
+    start, stop = begin + firsts[0], end - firsts[1]
     low, high = np.interp([start, stop], s, mass)
     targets, last = [low], low
     knot_mass = np.interp(knots, s, mass)
@@ -190,8 +176,7 @@ def _place_nodes(
     nodes = np.append(np.interp(positions, mass, s), stop)
     nodes[0] = start
     nodes = _snap(_drop_close_nodes(nodes, SHORTEST * length), knots)
-    before, after = [begin] * ends[0].rest, [end] * ends[1].rest
-    return np.concatenate([before, nodes, after])
+    return np.concatenate([[begin], nodes, [end]])
 
 
 def _drop_close_nodes(nodes: FloatArray, spacing: float) -> FloatArray:
@@ -226,10 +211,7 @@ def _sample_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray
 
 def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     """Number of cells from the first one to points at distances `away` from an end [m], (n,)."""
-    # `per_ramp`: number of cells per duration of the first cell next to a rest; 0 next to another
-    # end.
-    if per_ramp == 0:
-        return np.asarray(np.log1p(GROWTH * away / first) / GROWTH)
+    # `per_ramp`: number of cells per duration of the first cell.
     last = first * RAMPS / FIRST_CELL
     near = per_ramp * (np.cbrt(np.clip(away, first, last) / first) - 1)
     width = 3 / per_ramp * np.cbrt(first) * np.cbrt(last) ** 2
@@ -253,17 +235,14 @@ VANISHED, FIRST_AT_VANISHED = 0.1, 5e-4
 NEAR_REST = 5e-3
 
 
-def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
-    """Ends of the sections of a path [m], and a mask of rests at their starts and ends."""
+def find_sections(law: PathLaw, task: Task) -> FloatArray:
+    """Ends of the sections of a path between rests [m], (sections + 1,)."""
     path, inner = law.joint_path, law.s[1:-1]
     stops = np.union1d(path.stops, _find_jumps(law, task))
     stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
     if len(inner):
         stops = np.union1d(stops, inner[law.rates.ds[1:] == 0])
-    ends = np.concatenate([law.s[:1], stops, law.s[-1:]])
-    at_rest = np.ones((len(ends) - 1, 2), dtype=bool)
-    at_rest[0, 0], at_rest[-1, 1] = task.start_speed == 0, task.end_speed == 0
-    return ends, at_rest
+    return np.concatenate([law.s[:1], stops, law.s[-1:]])
 
 
 def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
@@ -277,10 +256,8 @@ def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
     return np.asarray(breaks[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])
 
 
-def find_ends(
-    law: PathLaw, task: Task, section_ends: FloatArray, at_rest: BoolArray
-) -> list[tuple[End, End]]:
-    """Motion at the start and the stop of each section, with scales from a plan."""
+def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[End, End]]:
+    """Scales at the start and the stop of each section, from a plan."""
     grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
     path = OnGrid(grid)
     (first, second), (third, _) = path.derivatives
@@ -300,7 +277,6 @@ def find_ends(
     curvature = np.linalg.norm(second, axis=2).max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         even = np.fmin(EVEN_BEND * size / curvature, np.sqrt(EVEN_BEND * size / third.max(axis=1)))
-    squares = np.square([task.start_speed, task.end_speed])
 
     def ends_on_side(side: int, s: FloatArray) -> list[End]:
         i = np.clip(np.searchsorted(law.s, s, side="right") - 1, 0, len(grid) - 1)
@@ -311,11 +287,8 @@ def find_ends(
         # used.
         standing = size[j] < VANISHED * size[i]
         straight = np.where(standing, FIRST_AT_VANISHED * np.diff(section_ends), straight)
-        rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)
-        return [
-            End(bool(rest), float(squares[side]), float(x), float(y), float(v), float(e))
-            for rest, x, y, v, e in rows
-        ]
+        rows = zip(acceleration[i], jerk[i], speed, straight, strict=True)
+        return [End(float(x), float(y), float(v), float(e)) for x, y, v, e in rows]
 
     return list(
         zip(

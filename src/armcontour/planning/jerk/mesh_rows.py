@@ -233,14 +233,8 @@ class MeshRows:
     def of_section(self, k: int) -> JerkSection:
         """Rows of one section, without its cells of uniform jerk."""
         mesh, p = self.mesh, self.section
-        first, last = mesh.sections[k : k + 2]
-        ramps = np.zeros(2)
-        if mesh.at_rest[k, 0]:
-            ramps[0] = mesh.width[first]
-            first += 1
-        if mesh.at_rest[k, 1]:
-            last -= 1
-            ramps[1] = mesh.width[last]
+        first, last = mesh.sections[k] + 1, mesh.sections[k + 1] - 1
+        ramps = mesh.width[[first - 1, last]]
         start, end = np.searchsorted(mesh.cell, [first, last])
         cells = {name: getattr(p, name)[first:last] for name in ("width", "begin", "end")}
         parts = {
@@ -263,8 +257,7 @@ class MeshRows:
         # The slopes assume a straight path. They are returned for the cells of a section except its
         # cells of uniform jerk, (n,) each.
         mesh, slopes_by_cell = self.mesh, []
-        first = int(mesh.sections[k]) + int(mesh.at_rest[k, 0])
-        last = int(mesh.sections[k + 1]) - int(mesh.at_rest[k, 1])
+        first, last = int(mesh.sections[k]) + 1, int(mesh.sections[k + 1]) - 1
         start, end = np.searchsorted(mesh.cell, [first, last])
         slopes = np.abs(self.path.derivatives[0][0][start:end]).max(axis=1)
         begins = np.searchsorted(mesh.cell[start:end], np.arange(first, last))
@@ -452,17 +445,14 @@ def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
     # The coefficients multiply the middle control points of the previous cell, of the cell itself
     # and of the next cell. Inside a section both control points are means of their neighbours, so
     # that ds² has a continuous slope. Next to a cell of uniform jerk with length h and `ds² = A` at
-    # its moving end, ds² has the slope of that cell, `4 A / (3 h)`. At other ends, the control
-    # point is given.
+    # its moving end, ds² has the slope of that cell, `4 A / (3 h)`.
     width = mesh.width
     begin, end = np.zeros((2, len(width), 3))
     total = width[:-1] + width[1:]
     begin[1:, 0], begin[1:, 1] = width[1:] / total, width[:-1] / total
     end[:-1, 1], end[:-1, 2] = width[1:] / total, width[:-1] / total
     first, last = mesh.sections[:-1], mesh.sections[1:] - 1
-    begin[first], end[last] = (1, 0, 0), (0, 0, 1)
     for rows, ramp, step in ((begin, first, 1), (end, last, -1)):
-        ramp = ramp[mesh.at_rest[:, 0 if step > 0 else 1]]
         near = ramp + step
         rows[near] = 0
         rows[near, 1] = 1 / (1 + 2 * width[near] / (3 * width[ramp]))

@@ -406,10 +406,7 @@ class ShapeSearch:
             curve=drawn.curve,
         )
         if objective.orientation is not None:
-            # Each point has the orientation of its matching objective point, even if the
-            # orientation follows the tangent.
-            plain = replace(objective, orientation=replace(objective.orientation, follows=False))
-            path, angle = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
+            path, angle = orient_shaped(path, objective, drawn.places, options.angular_tolerance)
             if angle > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
                 return None
         return path
