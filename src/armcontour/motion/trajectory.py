@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import accumulate
@@ -22,7 +22,6 @@ from armcontour.core.quantities import Interval
 from armcontour.core.render import number
 from armcontour.core.text import count_kinds, count_noun, draw, format_table, short_repr, to_html
 from armcontour.geometry import Path
-from armcontour.motion.kernels import JointDerivatives, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
 
@@ -30,11 +29,6 @@ from armcontour.robot import Arm, Limits
 DEFAULT_CYCLE = 4e-3
 # Largest number of times that are computed together, which limits the memory.
 AT_ONCE = 50_000
-# Smallest number of laws along joint paths that are joined into one table and evaluated together.
-MIN_JOINED = 4
-# Largest number of laws in the cached table (a few MB), and number of laws before and after the
-# requested laws that the table also includes.
-MAX_CACHED, EXTRA_LAWS = 100, 3
 # Arc lengths and times may be outside by this fraction of the range, due to rounding errors.
 SLACK = 1e-12
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
@@ -198,7 +192,6 @@ class Trajectory(Checked):
     starts: FloatArray = field(init=False, repr=False)
     _law_ranges: tuple[_LawRange, ...] = field(init=False, repr=False)
     _ends: FloatArray = field(init=False, repr=False)
-    _joined: list[tuple[int, int, JoinedLaws]] = field(default_factory=list, init=False, repr=False)
 
     def _check_together(self) -> None:
         if not self.laws:
@@ -408,9 +401,12 @@ class Trajectory(Checked):
         self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> tuple[FloatArray, ...]:
         """Values of the laws at times, `t.shape + (dof,)` for each order."""
-        flat = t.ravel()
         outputs: tuple[FloatArray, ...] = ()
-        for indices, values in self._values(flat, side, orders):
+        for k, indices, i, local in self.locate(t.ravel(), side):
+            if len(orders) == 1:
+                values: tuple[FloatArray, ...] = (self.laws[k].on_interval(i, local, orders[0]),)
+            else:
+                values = self.laws[k].motion(i, local, orders[-1])
             if len(indices) == t.size:
                 # One group has all times, in order. Laws of users may return arrays of other types.
                 outputs = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
@@ -424,50 +420,6 @@ class Trajectory(Checked):
         # The results are no views of other arrays where possible, so `frozen_array` makes no
         # copies.
         return outputs if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
-
-    def _values(
-        self, t: FloatArray, side: str, orders: tuple[int, ...]
-    ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Values at groups of times of one or more laws: indices in `t`, values for each order."""
-        law_index = self._law_at(t, side)
-        touched = np.unique(law_index) if len(self.laws) >= MIN_JOINED else law_index[:0]
-        many = [k for k in touched.tolist() if type(self.laws[k]) is PathLaw]
-        separate = np.arange(len(t))
-        if len(many) >= MIN_JOINED:
-            together = np.zeros(len(self.laws), dtype=bool)
-            together[many] = True
-            indices = np.flatnonzero(together[law_index])
-            for begin in range(0, len(indices), AT_ONCE):
-                batch = indices[begin : begin + AT_ONCE]
-                law, joined = self._join_laws(law_index[batch])
-                yield batch, joined.motion(law, t[batch], side, orders)
-            separate = np.flatnonzero(~together[law_index])
-        for k, indices, i, local in self.locate(t[separate], side):
-            if len(orders) == 1:
-                yield separate[indices], (self.laws[k].on_interval(i, local, orders[0]),)
-            else:
-                yield separate[indices], self.laws[k].motion(i, local, orders[-1])
-
-    def _join_laws(self, law_index: IntArray) -> tuple[IntArray, JoinedLaws]:
-        """Index of the law of each time within a table of joined laws, (n,), and the table."""
-        # The last table of few laws is cached, because the clearance check requests it repeatedly.
-        first, last = int(law_index.min()), int(law_index.max()) + 1
-        for begin, end, joined in self._joined[:]:
-            if begin <= first and last <= end:
-                return law_index - begin, joined
-        if last - first <= MAX_CACHED:
-            begin, end = first, last
-            while begin > max(first - EXTRA_LAWS, 0) and type(self.laws[begin - 1]) is PathLaw:
-                begin -= 1
-            while end < min(last + EXTRA_LAWS, len(self.laws)) and type(self.laws[end]) is PathLaw:
-                end += 1
-            path_laws = [x for x in self.laws[begin:end] if type(x) is PathLaw]
-            if len(path_laws) == end - begin:
-                joined = JoinedLaws.from_laws(path_laws, np.array(self.starts[begin:end]))
-                self._joined[:] = [(begin, end, joined)]
-                return law_index - begin, joined
-        laws, law = np.unique(law_index, return_inverse=True)
-        return law, JoinedLaws.from_laws([self.laws[k] for k in laws.tolist()], self.starts[laws])
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
         """Joint positions or a derivative at any times, with rest before and after, (n, dof).
@@ -586,18 +538,14 @@ class Trajectory(Checked):
             Index of the law, indices of its times in `t`, their intervals, and their times since
             the start of the law [s].
         """
-        for k, indices in _group_by_law(self._law_at(t, side)):
+        law_index = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
+        for k, indices in _group_by_law(np.clip(law_index, 0, len(self.laws) - 1)):
             start, breaks = self.starts[k], self.laws[k].breaks
             # `t - start` can be rounded to either side of a break of the law. Therefore t is
             # compared with `start + breaks`, the sums that the property `breaks` also returns.
-            i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
+            i = np.searchsorted(start + breaks, t[indices], side=side) - 1
             i = np.clip(i, 0, len(breaks) - 2)
             yield k, indices, i, np.clip(t[indices] - start, breaks[i], breaks[i + 1])
-
-    def _law_at(self, t: FloatArray, side: str) -> IntArray:
-        """Index of the law at each time [s], (n,)."""
-        index = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
-        return np.clip(index, 0, len(self.laws) - 1)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Times clipped to the trajectory [s]; raise InvalidInput for times outside."""
@@ -735,82 +683,3 @@ def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
     bounds = [0, *edges.tolist(), len(law_index)]
     for begin, end in zip(bounds[:-1], bounds[1:], strict=True) if len(law_index) else ():
         yield int(law_index[begin]), order[begin:end]
-
-
-@dataclass(frozen=True, slots=True)
-class JoinedLaws:
-    """Several laws as one table with n rows, one for every break of every law."""
-
-    starts: FloatArray  # Start times of the laws [s], (laws,)
-    rows: IntArray  # Row of the first break of each law, and the number of rows, (laws + 1,)
-    breaks: FloatArray  # Breaks, counted from the start of each law [s], (n,)
-    # Breaks, counted from the start of the trajectory and rounded like the breaks of the trajectory
-    # [s], (n,)
-    times: FloatArray
-    s: FloatArray  # Arc lengths at the breaks [m], (n,)
-    # The columns of `Rates` for the interval after each break, (n,) each
-    rates: tuple[FloatArray, ...]
-    # Row in `path_breaks` of the first break of each law's joint path, followed by the number m of
-    # all these breaks, (laws + 1,)
-    path_rows: IntArray
-    path_breaks: FloatArray  # Breaks of the joint paths [m], (m,)
-    coefficients: FloatArray  # Coefficients of the joint paths after each break, (m, 6, dof)
-
-    @classmethod
-    def from_laws(cls, laws: Sequence[PathLaw], starts: FloatArray) -> JoinedLaws:
-        """Make the table of laws with given start times [s]."""
-        paths = [x.joint_path for x in laws]
-        return cls(
-            starts=starts,
-            rows=_first_rows([x.breaks for x in laws]),
-            breaks=_join([x.breaks for x in laws]),
-            times=_join([at + x.breaks for at, x in zip(starts, laws, strict=True)]),
-            s=_join([x.s for x in laws]),
-            rates=tuple(_join_padded([x.rates[k] for x in laws]) for k in range(4)),
-            path_rows=_first_rows([x.breaks for x in paths]),
-            path_breaks=_join([x.breaks for x in paths]),
-            coefficients=_join_padded([x.coefficients for x in paths]),
-        )
-
-    def motion(
-        self, law: IntArray, t: FloatArray, side: str, orders: tuple[int, ...]
-    ) -> tuple[FloatArray, ...]:
-        """Joint positions or derivatives over time, (n, dof) for each order."""
-        # `law`: index of the law of each time, (n,); `t`: times in the trajectory [s], (n,);
-        # `side`: "right" or "left", the interval to which a break belongs; `orders`: the orders,
-        # from 0 to 3.
-        row = np.searchsorted(self.times, t, side=checks.check_side(side)) - 1
-        row = np.clip(row, self.rows[law], self.rows[law + 1] - 2)
-        local = np.clip(t - self.starts[law], self.breaks[row], self.breaks[row + 1])
-        for array in (row, local):
-            array.setflags(write=False)
-        along = path_motions(row, local, self.breaks, self.s, *self.rates)
-        dof = self.coefficients.shape[2]
-        motion = JointDerivatives(
-            *(np.empty((len(t) if k in orders else 0, dof)) for k in range(4))
-        )
-        tables = self.path_rows, self.path_breaks, self.coefficients
-        joint_motions(along, _locked(self.s[row + 1]), law, *tables, motion)
-        return tuple(motion[k] for k in orders)
-
-
-def _locked(values: FloatArray) -> FloatArray:
-    """Make an array read-only, because the kernels are compiled for read-only arrays."""
-    values.setflags(write=False)
-    return values
-
-
-def _join(parts: list[FloatArray]) -> FloatArray:
-    """Concatenate arrays; the result is read-only."""
-    return _locked(np.concatenate(parts))
-
-
-def _join_padded(parts: list[FloatArray]) -> FloatArray:
-    """Concatenate arrays with a row of zeros after each; the result is read-only."""
-    zero = np.zeros((1, *parts[0].shape[1:]))
-    return _join([x for part in parts for x in (part, zero)])
-
-
-def _first_rows(parts: list[FloatArray]) -> IntArray:
-    """Row at which each of several concatenated arrays starts, and the number of all rows."""
-    return np.cumsum([0, *(len(x) for x in parts)], dtype=np.intp)
