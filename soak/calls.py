@@ -162,7 +162,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.trace, {"path": x["path"], "arm": x["arm"]}),
         (ac.write_report, {"study": x["study"], "file": "a.html"}),
         # Names on the pages that only a package has.
-        (geometry.round_with_parabolas, {"path": x["objective"], "tolerance": 1e-3}),
+        (geometry.round_path, {"path": x["objective"], "tolerance": 1e-3}),
         (files.parse_job, {"text": FILES["bend.yaml"]}),
         (plan_with, {"coefficients": nothing}),
     ]  # fmt: skip

@@ -18,7 +18,7 @@ from numba import njit
 from scipy.optimize import minimize_scalar
 
 import armcontour as ac
-from armcontour.geometry import round_with_parabolas
+from armcontour.geometry import round_path
 from soak import Outcome
 from soak.corners import Piece
 from soak.kerf import shape
@@ -302,7 +302,9 @@ def time_rivals(planned: ac.Trajectory, problem: Problem) -> dict[str, float]:
     objective, tolerance = problem.objective, problem.options["tolerance"]
     shapes = {
         "arcs": ac.round_corners(objective, tolerance=tolerance),
-        "parabolas": hold_tool(round_with_parabolas(objective, tolerance=tolerance), problem.hold),
+        "parabolas": hold_tool(
+            round_path(objective, tolerance=tolerance, curve="parabola"), problem.hold
+        ),
         "stops": objective,
     }
     options = {} if objective.dimension == 2 else {"seed": planned(0.0)}

@@ -9,7 +9,7 @@ from docs.figures.paper import ACCELERATION, ARM, CYCLE, LIMITS, OBJECTIVE, ROUN
 from matplotlib.figure import Figure
 
 import armcontour as ac
-from armcontour.geometry import round_with_parabolas
+from armcontour.geometry import round_path
 
 SIDE, ERROR = 0.03, 5e-3  # m, of the corner of 90°
 VIEW = 3.2  # mm, half of the enlarged part
@@ -29,7 +29,12 @@ def draw_fig_bends() -> Figure:
     shape.plot(*1e3 * corner.vertices.T, color=style.OBJECTIVE, ls="--", label="objective path")
     for name, colour, path, line in (
         ("arc", style.BLUE, ac.round_corners(corner, tolerance=ERROR), "-"),
-        ("parabola, as arcs", style.ORANGE, round_with_parabolas(corner, tolerance=ERROR), "-"),
+        (
+            "parabola, as arcs",
+            style.ORANGE,
+            round_path(corner, tolerance=ERROR, curve="parabola"),
+            "-",
+        ),
         ("smooth bend", style.GREEN, smooth, "--"),
     ):
         s = np.linspace(0, path.length, 1201)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.geometry.tables import each, line, path_of
 
 import armcontour as ac
-from armcontour.geometry import count_full_stops, round_with_parabolas
+from armcontour.geometry import count_full_stops, round_path
 
 TURNS = [1e-7, 0.01, 0.5, np.pi / 2, 2.5, 3.1]
 
@@ -29,7 +29,7 @@ def bezier(path, length, n=2001):
 def test_the_arcs_follow_the_parabola(turn):
     error = min(0.005, turn)
     path = corner(turn)
-    rounded = round_with_parabolas(path, tolerance=error)
+    rounded = round_path(path, tolerance=error, curve="parabola")
     c, half = rounded.corners, turn / 2
     leg = min(2 * error / np.sin(half), 10.0)
     assert c.tangent[0] == pytest.approx(leg, rel=1e-9)
@@ -46,44 +46,44 @@ def test_the_arcs_follow_the_parabola(turn):
 def test_planes_in_space_demands_places_and_corners_beside_arcs():
     flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
     basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]
-    plane = round_with_parabolas(ac.Path.polyline(flat), tolerance=5e-3)
-    space = round_with_parabolas(ac.Path.polyline(flat @ basis.T), tolerance=5e-3)
+    plane = round_path(ac.Path.polyline(flat), tolerance=5e-3, curve="parabola")
+    space = round_path(ac.Path.polyline(flat @ basis.T), tolerance=5e-3, curve="parabola")
     s = np.linspace(0, plane.length, 301)
     np.testing.assert_allclose(space(s), plane(s) @ basis.T, atol=1e-14)
     # Demands are those of the lines.
     first = line((0, 0), (1, 0), speed=0.2, tolerance=1e-3, tag="x")
     path = path_of(first, line((1, 0), (1, 1), speed=0.1, tag="x"))
-    rounded = round_with_parabolas(path, tolerance=0.1)
+    rounded = round_path(path, tolerance=0.1, curve="parabola")
     assert rounded.corners.error[0] == pytest.approx(1e-3)
     assert rounded.speeds[0] == 0.2 and (rounded.speeds[1:] == 0.1).all()
     assert set(rounded.tags) == {"x"} and (rounded.tolerances[:-1] == 1e-3).all()
     # The places of corners are their middles.
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
-    rounded = round_with_parabolas(path, tolerance=[0.02, 0.05])
+    rounded = round_path(path, tolerance=[0.02, 0.05], curve="parabola")
     distances = np.linalg.norm(rounded(rounded.place(path.breaks)) - path.vertices, axis=1)
     np.testing.assert_allclose(distances, [0, 0.02, 0.05, 0], atol=1e-12)
     # Corners beside arcs are those of round_corners.
     path = path_of(ac.Arc.through((0, 0), (1, 0.3), (2, 0)), line((2, 0), (3, 0)))
-    parabola, same = (x(path, tolerance=0.01) for x in (round_with_parabolas, ac.round_corners))
+    parabola, same = (round_path(path, tolerance=0.01, curve=x) for x in ("parabola", "arc"))
     np.testing.assert_array_equal(parabola.starts, same.starts)
     np.testing.assert_array_equal(parabola.corners.error, same.corners.error)
     # A parabola too tight to draw stays a corner.
     for less, reason in ((5e-4, "no room"), (1e-3, None)):
-        rounding = round_with_parabolas(corner(np.pi - less), tolerance=0.005)
+        rounding = round_path(corner(np.pi - less), tolerance=0.005, curve="parabola")
         assert rounding.corners.reason.tolist() == [reason] and (len(rounding) == 2) == bool(reason)
 
 
 def test_short_lines_shrink_parabolas_and_stops_are_those_of_arcs():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.01), (2, 0.01)])
-    c = round_with_parabolas(path, tolerance=0.1).corners
+    c = round_path(path, tolerance=0.1, curve="parabola").corners
     np.testing.assert_allclose(c.tangent, 0.005, rtol=1e-12)
     assert c.shrunk.all() and (c.error < 0.1).all()
-    uneven = round_with_parabolas(path, tolerance=[1e-3, 0.1]).corners
+    uneven = round_path(path, tolerance=[1e-3, 0.1], curve="parabola").corners
     legs = 2e-3 / np.sin(np.pi / 4)
     np.testing.assert_allclose(uneven.tangent, [legs, 0.01 - legs], rtol=1e-12)
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 1), (2, 3)])
     tolerance = [0.0, 0.01, 0.01, 0.01]
-    parabolas = round_with_parabolas(path, tolerance=tolerance)
+    parabolas = round_path(path, tolerance=tolerance, curve="parabola")
     arcs = ac.round_corners(path, tolerance=tolerance)
     assert parabolas.corners.reason.tolist() == arcs.corners.reason.tolist()
     assert parabolas.corners.reason.tolist() == ["tolerance zero", None, "turn-back", None]
@@ -93,13 +93,13 @@ def test_short_lines_shrink_parabolas_and_stops_are_those_of_arcs():
 def test_a_tool_that_turns_or_follows_the_tangent_keeps_its_angular_tolerance():
     path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1)])
     path = path.pointing([(0, 0, -1), (0, 1, -1), (1, 0, -1), (1, 0, 0)])
-    rounded = round_with_parabolas(path, tolerance=0.05, angular_tolerance=0.02)
+    rounded = round_path(path, tolerance=0.05, angular_tolerance=0.02, curve="parabola")
     c = rounded.corners
     assert len(rounded.stops) == 0 and (c.angular_error <= 0.02 * (1 + 1e-9)).all()
     assert c.angular_error.max() == pytest.approx(0.02, rel=1e-3)
     assert (c.error < 0.05).all()
     path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)]).following_tangent((0, 0, 1))
-    rounded = round_with_parabolas(path, tolerance=0.05, angular_tolerance=0.02)
+    rounded = round_path(path, tolerance=0.05, angular_tolerance=0.02, curve="parabola")
     s = np.linspace(0, rounded.length, 2001)
     along = rounded.orientation(s)[:, :, 0]
     angles = np.arccos(np.clip(np.sum(along * rounded(s, 1), axis=1), -1, 1))
@@ -112,7 +112,7 @@ def test_random_polylines_keep_both_sides_of_the_tolerance(seed, dimension):
     points = np.cumsum(rng.normal(size=(6, dimension)) * 10.0 ** rng.uniform(-3, 0), axis=0)
     path = ac.Path.polyline(points)
     tolerance = rng.choice([0.0, 1e-4, 1e-2], size=4)
-    rounded = round_with_parabolas(path, tolerance=tolerance)
+    rounded = round_path(path, tolerance=tolerance, curve="parabola")
     c = rounded.corners
     assert (c.error <= tolerance * (1 + 1e-12)).all()
     # Own lines only: what a crossing line would hide.

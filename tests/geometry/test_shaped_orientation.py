@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 import armcontour as ac
 from armcontour.core.frames import angle_between, exp, log
-from armcontour.geometry import orient_shaped, round_with_parabolas
+from armcontour.geometry import orient_shaped, round_path
 
 POINTS = [(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0.02), (0.2, 0.1, 0.05), (0.15, 0.02, 0)]
 BASE = ac.Path.polyline(POINTS)
@@ -15,7 +15,7 @@ BASE = ac.Path.polyline(POINTS)
 def shaped(objective, tolerance=0.005):
     """A path of many arcs near an objective, without orientation, and the places."""
     bare = ac.Path(segments=objective.segments)
-    path = round_with_parabolas(bare, tolerance=tolerance)
+    path = round_path(bare, tolerance=tolerance, curve="parabola")
     c = path.corners
     vertices = objective.breaks[c.vertex]
     s = np.unique(

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.geometry import Tube, round_with_parabolas
+from armcontour.geometry import Tube, round_path
 from armcontour.geometry.arc_fit import draw_with_arcs
 from armcontour.geometry.path_parts import cut_path
 from armcontour.geometry.rounding.tangent_repair import repair_tangents
@@ -65,10 +65,10 @@ def test_stopping_at_every_vertex_keeps_tolerance_zero():
 
 
 @each("turn", [0.3, np.pi / 2, 3.0])
-@each("shape", [ac.round_corners, round_with_parabolas])
+@each("shape", ["arc", "parabola"])
 def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
     path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
-    rounded = shape(path, tolerance=5e-3)
+    rounded = round_path(path, tolerance=5e-3, curve=shape)
     just, less = (
         Tube.around(path, 5e-3 * x).prove(rounded, places_of(rounded), 0.5) for x in (1, 1 - 1e-6)
     )
@@ -83,7 +83,7 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
     rng = np.random.default_rng(seed)
     points = np.cumsum(rng.normal(size=(5, dimension)), axis=0)
     objective = ac.Path.polyline(points)
-    path = round_with_parabolas(objective, tolerance=0.3)
+    path = round_path(objective, tolerance=0.3, curve="parabola")
     places = places_of(path)
     if bent:
         # Arcs around arcs, and places that are not the best ones.

@@ -8,9 +8,7 @@ _HOME = {
     "orientation": "Orientation",
     "path": "Path",
     "primitives": "Arc Line SegmentLimits",
-    "rounding.rounded_path": (
-        "Corners RoundedPath count_full_stops round_corners round_with_parabolas"
-    ),
+    "rounding.rounded_path": "Corners RoundedPath count_full_stops round_path",
     "segments": "Segments",
     "shaped_path": "ShapingOutcome ShapedPath SmoothCurve",
     "shaped_orientation": "orient_shaped",

@@ -9,8 +9,7 @@ from armcontour.geometry.rounding.line_corners import corner_error as corner_err
 from armcontour.geometry.rounding.rounded_path import Corners as Corners
 from armcontour.geometry.rounding.rounded_path import RoundedPath as RoundedPath
 from armcontour.geometry.rounding.rounded_path import count_full_stops as count_full_stops
-from armcontour.geometry.rounding.rounded_path import round_corners as round_corners
-from armcontour.geometry.rounding.rounded_path import round_with_parabolas as round_with_parabolas
+from armcontour.geometry.rounding.rounded_path import round_path as round_path
 from armcontour.geometry.segments import Segments as Segments
 from armcontour.geometry.shaped_orientation import orient_shaped as orient_shaped
 from armcontour.geometry.shaped_path import ShapedPath as ShapedPath

@@ -423,6 +423,12 @@ class Path(Checked):
         return self.segments.tolerances
 
     @property
+    def vertex_tolerances(self) -> FloatArray:
+        """Largest corner error at every vertex between segments [m], infinite if not specified."""
+        tolerances = np.where(np.isnan(self.tolerances), np.inf, self.tolerances)
+        return np.minimum(tolerances[:-1], tolerances[1:])
+
+    @property
     def tags(self) -> tuple[str | None, ...]:
         """Tag of each segment; None for a segment without one."""
         return tuple(self.segments.tags.tolist())

@@ -30,7 +30,6 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
-from armcontour.geometry.rounding.rounded_path import CONTINUITIES, Continuity
 from armcontour.jobs.analog import check_analog
 from armcontour.jobs.exports import Exports
 from armcontour.jobs.goal import CertificateGoal
@@ -39,6 +38,7 @@ from armcontour.planning import Optimal, PlanOptions, Shaped, check_duration
 from armcontour.planning.options import DEFAULT_ITERATIONS, FASTEST
 from armcontour.program import Process, Program
 from armcontour.program.preparation import check_process
+from armcontour.program.rounded_corners import CONTINUITIES, Continuity
 from armcontour.robot import Arm, Limits
 from armcontour.robot.chain import Payload
 from armcontour.robot.scene import Scene

@@ -11,6 +11,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.render import figure, number
 from armcontour.core.text import count_noun, list_some
 from armcontour.geometry import Path, count_full_stops
+from armcontour.geometry.rounding.rounded_path import describe_large_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.job import Run
 from armcontour.jobs.plan_quantities import JerkStop
@@ -18,7 +19,6 @@ from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.set_point_check import describe_excess
 from armcontour.planning import Conventional
 from armcontour.program import Contour, Program, contour_called
-from armcontour.program.rounded_corners import describe_large_tolerance
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance

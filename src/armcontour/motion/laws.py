@@ -118,15 +118,6 @@ class LapLaw(Law):
             return np.asarray(self.dq[i] + u * self.ddq[i])
         return np.asarray(self.ddq[i] if order == 2 else np.zeros_like(self.ddq[i]))
 
-    def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """Joint positions and derivatives up to an order, at `t` of interval `i`, (n, dof) each."""
-        u = (t - self.breaks[i])[..., None]
-        dq, ddq = self.dq[i], self.ddq[i]
-        derivatives = [self.q[i] + u * (dq + u * ddq / 2), dq + u * ddq, ddq]
-        if order == 3:
-            derivatives.append(np.zeros_like(ddq))
-        return tuple(derivatives[: order + 1])
-
 
 @checked
 def dwell_law(q: FloatArray, duration: Interval) -> LapLaw:

@@ -543,7 +543,7 @@ class Trajectory(Checked):
             start, breaks = self.starts[k], self.laws[k].breaks
             # `t - start` can be rounded to either side of a break of the law. Therefore t is
             # compared with `start + breaks`, the sums that the property `breaks` also returns.
-            i = np.searchsorted(start + breaks, t[indices], side=side) - 1
+            i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
             i = np.clip(i, 0, len(breaks) - 2)
             yield k, indices, i, np.clip(t[indices] - start, breaks[i], breaks[i + 1])
 

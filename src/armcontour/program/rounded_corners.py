@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import overload
+from typing import Literal, TypeAlias, get_args, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -15,14 +15,13 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.fields import checked, texts_to_si
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import capitalise
-from armcontour.geometry import Path, RoundedPath, ShapedPath
-from armcontour.geometry import round_corners as round_path
-from armcontour.geometry.rounding.rounded_path import Continuity
+from armcontour.geometry import Path, RoundedPath, ShapedPath, round_path
+from armcontour.geometry.rounding.rounded_path import describe_large_tolerance
 from armcontour.program.moves import Contour, Program
 
-# Number of points from which the extent of a path is computed, and smallest tolerance that is
-# compared with the extent [m].
-SAMPLES, LARGE = 65, 0.02
+# Continuity of a rounded path: only the tangent is continuous, or also the curvature.
+Continuity: TypeAlias = Literal["tangent", "curvature"]
+CONTINUITIES: tuple[Continuity, ...] = get_args(Continuity)
 
 
 @overload
@@ -58,7 +57,7 @@ def round_corners(
     """Round every corner of a path, or of every contour of a program.
 
     A corner needs `tolerance` (case II), or `speed` and `acceleration` (case I).
-    `armcontour.geometry.round_corners` describes both cases.
+    `armcontour.geometry.round_path` describes both cases.
 
     >>> rounded = ac.round_corners(objective, tolerance=1e-3)
     >>> rounded.length < objective.length
@@ -95,7 +94,7 @@ def round_corners(
             speed=speed,
             acceleration=acceleration,
             angular_tolerance=angular_tolerance,
-            continuity=continuity,
+            curve="smooth" if continuity == "curvature" else "arc",
         )
 
     if isinstance(path, Path):
@@ -108,21 +107,6 @@ def round_corners(
         put_on_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in program.moves
     ]
     return replace(program, moves=tuple(moves))
-
-
-def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
-    """A sentence if the corner tolerance [m] is larger than the path; empty otherwise."""
-    largest = 0.0 if tolerance is None else float(np.max(tolerance, initial=0.0))
-    if largest <= LARGE:
-        return []
-    extent = float(np.ptp(path(np.linspace(0.0, path.length, SAMPLES)), axis=0).max())
-    if largest <= extent:
-        return []
-    return [
-        f"the corner tolerance of {largest:g} m is larger than the path, which extends over "
-        f"{extent:.4g} m. The tolerance is in metres. For {largest:g} mm, specify "
-        f"{largest / 1e3:g} in Python or `tolerance: {largest:g} mm` in a job."
-    ]
 
 
 @overload

@@ -90,8 +90,7 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
         mask[find_kinks(path)] = False
         mask &= orientation.jumps <= SAME_ORIENTATION
     vertex = np.flatnonzero(mask)
-    tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    limits = np.minimum(tolerance, np.minimum(tolerances[vertex], tolerances[vertex + 1]))
+    limits = np.minimum(tolerance, path.vertex_tolerances[vertex])
     tight = np.maximum(path.curvatures[vertex], path.curvatures[vertex + 1])
     # Half of each segment next to a corner is reserved, because the corner can be rounded later.
     every = np.where(sharp, np.inf, 0.0)

@@ -27,7 +27,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import STRAIGHT, join_by_quintics, make_biarcs, unit, unit_across
-from armcontour.geometry.rounding.rounded_orientation import middle_fraction
+from armcontour.geometry.rounding.rounded_orientation import SLIVER, middle_fraction
 from armcontour.geometry.segments import REPEATED_POINT, Segments, combine_limits
 
 # Largest step of asinh(tan(angle of the tangent)) that two arcs of a parabola cover. The curvature
@@ -42,9 +42,6 @@ QUINTICS = 7.8
 # Gauss-Legendre nodes and weights that integrate along one quintic (QUINTIC_NODES) and along half
 # of SMOOTH (HALF_NODES) exactly up to rounding errors.
 QUINTIC_NODES, HALF_NODES = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
-# A remainder of a line between two arcs that is shorter than this is a rounding error and is
-# discarded [m].
-SLIVER = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

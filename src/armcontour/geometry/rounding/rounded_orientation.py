@@ -30,7 +30,8 @@ from armcontour.geometry.segments import Segments
 # In the middle of a blend of length l that replaces the length t of either piece, the polynomial f
 # of `Orientation` is `l MIDDLE - t / 2` for cubics and `l SMOOTH_MIDDLE - t / 2` for quintics.
 MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
-# A remainder of constant rate between two blends that is shorter than this is discarded [m].
+# A remainder of a segment, or of constant rate, between two curves that is shorter than this is a
+# rounding error and is discarded [m].
 SLIVER = 1e-12
 # Empty array of vertex indices.
 NO_VERTICES = np.empty(0, dtype=np.intp)

@@ -1,10 +1,11 @@
-"""Corner rounding within a corner error, by arcs as in (10)-(16) of the paper or by parabolas.
+"""Corner rounding within a corner error, by arcs as in (10)-(16) of the paper or other curves.
 
 The *corner error* is the gap between the corner point and the arc, as in the paper's Fig. 3:
 `gap = r (1 - cos h) / cos h` for radius r and half the turn h. Other texts call two other lengths
 tolerance: the arc's distance from the path, `r (1 - cos h) = gap cos h`, and the tangent length,
 `r tan h`, which is the part of each line that the arc replaces. Two tangent arcs replace a corner
-next to an arc (arc_corners.py). Parabolas are in line_corners.py. See docs/concepts/rounding.md.
+next to an arc (arc_corners.py). The other curves are in line_corners.py. See
+docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -47,9 +48,12 @@ from armcontour.geometry.rounding.straight_runs import merge_lines
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
 
-# Continuity of a rounded path: only the tangent is continuous, or also the curvature.
-Continuity: TypeAlias = Literal["tangent", "curvature"]
-CONTINUITIES: tuple[Continuity, ...] = get_args(Continuity)
+# Curves that replace corners between two lines.
+Curve: TypeAlias = Literal["arc", "smooth", "parabola"]
+CURVES: dict[Curve, LineCorner] = {"arc": ARC, "smooth": SMOOTH, "parabola": PARABOLA}
+# Number of points from which the extent of a path is computed, and smallest tolerance that is
+# compared with the extent [m].
+SAMPLES, LARGE = 65, 0.02
 # Smallest tangent length of a blend with continuous curvature [m]. A shorter blend has too few
 # significant digits and saves no time compared with a full stop.
 SHORTEST_SMOOTH = 1e-6
@@ -169,16 +173,17 @@ class RoundedPath(Path):
         return np.asarray(arc_lengths)
 
 
-def round_corners(
+@checked
+def round_path(
     path: Path,
     *,
     tolerance: npt.ArrayLike | None = None,
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
-    continuity: Continuity = "tangent",
+    curve: Curve = "arc",
 ) -> RoundedPath:
-    """Replace every corner of a path by an arc, by the paper's case I or case II.
+    """Replace every corner of a path by a curve, by the paper's case I or case II.
 
     Case II: `tolerance` bounds the corner error, and the radius is the largest that satisfies it,
     (15). Case I: `speed` is the lowest speed allowed on the corner; under `acceleration` it gives
@@ -186,57 +191,100 @@ def round_corners(
     corner error of case I.
 
     Each value is one number for all corners, or one per vertex between segments (values of vertices
-    without a corner are ignored). Tolerances of the path's segments cap the corner error. Arcs that
-    would overlap shrink until they fit their segments. Where no arc is possible (zero tolerance, a
-    turn of 180°, segments without room) the corner stays sharp, and the tool stops there;
-    `corners.reason` reports the cause. A corner next to an arc becomes two tangent arcs.
+    without a corner are ignored). Tolerances of the path's segments cap the corner error. Curves
+    that would overlap shrink until they fit their segments. Where no curve is possible (zero
+    tolerance, a turn of 180°, segments without room) the corner stays sharp, and the tool stops
+    there; `corners.reason` reports the cause.
 
-    With continuity "curvature" the curvature is continuous, too, so a motion with a jerk limit need
-    not stop. A corner between two lines becomes a curve with the same corner error that uses more
-    of both lines; `corners.radius` is its radius in the middle. A corner next to an arc becomes a
-    connection. Where the turn is too sharp for a connection it becomes two tangent arcs, at whose
-    ends the curvature jumps.
+    - "arc": an arc between two lines, two tangent arcs next to an arc.
+    - "smooth": a curve with continuous curvature, so a motion with a jerk limit need not stop. It
+      has the same corner error and uses more of both lines; `corners.radius` is its radius in the
+      middle. A corner next to an arc becomes a connection, or two tangent arcs if the turn is too
+      sharp, at whose ends the curvature jumps.
+    - "parabola": tangent arcs along a parabola between two lines, two tangent arcs next to an arc.
+      This shape suits a tool with limited acceleration that is slower in the middle of a corner: a
+      parabola is longer than the arc with the same corner error, and has less curvature at its
+      ends. `corners.radius` is the smallest radius, in the middle.
 
     The tool orientation is rounded with the position. `angular_tolerance` bounds its deviation in
-    the middle of a corner, and reduces arcs if necessary. It also applies to vertices at which only
-    the angular rate jumps. An orientation that follows the tangent may deviate from it by that
+    the middle of a corner, and reduces curves if necessary. It also applies to vertices at which
+    only the angular rate jumps. An orientation that follows the tangent may deviate from it by that
     angle where lines and arcs meet.
 
-    Arguments and errors are those of `armcontour.round_corners` for a path.
+    Args:
+        path: The objective path.
+        tolerance: Largest corner error [m], a number or one per vertex.
+        speed: Lowest speed on a corner [m/s], a number or one per vertex.
+        acceleration: Centripetal acceleration at that speed [m/s²], a number or one per vertex.
+        angular_tolerance: Largest angle between the tool orientation and its value at the vertex
+            [rad].
+        curve: The curve at corners.
+
+    Raises:
+        InvalidInput: Neither case is specified, a value is negative, their number is wrong, or
+            the orientation needs an angular tolerance.
     """
-    checks.check_choice("continuity", continuity, CONTINUITIES)
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
             "Corners need a tolerance (case II), or a speed and an acceleration (case I). Specify "
             "them as arguments of round_corners in Python, or as keys of corners in a job."
         )
-    curve = SMOOTH if continuity == "curvature" else ARC
-    return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, curve)
+    n = len(path) - 1
+    error = checks.per_vertex("corner error tolerance", tolerance, n, "m")
+    slowest = checks.per_vertex("corner speed", speed, n, "m/s")
+    accelerations = np.full(n, np.nan)
+    if acceleration is not None:
+        accelerations = checks.per_vertex("corner acceleration", acceleration, n, "m/s²")
+        if n:
+            checks.positive("corner acceleration", accelerations.min(), "m/s²")
+    turn, kinked = path.turns, find_kinks(path)
+    sharp = turn > TANGENT_TOLERANCE
+    kinked = kinked[~sharp[kinked]]
+    angle = check_angular_tolerance(path, angular_tolerance, kinked)
+    if n == 0 and (path.orientation is None or path.orientation.fixed):
+        # This shortcut saves time, because a program can have thousands of circles.
+        return _without_corners(path)
+    error = np.minimum(error, path.vertex_tolerances)
+    merged, vertex, moved = path, np.arange(n), np.zeros(n + 1)
+    if (rounds := sharp & (error > 0)).any():
+        largest = min(PRINTED, PRINTED_SHARE * error[rounds].min())
+        merged, vertex, moved = merge_lines(path, np.where(sharp & ~rounds, 0.0, largest))
+    if merged is not path:
+        turn = merged.turns
+    corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
+    if len(kinked):
+        kinked = np.setdiff1d(np.searchsorted(vertex, kinked), corner)
+    each = vertex[corner]
+    # A corner and the lines next to it deviate by at most the corner error together.
+    near = np.maximum(moved[corner], moved[corner + 1])
+    error = np.maximum(error[each] - near, 0.0)
+    none = np.full(len(corner), np.inf)
+    enough = none if speed is None else slowest[each] ** 2 / accelerations[each]
+    requirements = error, enough, none, accelerations[each]
+    rounded = _round(merged, corner, turn[corner], requirements, CURVES[curve], kinked, angle)
+    if merged is path:
+        return rounded
+    return replace(
+        rounded,
+        objective=path,
+        corners=replace(rounded.corners, vertex=each + 1),
+        deviation=float(np.max(rounded.corners.error + near, initial=moved.max())),
+    )
 
 
-@checked
-def round_with_parabolas(
-    path: Path, *, tolerance: npt.ArrayLike, angular_tolerance: float | None = None
-) -> RoundedPath:
-    """Replace every corner between two lines by a parabola, approximated by tangent arcs.
-
-    This shape suits a tool with limited acceleration that is slower in the middle of a corner: a
-    parabola is longer than the arc with the same corner error, and has less curvature at its ends.
-    Stops, room, tolerances, corners next to arcs and the tool orientation are as in
-    `round_corners`. In `corners`, `radius` is the smallest radius, in the middle. A corner stays
-    sharp with the reason "no room" if its smallest radius would be below a nanometre.
-
-    Args:
-        path: The objective path.
-        tolerance: Largest corner error [m], a number or (vertices,). Every point of a parabola is
-            within this distance of one of its lines.
-        angular_tolerance: As in `round_corners` [rad].
-
-    Raises:
-        InvalidInput: A tolerance is negative, the number of values is wrong, or the orientation
-            needs an angular tolerance.
-    """
-    return _round_all(path, (tolerance, None, None), angular_tolerance, PARABOLA)
+def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
+    """A sentence if the corner tolerance [m] is larger than the path; empty otherwise."""
+    largest = 0.0 if tolerance is None else float(np.max(tolerance, initial=0.0))
+    if largest <= LARGE:
+        return []
+    extent = float(np.ptp(path(np.linspace(0.0, path.length, SAMPLES)), axis=0).max())
+    if largest <= extent:
+        return []
+    return [
+        f"the corner tolerance of {largest:g} m is larger than the path, which extends over "
+        f"{extent:.4g} m. The tolerance is in metres. For {largest:g} mm, specify "
+        f"{largest / 1e3:g} in Python or `tolerance: {largest:g} mm` in a job."
+    ]
 
 
 def count_full_stops(path: Path) -> dict[str, int]:
@@ -281,58 +329,6 @@ def blend_vertices(
         ARC,
         NO_VERTICES,
         np.inf,
-    )
-
-
-def _round_all(
-    path: Path,
-    values: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
-    angular_tolerance: float | None,
-    curve: LineCorner,
-) -> RoundedPath:
-    """Replace all corners of a path, with `values` of tolerance, speed and acceleration."""
-    tolerance, speed, acceleration = values
-    n = len(path) - 1
-    error = checks.per_vertex("corner error tolerance", tolerance, n, "m")
-    slowest = checks.per_vertex("corner speed", speed, n, "m/s")
-    accelerations = np.full(n, np.nan)
-    if acceleration is not None:
-        accelerations = checks.per_vertex("corner acceleration", acceleration, n, "m/s²")
-        if n:
-            checks.positive("corner acceleration", accelerations.min(), "m/s²")
-    turn, kinked = path.turns, find_kinks(path)
-    sharp = turn > TANGENT_TOLERANCE
-    kinked = kinked[~sharp[kinked]]
-    angle = check_angular_tolerance(path, angular_tolerance, kinked)
-    if n == 0 and (path.orientation is None or path.orientation.fixed):
-        # This shortcut saves time, because a program can have thousands of circles.
-        return _without_corners(path)
-    tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    error = np.minimum(error, np.minimum(tolerances[:-1], tolerances[1:]))
-    merged, vertex, moved = path, np.arange(n), np.zeros(n + 1)
-    if (rounds := sharp & (error > 0)).any():
-        largest = min(PRINTED, PRINTED_SHARE * error[rounds].min())
-        merged, vertex, moved = merge_lines(path, np.where(sharp & ~rounds, 0.0, largest))
-    if merged is not path:
-        turn = merged.turns
-    corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
-    if len(kinked):
-        kinked = np.setdiff1d(np.searchsorted(vertex, kinked), corner)
-    each = vertex[corner]
-    # A corner and the lines next to it deviate by at most the corner error together.
-    near = np.maximum(moved[corner], moved[corner + 1])
-    error = np.maximum(error[each] - near, 0.0)
-    none = np.full(len(corner), np.inf)
-    enough = none if speed is None else slowest[each] ** 2 / accelerations[each]
-    requirements = error, enough, none, accelerations[each]
-    rounded = _round(merged, corner, turn[corner], requirements, curve, kinked, angle)
-    if merged is path:
-        return rounded
-    return replace(
-        rounded,
-        objective=path,
-        corners=replace(rounded.corners, vertex=each + 1),
-        deviation=float(np.max(rounded.corners.error + near, initial=moved.max())),
     )
 
 

@@ -17,7 +17,7 @@ from armcontour.geometry.biarcs import dot, length
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import Path
 from armcontour.geometry.prescribed_orientation import carry_frame
-from armcontour.geometry.rounding.line_corners import SLIVER
+from armcontour.geometry.rounding.rounded_orientation import SLIVER
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 
 # A vertex with a larger turn [rad] is a corner, whose turn may increase. Rounding errors of short

@@ -53,9 +53,8 @@ def repair_tangents(
     # does not move.
     # `tolerance`: largest movement of points [m]. The original and the repaired path are at most
     # the smaller of `tolerance` and `deviation_limit` [m] apart.
-    tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    tolerances = np.minimum(tolerances, min(tolerance, deviation_limit))
-    allowed = np.minimum(tolerances[:-1], tolerances[1:])
+    largest_deviation = min(tolerance, deviation_limit)
+    allowed = np.minimum(path.vertex_tolerances, largest_deviation)
     merged, remaining, moved = merge_lines(path, allowed)
     # A vertex and the lines next to it move by at most the tolerance together.
     near = np.maximum(moved[:-1], moved[1:])
@@ -96,7 +95,8 @@ def repair_tangents(
     seam = _repair_closure(
         start,
         min(possible_turns[0] + possible_turns[-1], LARGEST_KINK),
-        min(tolerances[0], tolerances[-1]) - near_ends,
+        float(np.fmin(largest_deviation, np.nanmin(np.append(path.tolerances[[0, -1]], np.inf))))
+        - near_ends,
     )
     if inner is None or seam is None:
         return inner or seam

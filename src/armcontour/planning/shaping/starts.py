@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
 from armcontour.core.sampling import number_parts
-from armcontour.geometry import Path, Proof, RoundedPath, Tube, round_corners, round_with_parabolas
+from armcontour.geometry import Path, Proof, RoundedPath, Tube, round_path
+from armcontour.geometry.rounding.rounded_path import Curve
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.optimal import plan_optimal
@@ -133,15 +133,16 @@ def make_starts(
     # `share`: share of the tolerance to which corners are rounded.
     matches = np.array([[0.0, 0.0], [objective.length, objective.length]])
     starts: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, matches)}
-    for name, round_ in ((ARCS, round_corners), (PARABOLAS, round_with_parabolas)):
-        rounded = _round_within(objective, tube, options, round_, share)
+    curves: dict[str, Curve] = {ARCS: "arc", PARABOLAS: "parabola"}
+    for name, curve in curves.items():
+        rounded = _round_within(objective, tube, options, curve, share)
         if rounded is not None:
             starts[name] = rounded
     return starts
 
 
 def _round_within(
-    objective: Path, tube: Tube, options: Shaped, round_: Callable[..., RoundedPath], share: float
+    objective: Path, tube: Tube, options: Shaped, curve: Curve, share: float
 ) -> tuple[RoundedPath, FloatArray] | None:
     """Rounded path within the tube, with its matching arc lengths; None if it needs stops."""
     # Corners whose rounding leaves the tube get a smaller tolerance.
@@ -149,7 +150,12 @@ def _round_within(
     requested[tube.vertex - 1] = share * tube.vertex_tolerance
 
     def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
-        path = round_(objective, tolerance=tolerance, angular_tolerance=options.angular_tolerance)
+        path = round_path(
+            objective,
+            tolerance=tolerance,
+            angular_tolerance=options.angular_tolerance,
+            curve=curve,
+        )
         matches = match(tube, path, _matching_lengths(path), REACH * options.tolerance)
         return path, matches, _corners_outside(tube, path, matches)
 
