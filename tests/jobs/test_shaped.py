@@ -57,9 +57,10 @@ def test_contours_have_rapids_leads_and_events_on_their_shapes():
     process = Process(lead_in=lead, lead_out=lead)
     plan = run(a_job(Program(moves=moves), a_run(), process=process), simulate=False).runs["free"]
     assert [type(x.path) for x in plan.path.contours] == [ShapedPath, ShapedPath]
-    assert sum(plan.shaped.starts.values()) == 2
+    data = plan.to_data()
+    assert sum(data["shaping.starts"].value.values()) == 2
     spans = [x.t[1] - x.t[0] for x in plan.trajectory.contour_spans]
-    assert sum(spans) == pytest.approx(plan.shaped.durations["shaped"], rel=1e-9)
+    assert sum(spans) == pytest.approx(data["shaping.durations"].value["shaped"], rel=1e-9)
     (switch_s,) = [x.s for x in plan.path.contours[0].events if x.name == "tool"]
     assert np.linalg.norm(plan.path.contours[0].path(switch_s) - BEND(0.02)) < 1e-3
 

@@ -171,8 +171,8 @@ def _print_results(study: JobResult, notes: Sequence[str]) -> None:
     from armcontour.core.render import cells, compare, lay_out, text, verdict
     from armcontour.core.result import VERDICT
     from armcontour.jobs import warnings_of
-    from armcontour.jobs.job_result import unknown_notes
     from armcontour.jobs.plan_quantities import assumed_numbers
+    from armcontour.jobs.run_notes import unknown_notes
 
     job, runs = study.job, study.figures
     title = f"{job.title}, simulated with {job.plant_servo}" if study.simulated else job.title

@@ -26,10 +26,10 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.job_result import RunResult
+from armcontour.jobs.rows import judge
 from armcontour.jobs.run_learning import measured_pieces
+from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.study import run
-from armcontour.jobs.verdict import judge
 from armcontour.motion import JointPath, Log, SetPoints
 from armcontour.planning import plan
 from armcontour.planning.options import Optimal

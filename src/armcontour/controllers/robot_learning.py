@@ -24,8 +24,8 @@ from armcontour.core.quantities import AngularDistance, Reserve
 from armcontour.core.render import Result
 from armcontour.core.result import FIRST, VERDICT, Data, Row
 from armcontour.jobs.job import Job
-from armcontour.jobs.job_result import RunResult
 from armcontour.jobs.run_learning import LearningStudy, learn_logs
+from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Log, SetPoints
 
 # Default of the minimum reserve: learned corrections need additional acceleration, and learning

@@ -8,9 +8,9 @@ _HOME = {
     "exports": "Exports",
     "goal": "CertificateGoal Uncertainty",
     "job": "Experiment Job Rounding Run build_plant",
-    "planned_run": "Planned ShapingGain",
+    "run_notes": "warnings_of",
     "run_plan": "plan_one prepare_program round_program",
-    "job_result": "Advice ExperimentResult Improvement JobResult RunResult warnings_of",
+    "run_result": "Advice ExperimentResult Improvement JobResult RunResult",
     "study": "STEPS run",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

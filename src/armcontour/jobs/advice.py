@@ -14,11 +14,7 @@ from armcontour.core.errors import ArmContourError
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import split
 from armcontour.jobs.job import Job, Run, default_compensation
-from armcontour.jobs.job_result import Advice, Improvement, JobResult, RunResult
-from armcontour.jobs.planned_run import Planned
-from armcontour.jobs.run_plan import plan_one
-from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
-from armcontour.jobs.verdict import (
+from armcontour.jobs.rows import (
     ASSIGNED,
     EXPECTED,
     Errors,
@@ -27,6 +23,9 @@ from armcontour.jobs.verdict import (
     weave_speed,
     worst_contour,
 )
+from armcontour.jobs.run_plan import plan_one
+from armcontour.jobs.run_result import Advice, Improvement, JobResult, RunResult
+from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
 from armcontour.motion import Method
 from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.robot.limits import LIMITS
@@ -142,7 +141,7 @@ def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None
     )
 
 
-def _contour_errors(job: Job, planned: Planned) -> Errors:
+def _contour_errors(job: Job, planned: RunResult) -> Errors:
     """Largest contour error of each contour [m] in each execution that judges the run."""
     run, errors = planned.run, dict[str, Sequence[float]]()
     set_points = compute_set_points(job, run, planned.trajectory)

@@ -13,8 +13,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, error_context
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.planned_run import Planned
-from armcontour.jobs.run_warnings import SAME_SPEED
+from armcontour.jobs.run_notes import SAME_SPEED
+from armcontour.jobs.run_result import RunResult
 from armcontour.planning import Optimal
 from armcontour.program import Contour, Leads, Process, Program, arrange_contours, prepare
 from armcontour.robot import PlanarTwoLink
@@ -31,7 +31,7 @@ PLACES = 401
 # Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 
-PlanOne = Callable[..., Planned]
+PlanOne = Callable[..., RunResult]
 
 
 def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:

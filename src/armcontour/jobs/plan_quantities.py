@@ -1,26 +1,31 @@
-"""Quantities of the plan of a run: stops due to jerk limits, weaves, torques, angular speeds."""
+"""Quantities of the plan of a run: full stops, weaves, torques, angular speeds."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.render import number, number_range
+from armcontour.geometry import count_full_stops
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Trajectory
-from armcontour.planning import Tracing, find_jerk_stops
+from armcontour.planning import Conventional, Tracing, find_jerk_stops
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, SerialArm
+
+if TYPE_CHECKING:
+    from armcontour.jobs import RunResult
 
 # Reason of stops due to jerk limits, in the list of full stops.
 CURVATURE_JUMPS = "curvature jumps"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JerkStop:
+class JerkStop(NamedTuple):
     """A full stop inside a contour due to jerk limits, at a jump of the curvature."""
 
     contour: str  # Name of the contour in messages; empty for a single path
@@ -41,10 +46,27 @@ def jerk_stops(
         if span.trajectory is not None:
             name = "" if program.single_path is not None else contour_called(contour, i)
             stops += [
-                JerkStop(contour=name, s=s, point=tuple(contour.path(s).tolist()))
+                JerkStop(name, s, tuple(contour.path(s).tolist()))
                 for s in find_jerk_stops(span.trajectory).tolist()
             ]
     return tuple(stops)
+
+
+def full_stops(result: RunResult) -> dict[str, int]:
+    """Number of full stops inside contours, by reason."""
+    by_jerk = len(result.jerk_stops)
+    return stops_of_path(result) | ({CURVATURE_JUMPS: by_jerk} if by_jerk else {})
+
+
+def stops_of_path(result: RunResult) -> dict[str, int]:
+    """Number of full stops that the path requires regardless of limits, by reason."""
+    if isinstance(result.run.timing, Conventional):
+        # The conventional method does not stop, because it passes corners at uniform speed.
+        return {}
+    stops: Counter[str] = Counter()
+    for contour in result.path.contours:
+        stops.update(count_full_stops(contour.path))
+    return dict(sorted(stops.items()))
 
 
 # Number of samples of the planned path per wave.

@@ -14,7 +14,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import number
 from armcontour.core.result import Data, Row
 from armcontour.jobs.job import Job, choose_run
-from armcontour.jobs.job_result import JobResult, RunResult
+from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.jobs.study import run
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.set_point_check import describe_excess

@@ -16,7 +16,7 @@ from armcontour.jobs.alternatives import (
     first_contour_clear,
 )
 from armcontour.jobs.job import TANGENT, Job, Run
-from armcontour.jobs.planned_run import Planned
+from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
@@ -40,7 +40,7 @@ def plan_one(
     *,
     objective: Program | None = None,
     clear: bool = True,
-) -> Planned:
+) -> RunResult:
     """Plan a run: prepare, round and trace its program, and time it on a collision-free joint path.
 
     `objective`: the prepared program, if known; `clear`: whether to avoid collisions.
@@ -162,10 +162,10 @@ def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
 
 def time_run(
     job: Job, run: Run, objective: Program, traced: Tracing, progress: Progress
-) -> Planned:
+) -> RunResult:
     """Plan along joint paths without a check of collisions."""
     progress(Step(("timing",)))
-    return Planned(
+    return RunResult(
         run=run,
         objective=objective,
         path=traced.program,
@@ -176,7 +176,7 @@ def time_run(
 
 def time_clear(
     job: Job, run: Run, objective: Program, traced: Tracing, progress: Progress
-) -> Planned:
+) -> RunResult:
     """Plan along the first of several alternative joint paths that is collision-free."""
     for candidate, notes in alternatives(job, run, traced, progress):
         planned = time_run(job, run, objective, candidate, progress)

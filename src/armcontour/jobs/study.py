@@ -16,11 +16,9 @@ from armcontour.core.errors import ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.job import Experiment, Job, Run, build_plant
-from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
-from armcontour.jobs.planned_run import Planned
+from armcontour.jobs.run_notes import sample_rates
 from armcontour.jobs.run_plan import ROUNDING, explain_plan, explained_reach, plan_one
-from armcontour.jobs.run_warnings import sample_rates
-from armcontour.jobs.verdict import ExpectedErrors
+from armcontour.jobs.run_result import ExpectedErrors, ExperimentResult, JobResult, RunResult
 from armcontour.motion import Execution, Method, SetPoints, Trajectory
 from armcontour.planning import check_jerk_support
 from armcontour.program import Program
@@ -72,17 +70,15 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
                 simulated["explanation"] = planned.explanation or explain_plan(
                     job, planned.trajectory
                 )
-            done[each.name] = RunResult.of(
-                planned, set_points=set_points, servo=job.servo, **simulated
-            )
+            done[each.name] = replace(planned, set_points=set_points, servo=job.servo, **simulated)
     return JobResult(job=job, runs=MappingProxyType(done))
 
 
-def _plan(job: Job, run: Run, done: Sequence[RunResult], progress: Progress) -> Planned:
+def _plan(job: Job, run: Run, done: Sequence[RunResult], progress: Progress) -> RunResult:
     """Plan of a run, or that of an earlier run with the same limits, timing and rounding."""
     for earlier in done:
         if all(comparable(getattr(run, x)) == comparable(getattr(earlier.run, x)) for x in SHARED):
-            return Planned.of(earlier, run=run)
+            return replace(earlier, run=run, experiment=None, failure=None)
     with explained_reach(job):
         return plan_one(job, run, progress)
 
@@ -106,7 +102,7 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
 
 def _simulate(
     job: Job,
-    planned: Planned,
+    planned: RunResult,
     set_points: SetPoints,
     plant: RigidBodyPlant | None,
     progress: Progress,
@@ -194,7 +190,7 @@ def _simulate_uncompensated(
     return evaluate(done, path, end_time=run.end_time)
 
 
-def _executed_clearance(job: Job, planned: Planned, executed: Execution) -> Clearance | None:
+def _executed_clearance(job: Job, planned: RunResult, executed: Execution) -> Clearance | None:
     """Clearance of the executed motion; None if the plan was not checked.
 
     Raises Collision if bodies touch.

@@ -150,10 +150,8 @@ def make_subplots(
     rows: int,
     cols: int,
     *,
-    shared_xaxes: bool = False,
     vertical_spacing: float,
     row_heights: Sequence[float] | None = None,
-    subplot_titles: Sequence[str] = (),
     column_titles: Sequence[str] = (),
 ) -> Figure:
     """Create a figure with a grid of plots; `vertical_spacing` is a share of the height."""
@@ -170,23 +168,20 @@ def make_subplots(
         },
         least=LEAST_WIDTH * cols if cols > 1 else 0,
     )
-    titles = []
-    for k, ((r, c), name) in enumerate(zip(places, names, strict=True)):
+    for (r, c), name in zip(places, names, strict=True):
         figure.update_layout(
             **{
                 f"xaxis{name}": {"anchor": f"y{name}", "domain": [start[c], end[c]]},
                 f"yaxis{name}": {"anchor": f"x{name}", "domain": [bottom[r], top[r]]},
             }
         )
-        if shared_xaxes and r + 1 < rows:
+        if r + 1 < rows:
             last = f"x{names[(rows - 1) * cols + c]}"
             figure.update_xaxes(r + 1, c + 1, matches=last, showticklabels=False)
-        if k < len(subplot_titles):
-            titles.append(_title(subplot_titles[k], (start[c] + end[c]) / 2, top[r]))
-    titles += [
-        _title(text, (start[c] + end[c]) / 2, max(top)) for c, text in enumerate(column_titles)
+    figure.layout["annotations"] += [
+        Node(_title(text, (start[c] + end[c]) / 2, max(top)))
+        for c, text in enumerate(column_titles)
     ]
-    figure.layout["annotations"] += map(Node, titles)
     return figure
 
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
 
 from armcontour.control.identification import Identification
-from armcontour.core.render import figure
-from armcontour.core.result import TABLE, VERDICT, Data
+from armcontour.core.result import TABLE, Data
 from armcontour.core.text import capitalise
 from armcontour.report.figure import make_subplots, render_page
-from armcontour.report.section import Chapter, Front, Section, TextTable, Tile, text_table, tiles
+from armcontour.report.section import Chapter, Front, Section, Tile, text_table, tiles
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -39,47 +37,23 @@ def render_identification(identification: Identification) -> str:
 
 
 def _front(result: Identification, data: Data) -> Front:
-    """First screen: the verdict, and a table of all joints with advice on further recordings."""
-    first, *rows = data.shown(VERDICT)
-    notes = [*data.warnings, *data.notes]
-    shown = text_table(next(x for x in data.tables if x.level <= TABLE), "All joints")
-    determined = [
-        bool(x.estimates) and all(y.determined for y in x.estimates) for x in result.joints
-    ]
-    if len(shown.rows) == len(determined):
-        columns = [
-            ("yes" if x else "no", _next(y)) for x, y in zip(determined, result.joints, strict=True)
-        ]
-        shown = TextTable(
-            header=(*shown.header, "determined", "record next"),
-            rows=tuple((*x, *y) for x, y in zip(shown.rows, columns, strict=True)),
-            caption=shown.caption,
-        )
-    joints = Tile(
-        label="joints with all parameters determined",
-        value=f"{sum(determined)} of {len(determined)}",
-    )
-    words = [first.label if first.value else f"not {first.label}", first.note]
-    sure = result.judgement.programs > 1
-    clauses = [f"{x.label} {figure(x)}" + f" ({x.note})" * bool(x.note) for x in rows]
+    """First screen: the verdict, a table of all joints, and the weakest point."""
+    trusted = data["judgement.trusted"]
+    words = [trusted.label if trusted.value else f"not {trusted.label}", trusted.note]
+    table = next(x for x in data.tables if x.level <= TABLE)
+    determined = [x.determined for x in result.joints]
+    known = f"{sum(determined)} of {len(determined)}"
     return Front(
-        verdict=capitalise("; ".join([": ".join(filter(None, words)), *clauses])) + ".",
-        good=bool(first.value),
-        doubtful=not first.value or not sure,
-        tiles=(*tiles(rows[:2]), joints),
-        tables=(shown,),
-        sentences=tuple(("Weakest point", x) for x in notes[:1]),
+        verdict=capitalise(": ".join(filter(None, words))) + ".",
+        good=bool(trusted.value),
+        doubtful=not trusted.value or result.judgement.programs < 2,
+        tiles=(
+            *(x for x in tiles(data) if x.label != trusted.label),
+            Tile(label="joints with all parameters determined", value=known),
+        ),
+        tables=(text_table(table, "All joints"),),
+        sentences=tuple(("Weakest point", x) for x in [*data.warnings, *data.notes][:1]),
     )
-
-
-def _next(joint: Any) -> str:
-    """Advice on the next recording of a joint, from its note or its undetermined parameters."""
-    advice = re.search(r"[:.] (record .*)", getattr(joint, "note", ""), re.IGNORECASE)
-    if advice is not None:
-        return advice[1]
-    unknown = [x.label for x in joint.estimates if not x.determined]
-    words = "more motion at other velocities and accelerations, to determine"
-    return f"{words} {', '.join(unknown)}" if unknown else "-"
 
 
 def _sections(identification: Identification, data: Data) -> list[Section]:
@@ -119,7 +93,6 @@ def _figure(identification: Identification) -> Any:
     drawn = make_subplots(
         rows=len(joints),
         cols=2,
-        shared_xaxes=True,
         column_titles=["position [rad]", "residual [mrad]"],
         vertical_spacing=0.15 / len(joints),
     )

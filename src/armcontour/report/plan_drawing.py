@@ -14,7 +14,6 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.palette import LIMITS, LINES
 from armcontour.core.render import number, number_range
 from armcontour.core.text import count_noun
-from armcontour.geometry import RoundedPath
 from armcontour.jobs import Job, RunResult
 from armcontour.planning.explanation import BETWEEN, RAPIDS, LimitShare
 from armcontour.program import Process, cut_parts
@@ -25,17 +24,16 @@ WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0
 # Maximum deviation of the drawn path [px], and length below which a piece gets the colour of the
 # previous piece [px].
 VISIBLE, SHORTEST = 0.3, 1.0
-# If the thickness of a path in space is below this share of its width, the path is viewed
-# perpendicularly to its plane.
+# Share of the size of a path below which its height along z is ignored.
 FLAT = 0.02
-# Direction towards the viewer for other paths in space.
-VIEWER = np.array([1.1, -1.5, 0.9])
+# Unit vectors to the right and up in the view of other paths in space.
+OBLIQUE = np.array([[0.806, 0.591, 0.0], [-0.257, 0.351, 0.9]])
 # Number of points of each rapid, and approximate minimum distance of marks of the same kind [px].
 RAPID_PLACES, APART = 24, 7.0
 # Maximum number of contours for which numbers are drawn.
 MAX_NUMBERED = 60
 # AXIS: length of a coordinate axis that is parallel to the picture [px]. SHORT_AXIS: an axis is not
-# drawn if its projection, or the distance of its end from a drawn axis, is below this share of it.
+# drawn if its projection is below this share of it.
 AXIS, SHORT_AXIS = 26.0, 0.25
 # Share of the maximum speed below which the tool counts as stopped.
 STILL = 1e-6
@@ -95,7 +93,6 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         parts.append(_line(sheet, curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
     marks = {
         "start": ("▶", "start of a contour", _starts(result)),
-        "corner": ("○", "rounded corner", _corners(result)),
         "stop": ("■", "stop inside a contour", _stops(result)),
         "event": ("◆", "output switched", _events(result)),
     }
@@ -183,39 +180,23 @@ class Sheet:
         end, low = 12 + length * self.size, self.height - 10
         yield f'<path class="scale" d="M12 {low - 4:.1f}v4H{end:.1f}v-4"/>'
         yield f'<text x="{end + 6:.1f}" y="{low:.1f}">{number(length, "m")}</text>'
-        drawn: list[tuple[float, float]] = []
-        for k in np.argsort(-np.hypot(*self.axes)).tolist():
-            right, up = self.axes[:, k].tolist()
-            apart = (abs(right * y - up * x) for x, y in drawn)
-            if min(apart, default=1.0) < SHORT_AXIS or np.hypot(right, up) < SHORT_AXIS:
-                continue
-            drawn.append((right, up))
-            x, y = 22 + AXIS * right, low - 22 - AXIS * up
-            yield f'<path class="scale" d="M22 {low - 22:.1f}L{x:.1f} {y:.1f}"/>'
-            x, y = 22 + (AXIS + 9) * right, low - 18 - (AXIS + 9) * up
-            yield f'<text class="axis" x="{x:.1f}" y="{y:.1f}">{"xyz"[k]}</text>'
+        for k, (right, up) in enumerate(self.axes.T.tolist()):
+            if np.hypot(right, up) > SHORT_AXIS:
+                x, y = 22 + AXIS * right, low - 22 - AXIS * up
+                yield f'<path class="scale" d="M22 {low - 22:.1f}L{x:.1f} {y:.1f}"/>'
+                x, y = 22 + (AXIS + 9) * right, low - 18 - (AXIS + 9) * up
+                yield f'<text class="axis" x="{x:.1f}" y="{y:.1f}">{"xyz"[k]}</text>'
 
 
 def view_of(points: FloatArray) -> FloatArray:
     """Unit vectors to the right and up in the view of points, (2, dimension).
 
-    Points in a plane are viewed along the normal of the plane, other points along VIEWER.
+    Paths in a plane of constant z are viewed from above, other paths in space obliquely.
     """
-    if points.shape[1] == 2:
-        return np.eye(2)
-    some = points[:: max(1, len(points) // 5000)]
-    _, sizes, along = np.linalg.svd(some - some.mean(axis=0), full_matrices=False)
-    if len(sizes) < 3 or sizes[1] < FLAT * sizes[0]:
-        # A straight line is viewed from above; an upright line is viewed along y.
-        normal = np.array([0.0, 0.0, 1.0]) if abs(along[0][2]) < 0.9 else np.array([0.0, -1.0, 0.0])
-        normal = normal - (normal @ along[0]) * along[0]
-    else:
-        normal = VIEWER if sizes[2] > FLAT * sizes[1] else along[2]
-    normal = normal / np.linalg.norm(normal) * (1.0 if normal @ VIEWER >= 0 else -1.0)
-    above = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    up = above - (above @ normal) * normal
-    up /= np.linalg.norm(up)
-    return np.stack([np.cross(up, normal), up])
+    size = np.ptp(points, axis=0)
+    if len(size) == 2 or size[2] <= FLAT * size.max():
+        return np.eye(2, len(size))
+    return OBLIQUE
 
 
 def _line(sheet: Sheet, curves: Sequence[FloatArray], look: str, words: str = "") -> str:
@@ -339,20 +320,6 @@ def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
         for k, contour in enumerate(contours, start=1):
             right, down = sheet.place(contour.path(0.0))
             yield f'<text class="number" x="{right + 6:.1f}" y="{down - 6:.1f}">{k}</text>'
-
-
-def _corners(result: RunResult) -> list[Mark]:
-    """Marks at the rounded corners."""
-    rounded = (x.path.corners for x in result.path.contours if isinstance(x.path, RoundedPath))
-    return [
-        Mark(
-            c.point[k],
-            f"corner {k + 1}: corner error {number(c.error[k], 'm')}, "
-            f"radius {number(c.radius[k], 'm')}",
-        )
-        for c in rounded
-        for k in np.flatnonzero(c.radius > 0).tolist()
-    ]
 
 
 def _stops(result: RunResult) -> list[Mark]:

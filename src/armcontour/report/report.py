@@ -63,9 +63,7 @@ def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]
         sections.contours(study),
         sections.over_time(study),
         sections.paths(study),
-        sections.shaping(study),
         sections.joints(study),
-        sections.clearance(study),
     ]
     return [x for x in folded if x is not None]
 

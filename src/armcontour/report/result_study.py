@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from armcontour.control import compensation
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.jobs import Job, JobResult, Planned, Run, RunResult
+from armcontour.jobs import Job, JobResult, Run, RunResult
 from armcontour.motion import DEFAULT_CYCLE, Execution, Method, Span, Trajectory, arm_of
 from armcontour.planning import explain
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
@@ -40,9 +41,7 @@ def study_of(result: Result) -> JobResult:
         return _study(result)
     if isinstance(result, Trajectory):
         plan = _planned(result)
-        return _study(
-            RunResult.of(plan, set_points=Execution.from_plan(result, plan.arm).set_points)
-        )
+        return _study(replace(plan, set_points=Execution.from_plan(result, plan.arm).set_points))
     if isinstance(result, Execution):
         result = evaluate(result, _planned(result.set_points.trajectory, result.arm).path)
     if result.judged is None:
@@ -54,7 +53,7 @@ def study_of(result: Result) -> JobResult:
     limits, set_points = evaluated.limits, evaluated.executed.set_points
     plan = _planned(set_points.trajectory, evaluated.executed.arm, evaluated.path, limits)
     servo = getattr(evaluated.executed.plant, "servo", None)
-    run_result = RunResult.of(
+    run_result = replace(
         plan,
         run=_run("run", plan.trajectory, set_points.method, limits, set_points.cycle),
         objective=plan.objective if evaluated.objective is None else evaluated.objective,
@@ -117,7 +116,7 @@ def _planned(
     arm: Arm | None = None,
     program: Program | None = None,
     limits: Limits | None = None,
-) -> Planned:
+) -> RunResult:
     """Planned run of a trajectory; arm, program and limits default to those of the trajectory."""
     arm = arm_of(plan, arm)
     program = _program_of(plan, arm) if program is None else program
@@ -126,7 +125,7 @@ def _planned(
     explained = plan.limits is not None and plan.method == Method.OPTIMAL
     explanation = explain(plan, arm) if explained else None
     sharp = getattr(program.single_path, "objective", None)
-    return Planned(
+    return RunResult(
         run=_run("plan", plan, "none", limits, DEFAULT_CYCLE),
         objective=program if sharp is None else Program.from_path(sharp, "A plan needs a path"),
         path=program,

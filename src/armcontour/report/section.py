@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from armcontour.core import result
 from armcontour.core.render import cells, compare, figure
-from armcontour.core.result import TABLE, Data, Row
+from armcontour.core.result import JUDGED, TABLE, VERDICT, Data
 from armcontour.report.plan_drawing import Drawing
 
 # Values with more characters count as sentences, and tables of values omit their rows.
@@ -32,12 +32,6 @@ class TextTable:
         # Headers are wrapped, so only their longest word counts.
         width = sum(max(map(len, (*x[0].split(), *x[1:]))) + 3 for x in columns)
         return 2 if width <= NARROWEST and all(self.header) else 3 if width <= NARROW else 6
-
-    @property
-    def halves(self) -> tuple[TextTable, ...]:
-        """The two halves of a long table, which are shown side by side."""
-        half = -(-len(self.rows) // 2)
-        return tuple(replace(self, rows=x) for x in (self.rows[:half], self.rows[half:]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,9 +92,10 @@ class Chapter:
     title: str = ""
 
 
-def tiles(rows: Iterable[Row]) -> tuple[Tile, ...]:
-    """Tiles that show rows of a result in large print."""
-    return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in rows)
+def tiles(data: Data, level: int = VERDICT) -> tuple[Tile, ...]:
+    """Tiles that show the first three rows up to a level in large print, without the verdict."""
+    rows = [x for x in data.shown(level) if x.unit != JUDGED]
+    return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in rows[:3])
 
 
 def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str = "") -> TextTable:

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import frame
 from armcontour.core.result import FIRST, Data
-from armcontour.jobs.verdict import verdict_rows
+from armcontour.jobs.rows import verdict_rows
 from armcontour.motion import Execution, Trajectory
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of

@@ -15,7 +15,7 @@ from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data
 from armcontour.geometry import Path, RoundedPath
 from armcontour.jobs import Run
-from armcontour.jobs.verdict import time_limit_row
+from armcontour.jobs.rows import verdict_rows
 from armcontour.motion import LawAlongPath
 from armcontour.planning import Explanation
 from armcontour.program import Program, cut_parts
@@ -23,7 +23,6 @@ from armcontour.studio.execution_picture import execution_lines, joint_usage
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import Preview, PreviewExecution, Tier
 from armcontour.studio.view import Detail, View, in_space, select_points, to_float32
-from armcontour.verification.evaluation import duration_row
 
 # Approximate maximum number of drawn points: of any path, and of simple paths.
 MAX_POINTS, MIN_POINTS = 20_000, 1_200
@@ -160,10 +159,9 @@ def picture_frame(planned: Preview, view: View) -> PageFrame:
     """Message frame with the picture and the values of a plan."""
     detail, flat = _whole_detail(planned.path, view)
     header, arrays = _line_arrays(planned, view, detail)
-    duration = duration_row(planned.trajectory.duration)
     header |= {
         "run": planned.run.name,
-        "rows": frame(Data("Plan", (duration, *time_limit_row(planned)))),
+        "rows": frame(Data("Plan", tuple(verdict_rows(planned, None)))),
         **view.header,
         **time_header(planned.explanation),
         "shortfalls": _shortfalls(planned, view),
@@ -352,8 +350,7 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
 
 def _notes(planned: Preview) -> list[str]:
     """Notes about the accuracy and the completeness of the picture."""
-    notes = [*planned.differs]
-    notes += [x for x in (planned.stops_note, planned.shape_note) if x is not None]
+    notes = [*planned.differs, *planned.remarks]
     explanation = planned.explanation
     if explanation is not None and (hidden := len(explanation.shortfalls) - MAX_SHORTFALLS) > 0:
         notes.append(

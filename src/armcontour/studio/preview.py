@@ -26,7 +26,7 @@ from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
-from armcontour.jobs.planned_run import Planned
+from armcontour.jobs.rows import EXPECTED, SERVO, Errors, judging_executions
 from armcontour.jobs.run_plan import (
     explain_plan,
     explained_reach,
@@ -35,8 +35,8 @@ from armcontour.jobs.run_plan import (
     time_run,
     trace_run,
 )
+from armcontour.jobs.run_result import ExpectedErrors, RunResult
 from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
-from armcontour.jobs.verdict import EXPECTED, SERVO, Errors, ExpectedErrors, judging_executions
 from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
@@ -85,7 +85,7 @@ class Tier(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Preview(Planned):
+class Preview(RunResult):
     """Plan of one run of a document, with the accuracy `tier`."""
 
     job: Job
@@ -291,7 +291,7 @@ class CoarsePlanner:
 
     def _plan(
         self, job: Job, run: Run, tier: Tier, progress: Progress | None
-    ) -> tuple[Planned, tuple[str, ...]]:
+    ) -> tuple[RunResult, tuple[str, ...]]:
         """Plan and notes; uses the configuration of the last plan if possible, else the fastest."""
         searches = tier != Tier.EXACT and job.seed is None
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
@@ -309,7 +309,7 @@ class CoarsePlanner:
             self.keep_start(job, plan.trajectory(0.0))
         return plan, ()
 
-    def _plan_steps(self, job: Job, run: Run, progress: Progress | None) -> Planned:
+    def _plan_steps(self, job: Job, run: Run, progress: Progress | None) -> RunResult:
         """Plan as `plan_one` does, but without a check of collisions and with cached steps."""
         get, report = self._cache.get, subprogress(progress)
         limits, arm_inputs = comparable(run.limits), _arm_inputs(job)

@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
-from armcontour.core.result import FILE, FIRST, Data, Row, Table
+from armcontour.core.result import FILE, FIRST, VERDICT, Data, Row, Table
 from armcontour.core.sampling import integrate
 from armcontour.core.text import draw, short_repr
 from armcontour.geometry import Path
@@ -230,7 +230,7 @@ def demand_row(shares: FloatArray) -> Row:
 def saturated_row(shares: FloatArray) -> Row:
     """Row of the fraction of time for which each joint is saturated, (dof,)."""
     joints = [f"joint {j + 1} {number(x, '1')}" for j, x in enumerate(shares) if x > 0]
-    return Row("saturated", shares, "1", "saturated", ", ".join(joints) or "no joint")
+    return Row("saturated", shares, "1", "saturated", ", ".join(joints) or "no joint", VERDICT)
 
 
 def _of_joints(name: str, shares: FloatArray, unit: str, label: str) -> Row:

@@ -2,9 +2,7 @@
 
 from armcontour.report.sections.certificate_section import certificate as certificate
 from armcontour.report.sections.certificate_section import certified as certified
-from armcontour.report.sections.clearance_section import clearance as clearance
 from armcontour.report.sections.contours import contours as contours
-from armcontour.report.sections.contours import shaping as shaping
 from armcontour.report.sections.front import all_figures as all_figures
 from armcontour.report.sections.front import front as front
 from armcontour.report.sections.front import notes as notes

@@ -10,7 +10,7 @@ from armcontour.core.render import figure, number
 from armcontour.core.result import Table
 from armcontour.core.text import capitalise
 from armcontour.planning.explanation import DWELLS, RAPIDS
-from armcontour.report.figure import Figure, make_trace
+from armcontour.report.figure import Figure
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
 from armcontour.report.sections.contours import MAX_ROWS
@@ -39,7 +39,7 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
     return Front(
         verdict=f"{words}: {figure(deviation)} {deviation.label}; {verdict.note}.",
         good=verdict.value,
-        tiles=tiles(rows[x] for x in ("duration", "off_drawing", "time_limit")),
+        tiles=tiles(data),
         drawing=draw_plan(next(iter(study.runs.values())), study.job),
         sentences=tuple(sentences),
     )
@@ -70,7 +70,6 @@ def certificate(result: Certificate) -> Section:
         summary="parts of the error, derating, and the plan without a certificate",
         text=OF_PROGRAMS if has_contours else "",
         parts=(
-            _parts(result),
             _derating(result),
             side_by_side(result.comparison, caption="Compared"),
             *(
@@ -98,29 +97,6 @@ OF_PROGRAMS = (
 )
 
 
-# Names of the parts of an error budget that the bar chart shows.
-PARTS = ("rounding", "servo", "sampling", "box", "model_error", "left")
-
-
-def _parts(certificate: Certificate) -> Any:
-    """Bar chart of the parts of the contour error, on a logarithmic axis."""
-    budget = certificate.budget.to_data()
-    parts = {x.label: abs(x.value) for x in map(budget.__getitem__, PARTS)}
-    shown = {name: value * 1e3 for name, value in parts.items() if name and value > 0}
-    colours = [RUN_COLOURS[k % len(RUN_COLOURS)] for k in range(len(shown))]
-    figure = Figure(
-        make_trace(
-            "bar",
-            x=list(shown),
-            y=list(shown.values()),
-            marker={"color": colours},
-            hovertemplate="%{x}: %{y:.5g} mm<extra></extra>",
-        )
-    )
-    figure.update_yaxes(type="log", title="largest part [mm]")
-    return finish(figure, title="Parts of the contour error", height=HEIGHT, span=2)
-
-
 def _derating(certificate: Certificate) -> Any:
     """Figure with the usable share of each joint acceleration limit along all contours."""
     figure = Figure()
@@ -145,4 +121,4 @@ def _derating(certificate: Certificate) -> Any:
     if least > 100 - LEAST_RANGE:
         # The range is fixed, so that rounding errors do not fill the height of the figure.
         figure.update_yaxes(range=[100 - LEAST_RANGE, 100 + LEAST_RANGE / 10])
-    return finish(figure, title="Usable share of the acceleration limits", height=HEIGHT, span=2)
+    return finish(figure, title="Usable share of the acceleration limits", height=HEIGHT, span=3)

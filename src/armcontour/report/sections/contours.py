@@ -1,4 +1,4 @@
-"""Sections on the contours of a program (times and errors) and on shaped paths."""
+"""Section on the contours of a program: times and errors."""
 
 from __future__ import annotations
 
@@ -8,15 +8,11 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.result import Row, Table
-from armcontour.geometry import ShapedPath
-from armcontour.geometry.shaped_path import ARCS, PARABOLAS, SHAPED, STOPS
 from armcontour.jobs import JobResult, RunResult
-from armcontour.jobs.run_data import pierce_length, work_length
+from armcontour.jobs.rows import pierce_length, work_length
 from armcontour.motion import Span
 from armcontour.program import Contour
 from armcontour.report.section import Section, TextTable, text_table
-from armcontour.report.sections.path_section import alike
-from armcontour.report.style import few
 from armcontour.verification import ErrorProfile
 
 # Maximum number of rows. If there are more contours, those with the largest errors are listed, or
@@ -118,73 +114,3 @@ def _share_at_assigned_speed(contour: Contour, span: Span, limit: float | None) 
     speed = np.minimum(speeds[:-1], speeds[1:])
     reached = has_speed & (speed >= REACHED * assigned)
     return float(width[reached].sum() / width[has_speed].sum())
-
-
-STARTS = (ARCS, PARABOLAS, STOPS)
-
-
-def shaping(study: JobResult) -> Section | None:
-    """Section with durations and deviations of shaped paths; None without a shaped path."""
-    shaped = sorted(_shaped_contours(study), key=lambda x: -_saved(x[1]))
-    if not shaped:
-        return None
-    outcomes = [(label, path.outcome.note) for label, path in shaped]
-    notes = [*few((f"{label}: {note}." for label, note in outcomes if note is not None), "notes")]
-    return Section(
-        key="shaping",
-        title="Shaped path",
-        summary="durations of each initial shape, and distances from the objective path",
-        text=(
-            "The shape of the path was optimized together with its timing. The tolerance is "
-            "two-sided: every point of the path is within the tolerance of the corresponding point "
-            "of the objective path, and every vertex is within the tolerance of the path."
-        ),
-        parts=(_shaping_table(shaped),),
-        notes=tuple(notes),
-    )
-
-
-def _saved(path: ShapedPath) -> float:
-    """Time that the optimized shape saves compared with its initial shape [s]."""
-    return path.outcome.durations[path.outcome.start] - path.outcome.durations[SHAPED]
-
-
-def _shaped_contours(study: JobResult) -> list[tuple[str, ShapedPath]]:
-    """Labels and paths of the shaped contours of all runs; equal paths are listed once."""
-    shaped: list[tuple[str, ShapedPath]] = []
-    differ = len({x.run.rounding for x in study.runs.values()}) > 1
-    for name, result in study.runs.items():
-        contours = result.path.contours
-        for i, contour in enumerate(contours):
-            path = contour.path
-            if not isinstance(path, ShapedPath) or any(alike(x, path) for _, x in shaped):
-                continue
-            words = [f"contour {i + 1}"] if len(contours) > 1 else []
-            words += [contour.name] if contour.name else []
-            words += [f"run {name}"] if differ or not words else []
-            shaped.append((", ".join(words), path))
-    return shaped
-
-
-def _shaping_table(shaped: list[tuple[str, ShapedPath]]) -> TextTable:
-    """Table with a row per shaped contour."""
-    columns = (
-        Row("contour", None, "", "contour"),
-        *(Row(x, None, "s", x) for x in (*STARTS, SHAPED)),
-        Row("start", None, "", "best start"),
-        Row("gain", None, "1", "gain"),
-        Row("iterations", None, "", "iterations"),
-        Row("tolerance", None, "m", "tolerance"),
-        Row("deviation", None, "m", "distance"),
-    )
-    rows = [
-        (
-            label,
-            *(x.outcome.durations.get(name) for name in (*STARTS, SHAPED)),
-            *(x.outcome.start, x.outcome.gain, max(len(x.outcome.history) - 1, 0)),
-            *(x.tolerance, x.deviation),
-        )
-        for label, x in shaped
-    ]
-    caption = "Least times, and largest distances from the objective path"
-    return text_table(Table("shaping", columns, rows), caption)

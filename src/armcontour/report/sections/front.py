@@ -4,30 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from armcontour.core.render import figure, number
-from armcontour.core.result import Data, Row
+from armcontour.core.render import compare, figure, number
+from armcontour.core.result import VERDICT, Data
 from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.jobs import JobResult, RunResult, warnings_of
 from armcontour.jobs.plan_quantities import assumed_numbers
-from armcontour.planning.explanation import BETWEEN
+from armcontour.jobs.run_notes import unknown_notes
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
 from armcontour.report.style import few
 from armcontour.robot.limits import LIMITS
 
-# Names of the values for tiles; the first three known values are shown.
-TILES = ("duration", "off_drawing", "time_limit", "speed")
-# Columns of the table of several runs, each with the name of its value in the data of a run.
-COLUMNS = {
-    "verdict": "kept",
-    "motion": "duration",
-    "off the drawing": "off_drawing",
-    "time limited by": "time_limit",
-}
-# Prefix of the names of values from an experiment.
-EXPERIMENT_PREFIX = "experiment."
-# Maximum number of time shares on the first screen, and names of the limits that a reserve reduces.
-MAX_SHARES = 4
+# Names of the limits that a reserve reduces.
 RESERVED_NAMES = {x.label for x in LIMITS.values() if x.reserved}
 
 
@@ -36,20 +24,15 @@ def front(study: JobResult) -> Front:
     name = _shown(study)
     data, result = study.figures[name], study.runs[name]
     alone = len(study.runs) == 1
+    header, *rows = compare(study.figures, VERDICT, texts=True)
     return Front(
         verdict=("" if alone else f"Run {name}: ") + _verdict_sentence(study, data),
         good=data["kept"].value,
-        tiles=tiles(_large(data)) if alone else (),
-        tables=() if alone else (_compared(study),),
+        tiles=tiles(data) if alone else (),
+        tables=() if alone else (TextTable(header=header, rows=tuple(rows)),),
         drawing=draw_plan(result, study.job),
         sentences=tuple(_sentences(study, result)),
     )
-
-
-def _large(data: Data) -> list[Row]:
-    """Rows of the values that are shown as tiles."""
-    rows = {x.name.removeprefix(EXPERIMENT_PREFIX): x for x in data.shown()}
-    return [rows[x] for x in TILES if x in rows][:3]
 
 
 def _shown(study: JobResult) -> str:
@@ -67,22 +50,12 @@ def _verdict_sentence(study: JobResult, data: Data) -> str:
     """Sentence on the deviation from the drawing, compared with the required accuracy."""
     if not study.simulated:
         return "This report has no errors, because only the plan was computed."
-    rows = {x.name: x for x in data.shown()}
-    deviation, verdict = rows["off_drawing"], rows.get("kept")
+    deviation, verdict = data["off_drawing"], data["kept"]
     words = f"{figure(deviation)} {deviation.label}"
-    if verdict is None:
+    if verdict.value is None:
         return f"{words}; the job specifies no accuracy and no corner tolerance."
     note = verdict.note or deviation.note
     return f"{capitalise(figure(verdict))}: {words}" + f" ({note})" * bool(note) + "."
-
-
-def _compared(study: JobResult) -> TextTable:
-    """Table with a row per run."""
-    rows = []
-    for name, data in study.figures.items():
-        texts = {x.name.removeprefix(EXPERIMENT_PREFIX): figure(x) for x in data.shown()}
-        rows.append((name, *(texts.get(x, "-") for x in COLUMNS.values())))
-    return TextTable(header=("run", *COLUMNS), rows=tuple(rows))
 
 
 def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]:
@@ -114,20 +87,16 @@ def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]
 
 
 def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Yield a heading and its text: the largest time shares of limits, and the slowest point."""
+    """Yield a heading and its text: the slowest point, and the reserve of the accelerations."""
     explanation, reserve = result.explanation, result.run.timing.reserve
     if explanation is None:
         return
-    largest = [x for x in explanation.shares if x.kind != BETWEEN][:MAX_SHARES]
-    words = ", ".join(f"{x.name} {number(x.of_time, '1')}" for x in largest)
-    text = f"{capitalise(words)} of the time."
-    if reserve and any(x.kind in RESERVED_NAMES for x in largest):
-        text += f" The plan uses at most {number(1 - reserve, '1')} of the joint accelerations."
-    slowest = min(explanation.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
-    if slowest is not None:
-        text += f" Slowest point: {slowest.sentence}."
-    if largest:
-        yield "Why it takes this long", text
+    slowest = explanation.to_data()["slowest"]
+    texts = [f"The slowest point is {slowest.value}."] if slowest.value else []
+    if reserve and any(x.kind in RESERVED_NAMES for x in explanation.shares):
+        texts.append(f"The plan uses at most {number(1 - reserve, '1')} of the accelerations.")
+    if texts:
+        yield "Why it takes this long", " ".join(texts)
 
 
 def _assumed(study: JobResult) -> str:
@@ -150,7 +119,7 @@ def all_figures(study: JobResult) -> Section:
         key="figures",
         title="All figures",
         summary=f"{len(table.rows)} figures of {list_some(list(study.runs), 6)}",
-        parts=table.halves if len(study.runs) == 1 else (table,),
+        parts=(table,),
     )
 
 
@@ -167,6 +136,7 @@ def notes(study: JobResult, warnings: Sequence[str] = ()) -> Section | None:
     shown_warnings = tuple(warnings) or warnings_of(runs)
     others = (
         *dict.fromkeys(z for y in runs for z in (*y.path.remarks, *y.remarks)),
+        *unknown_notes(study),
         *((f"About the masses: {assumed}",) if assumed and uses_masses else ()),
     )
     if not shown_warnings and not others:

@@ -65,7 +65,7 @@ def draw_joints(name: str, result: RunResult) -> Any:
     names = result.arm.joint_names
     n = len(names)
     figure = make_subplots(
-        rows=n, cols=3, shared_xaxes=True, column_titles=list(QUANTITIES), vertical_spacing=0.15 / n
+        rows=n, cols=3, column_titles=list(QUANTITIES), vertical_spacing=0.15 / n
     )
     bounds = _bounds(result, n)
     for order in range(3):

@@ -16,8 +16,6 @@ from armcontour.report.style import (
     MAX_SENTENCES,
     PATH_COLOUR,
     PLANNED_COLOUR,
-    RUN_COLOURS,
-    WHOLE,
     finish,
     line,
     thin,
@@ -30,8 +28,6 @@ if TYPE_CHECKING:
 HEIGHT = 360
 # Minimum error on a logarithmic axis [mm]; smaller errors are drawn at this value.
 SMALLEST_ERROR = 1e-6
-# Marker symbols, which distinguish joints with the same colour.
-MARKS = ("circle", "square", "diamond", "triangle-up", "cross", "x", "star", "pentagon")
 
 
 def learned(study: LearningStudy) -> Front:
@@ -39,19 +35,19 @@ def learned(study: LearningStudy) -> Front:
     data = study.result
     return Front(
         verdict=study.notes[0],
-        tiles=tiles(data.shown(FIRST)[1:4]),
+        tiles=tiles(data, FIRST),
         parts=(_over_runs(study),),
         sentences=(("Definition of the error", _introduction(study)),),
     )
 
 
 def learning(study: LearningStudy) -> Section:
-    """Section with the errors of the joints, the contour error over time, and a table of runs."""
-    figures = [_joints_over_runs(study), *([_over_time(study)] if study.has_path else [])]
+    """Section with the contour error over time, and a table of runs."""
+    figures = [_over_time(study)] if study.has_path else []
     return Section(
         key="learning",
         title="Runs",
-        summary="errors of the joints from run to run, and contour error over time",
+        summary="errors of tool and joints, and contour error over time",
         parts=(*figures, text_table(study.result.tables[0], "Runs")),
         notes=tuple(study.notes[1:MAX_SENTENCES]),
     )
@@ -79,19 +75,9 @@ def _over_runs(study: LearningStudy) -> Any:
     if lesson.noise is not None:
         level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))
         drawn.add_trace(line([1, count], level, "does not repeat", PATH_COLOUR, dash="dash"))
-    return _lay_out_over_runs(
-        drawn, count, "error of the tool [mm]", "Error of the tool from run to run"
-    )
-
-
-def _joints_over_runs(study: LearningStudy) -> Any:
-    """Figure with the RMS error of every joint against the run number."""
-    runs, drawn = study.lesson.runs, Figure()
-    for j, name in enumerate(study.job.arm.joint_names):
-        colour, mark = RUN_COLOURS[j % len(RUN_COLOURS)], MARKS[j % len(MARKS)]
-        values = [x.joint_rms[j] for x in runs]
-        drawn.add_trace(_error_trace(range(1, len(runs) + 1), values, name, colour, mark))
-    return _lay_out_over_runs(drawn, len(runs), "RMS error [mrad]", "The joints' parts", 3)
+    drawn.update_xaxes(title="run", dtick=max(1, count // 12), range=[0.7, count + 0.3])
+    drawn.update_yaxes(title="error of the tool [mm]", type="log")
+    return finish(drawn, title="Error of the tool from run to run", height=HEIGHT)
 
 
 def _error_trace(x: Sequence[int], y: Any, name: str, colour: str, symbol: str) -> Any:
@@ -105,13 +91,6 @@ def _error_trace(x: Sequence[int], y: Any, name: str, colour: str, symbol: str) 
         line={"color": colour, "width": 2},
         marker={"color": colour, "symbol": symbol, "size": 9},
     )
-
-
-def _lay_out_over_runs(drawn: Figure, last: int, unit: str, title: str, span: int = WHOLE) -> Any:
-    """Set the layout of a figure whose horizontal axis is the run number."""
-    drawn.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
-    drawn.update_yaxes(title=unit, type="log")
-    return finish(drawn, title=title, height=HEIGHT, span=span)
 
 
 def _over_time(study: LearningStudy) -> Any:
@@ -131,4 +110,4 @@ def _over_time(study: LearningStudy) -> Any:
         drawn.add_trace(curve)
     drawn.update_xaxes(title="time [s]")
     drawn.update_yaxes(title="contour error [mm]", type="log")
-    return finish(drawn, title="Contour error as measured, over time", height=HEIGHT, span=3)
+    return finish(drawn, title="Contour error as measured, over time", height=HEIGHT)

@@ -13,12 +13,11 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.palette import LIMITS
 from armcontour.core.render import number
 from armcontour.jobs import JobResult, RunResult
-from armcontour.jobs.job_result import unknown_notes
-from armcontour.jobs.verdict import allowed_error
+from armcontour.jobs.rows import allowed_error
 from armcontour.planning.explanation import Binding
 from armcontour.report.figure import make_subplots, make_trace
 from armcontour.report.plan_drawing import kind_of, word_of
-from armcontour.report.section import Section, TextTable, text_table
+from armcontour.report.section import Section, text_table
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
@@ -38,8 +37,6 @@ SQUEEZED = 0.5
 MAX_BARS = 1200
 # Number of points of the curve of assigned velocities.
 ASSIGNED_POINTS = 4000
-# Maximum number of listed points below the assigned velocity per plan.
-MAX_PLACES = 50
 # Height of a plot, of the bars of a plan, and of the other parts of a figure [px].
 HEIGHT, BARS, OTHER_HEIGHT = 150, 28, 125
 # Start and end of a part of a plan [s], and kind and name of its active limit.
@@ -64,23 +61,17 @@ def over_time(study: JobResult) -> Section:
         text += "Speeds of rapids are cut off at the top; double-click the plot to show them. "
     if any(x.experiment is not None for x in study.runs.values()):
         text += "Dotted curves are experiments: simulations with rigid bodies. "
-    tables, places = [], []
-    for name, result in _plans(study).items():
-        explanation, run = result.explanation, f"{name}: " if len(study.runs) > 1 else ""
-        assert explanation is not None
-        tables.append(text_table(explanation.time_table, run.removesuffix(": ")))
-        worst = sorted(explanation.shortfalls, key=lambda x: x.speed / x.assigned)[:MAX_PLACES]
-        places += [(f"{run}{x.sentence} ({x.kind})",) for x in worst]
-    if places:
-        header = (f"{len(places)} slowest points below the assigned velocity",)
-        tables.append(TextTable(header=header, rows=tuple(places)))
+    tables = [
+        text_table(x.explanation.time_table, name * (len(study.runs) > 1))
+        for name, x in _plans(study).items()
+        if x.explanation is not None
+    ]
     return Section(
         key="time",
         title="Over time",
         summary="tool speed and active limits" + ", contour error" * study.simulated,
         text=text,
         parts=(draw_over_time(study, speed, limits, error), *tables),
-        notes=unknown_notes(study),
     )
 
 
@@ -91,7 +82,6 @@ def draw_over_time(study: JobResult, *made: Any) -> Any:
     figure = make_subplots(
         rows=len(panels),
         cols=1,
-        shared_xaxes=True,
         row_heights=[x.height for x in panels],
         vertical_spacing=15 / (height + 15 * len(panels)),
     )

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armcontour.core.render import number
-from armcontour.core.result import VERDICT
 from armcontour.report.plan_drawing import Drawing
 from armcontour.report.section import Front, tiles
 
@@ -31,7 +30,7 @@ def placed(result: Placement) -> Front:
     return Front(
         verdict=found,
         good=None if best else False,
-        tiles=tiles(x for x in data.shown(VERDICT) if not isinstance(x.value, str)),
+        tiles=tiles(data),
         drawing=draw_map(result),
         sentences=(*refused, *(("Weakest point", x) for x in data.notes)),
     )

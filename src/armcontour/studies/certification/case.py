@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.planned_run import Planned
+from armcontour.jobs.run_result import RunResult
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.planning import Optimal, intervals_of
 from armcontour.planning.constraints import RapidSpeed
@@ -40,7 +40,7 @@ class Case:
     """A run to certify: its robot, its fastest plan, and the goal for all contours."""
 
     job: Job
-    planned: Planned  # The plan of the run without derating
+    planned: RunResult  # The plan of the run without derating
     goal: CertificateGoal
     servo_allowed: float  # Largest allowed contour error of the execution on all robots [m]
     progress: Progress  # Called with a step before each trial

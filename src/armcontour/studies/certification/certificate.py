@@ -14,10 +14,17 @@ from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job
-from armcontour.jobs.job_result import JobResult, RunResult
-from armcontour.jobs.run_data import field_rows, warning_rows
-from armcontour.jobs.run_warnings import beyond_logs
-from armcontour.jobs.verdict import BODIES, ROUNDING, SERVO, off_drawing, time_limit_row
+from armcontour.jobs.rows import (
+    BODIES,
+    ROUNDING,
+    SERVO,
+    field_rows,
+    off_drawing,
+    verdict_rows,
+    warning_rows,
+)
+from armcontour.jobs.run_notes import beyond_logs
+from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.simulation.rigid_body_plant import can_simulate
 from armcontour.studies.certification.derating import DeratedInterval, Derating
@@ -28,6 +35,8 @@ from armcontour.verification.evaluation import duration_row
 
 # Label of the row with the bound of the distance from the drawing.
 GUARANTEED = "off the drawing, guaranteed"
+# Names of the rows of the verdict that do not depend on the execution.
+PLANNED = ("duration", "time_limit")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,8 +296,7 @@ class Certificate(Result):
         yield replace(row, note=row.note + self._on(worst))
         note = f"limits {self.check.verdict}, between samples too" + "".join(ends)
         yield Row("kept", self.kept, JUDGED, "verdict", note, VERDICT)
-        yield duration_row(self.duration, VERDICT)
-        yield from time_limit_row(self.result)
+        yield from (x for x in verdict_rows(self.result, None) if x.name in PLANNED)
         optimum = self.uncertified.duration
         note = f"{number(self.cost / optimum, '1')} of the uncertified {number(optimum, 's')}"
         yield Row("cost", self.cost, "s", "cost", note, VERDICT)

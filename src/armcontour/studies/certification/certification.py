@@ -16,8 +16,8 @@ from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Rounding, Run, build_plant, choose_run
-from armcontour.jobs.job_result import RunResult
 from armcontour.jobs.run_plan import explained_reach, plan_one
+from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.motion import Method
 from armcontour.planning import Optimal, check_jerk_support, explain

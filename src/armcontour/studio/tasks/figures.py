@@ -11,7 +11,7 @@ from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
-    from armcontour.jobs.job_result import Advice
+    from armcontour.jobs.run_result import Advice
 
 
 # Maximum number of segments of a job for which the Studio computes advice. Advice requires many
@@ -29,7 +29,7 @@ def figures(request: Request) -> PageFrame:
     """Frame with the exact figures of a run, or a refusal with the position of the error."""
     from armcontour.core.render import frame
     from armcontour.jobs.advice import advice_steps, is_small
-    from armcontour.jobs.job_result import judging_rows
+    from armcontour.jobs.rows import judging_rows
     from armcontour.studio.picture import refusal_header, time_header
     from armcontour.studio.preview import Tier
 

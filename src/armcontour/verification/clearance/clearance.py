@@ -14,7 +14,7 @@ from armcontour.core.errors import Collision
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Tolerance
 from armcontour.core.render import Result, figure, number
-from armcontour.core.result import FIRST, TABLE, Data, Row, Table
+from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.core.sampling import interpolate
 from armcontour.core.text import clock, list_some, short_repr
 from armcontour.motion import Execution, JointPath, Trajectory, arm_of
@@ -174,7 +174,7 @@ class Clearance(Result):
             "Clearance",
             (
                 Row("kept", self.satisfied, "", "clearance kept"),
-                Row("low", self.low, "m", "clearance", note, FIRST),
+                Row("low", self.low, "m", "clearance", note, VERDICT),
                 Row("below_base", self.below_base),
                 Row("below", below, "m", "below the base"),
             ),

@@ -1,29 +1,36 @@
-"""Warnings of a run: capped values, low speeds, stops, saturation, poor compensation."""
+"""Warnings and remarks of a run, as sentences."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour.control.compensation import InverseDynamics
+from armcontour.control.compensation import NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import figure, number
-from armcontour.core.text import count_noun, list_some
+from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.rounding.rounded_path import describe_large_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
+from armcontour.geometry.shaped_path import describe_unfinished
 from armcontour.jobs.job import Run
-from armcontour.jobs.plan_quantities import JerkStop
+from armcontour.jobs.plan_quantities import JerkStop, stops_of_path
+from armcontour.jobs.rows import shaping_rows
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.set_point_check import describe_excess
 from armcontour.planning import Conventional
 from armcontour.program import Contour, Program, contour_called
+from armcontour.robot import compare_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
-from armcontour.verification.clearance import Clearance
-from armcontour.verification.evaluation import duration_row
 
+if TYPE_CHECKING:
+    from armcontour.jobs import JobResult, RunResult
+
+# Clearance of the arm from itself below which a remark reports the clearance [m].
+NEAR = 10e-3
 # Maximum number of contours that a sentence names.
 MAX_NAMES = 4
 # Relative difference below which two values count as equal.
@@ -44,7 +51,96 @@ SLOW, ENDS = 2.0, 1e-3
 SAME_SPEED = 1e-3
 
 
-def capped(program: Program, run: Run) -> Iterator[str]:
+def warnings(result: RunResult) -> Iterator[str | None]:
+    """Yield warnings about deviations of the result from the request; None has no warning."""
+    run, trajectory, executed = result.run, result.trajectory, result.execution
+    yield from _capped(result.objective, run)
+    yield compare_limits(run.limits, result.arm)
+    yield _stops(result.jerk_stops)
+    # If a duration is specified, contours are slower than assigned on purpose.
+    if run.duration is None:
+        yield _slow(result)
+    yield from (x.sentence for x in result.weaves if x.differs)
+    yield from _collisions(result)
+    if run.cycle > COARSE * trajectory.duration:
+        yield (
+            f"the cycle of {number(run.cycle, 's')} is more than a tenth of the duration of the "
+            f"motion, {number(trajectory.duration, 's')}. A number without a unit is in seconds; "
+            "for milliseconds, write cycle: 4 ms."
+        )
+    if result.set_points is not None:
+        yield from _changed_commands(result.set_points, result.servo)
+    if result.servo is not None:
+        yield beyond_logs(result.servo, trajectory)
+        if not isinstance(run.compensation, NoCompensation):
+            yield result.servo.doubt
+    if executed is not None and result.evaluation is not None:
+        yield _unsettled(executed)
+        yield _not_followed(run, executed, result.evaluation)
+    if (experiment := result.experiment) is not None and experiment.uncompensated is not None:
+        yield _worse_than_none(run, experiment.evaluation, experiment.uncompensated)
+    yield from result.path.notes
+
+
+def remarks(result: RunResult) -> Iterator[str]:
+    """Yield notes about plan and execution that are not warnings."""
+    e, why = result.evaluation, result.explanation
+    yield from result.path.remarks
+    yield from (x.sentence for x in result.weaves if not x.differs)
+    if result.set_points is not None and (used := result.set_points.command_note):
+        yield f"set-points / command limits: {used}."
+    if shaping := {x.name: x.note for x in shaping_rows(result.path)}:
+        early = describe_unfinished(x.path for x in result.path.contours)
+        yield " ".join([f"{shaping['shaping.gain']}.", *map(capitalise, early)])
+    # Stops due to jerk limits are reported by a warning.
+    if stops := stops_of_path(result):
+        why_stops = ", ".join(f"{n} {reason}" for reason, n in stops.items())
+        yield f"{count_noun(sum(stops.values()), 'full stop')} inside contours ({why_stops})."
+    if (clearance := result.clearance) is not None:
+        near = (x.kind == "environment" or x.low <= NEAR for x in clearance.nearest)
+        if result.avoided or any(near):
+            yield " ".join([clearance.sentence, *(f"{capitalise(x)}." for x in result.avoided)])
+    if result.advice is not None and result.advice.note:
+        yield result.advice.note
+    if why is not None and "torque" in why.kinds:
+        yield (
+            f"torque limits restrict the speed. They use the masses of {result.arm.name} (source: "
+            f"{result.arm.source})."
+        )
+    if e is not None and e.model_error is not None:
+        along, across = (number(x, "m") for x in e.model_error)
+        yield (
+            f"the contour error is {number(e.contour_error.max, 'm')}. Errors that the servo model "
+            f"does not explain add at most {across} across the path and {along} along the path."
+        )
+
+
+def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
+    """Warnings of several runs with the names of the runs; equal warnings are merged."""
+    messages: dict[str, list[str]] = {}
+    for plan in plans:
+        for sentence in plan.warnings:
+            messages.setdefault(sentence, []).append(plan.run.name)
+    return tuple(
+        f"Run{'s' if len(names) > 1 else ''} {', '.join(names)}: {sentence}"
+        for sentence, names in messages.items()
+    )
+
+
+def unknown_notes(study: JobResult) -> tuple[str, ...]:
+    """Notes about properties of simulated robots that plan and controller do not model."""
+    notes: dict[str, list[str]] = {}
+    for name, result in study.runs.items():
+        if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
+            notes.setdefault(unknown, []).append(name)
+    return tuple(
+        f"The simulated robot of {', '.join(names)} has properties unknown to plan and controller: "
+        f"{unknown}."
+        for unknown, names in notes.items()
+    )
+
+
+def _capped(program: Program, run: Run) -> Iterator[str]:
     """Yield warnings if the run reduces speeds or corner tolerances of the path."""
     # With corners of shape free, tolerances apply to whole segments, otherwise only to corners.
     tolerance = None if run.rounding is None else run.rounding.tolerance
@@ -80,15 +176,14 @@ def _at_corners(path: Path) -> FloatArray:
     )
 
 
-def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool) -> Iterator[str]:
-    """Yield a warning for the contour or end that is slowest relative to its assigned velocity.
+def _slow(result: RunResult) -> str:
+    """Warning for the contour or end that is slowest relative to its assigned velocity.
 
     Contours that are too short for the assigned velocity, and stops of the path, are ignored.
     """
-    slow: list[tuple[float, str]] = []
-    for i, (contour, span) in enumerate(
-        zip(program.contours, trajectory.contour_spans, strict=True)
-    ):
+    run, slow = result.run, list[tuple[float, str]]()
+    spans = result.trajectory.contour_spans
+    for i, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True)):
         if span.trajectory is not None:
             name = contour_called(contour, i)
             slow += (
@@ -99,11 +194,10 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
                 )
                 for word, speed, assigned, lead in slow_ends(contour, span.trajectory, run)
             )
-            if not ends_only and not isinstance(run.timing, Conventional):
+            if not result.jerk_stops and not isinstance(run.timing, Conventional):
                 slow += _missed_speed(name, contour.path, span.trajectory, run)
-    if slow:
-        others = f" (the slowest of {len(slow)} cases)" if len(slow) > 1 else ""
-        yield f"{min(slow)[1]}{others}."
+    others = f" (the slowest of {len(slow)} cases)" if len(slow) > 1 else ""
+    return f"{min(slow)[1]}{others}." if slow else ""
 
 
 def slow_ends(
@@ -146,43 +240,31 @@ def _missed_speed(
         )
 
 
-def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
-    """Yield one warning for all full stops due to jerk limits."""
-    if stops:
-        first, count = stops[0], len(stops)
-        point = ", ".join(number(x, "m") for x in first.point)
-        contour = f" of {first.contour}" if first.contour else ""
-        yield (
-            f"{count_noun(count, 'full stop')}, the first at s = {number(first.s, 'm')} ({point})"
-            f"{contour}. Jerk limits require these stops, because the curvature of the path jumps."
-        )
+def _stops(stops: tuple[JerkStop, ...]) -> str:
+    """Warning for all full stops due to jerk limits."""
+    if not stops:
+        return ""
+    point = ", ".join(number(x, "m") for x in stops[0].point)
+    contour = f" of {stops[0].contour}" if stops[0].contour else ""
+    return (
+        f"{count_noun(len(stops), 'full stop')}, the first at s = {number(stops[0].s, 'm')} "
+        f"({point}){contour}. Jerk limits require these stops, because the curvature of the path "
+        "jumps."
+    )
 
 
-def collisions(
-    planned: Clearance | None, executed: Clearance | None, avoided: tuple[str, ...]
-) -> Iterator[str]:
+def _collisions(result: RunResult) -> Iterator[str | None]:
     """Yield warnings for collisions executed or not checked, and for links below the base."""
+    planned, executed = result.clearance, result.executed_clearance
     if planned is None:
-        yield from avoided
+        yield from result.avoided
         return
     if executed is not None and not executed.satisfied:
         yield f"in the execution, {executed.too_near[0]}, which is less than the margin."
-    if planned.below_base is not None:
-        yield planned.below_base
+    yield planned.below_base
 
 
-def coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
-    """Yield a warning if the cycle is too coarse for the plan."""
-    if run.cycle > COARSE * trajectory.duration:
-        motion = figure(duration_row(trajectory.duration))
-        yield (
-            f"the cycle of {number(run.cycle, 's')} is more than a tenth of the duration of the "
-            f"motion, {motion}. A number without a unit is in seconds; for milliseconds, write "
-            "cycle: 4 ms."
-        )
-
-
-def changed_commands(set_points: SetPoints, servo: ServoModel | None) -> Iterator[str]:
+def _changed_commands(set_points: SetPoints, servo: ServoModel | None) -> Iterator[str]:
     """Yield warnings for set-points that are truncated, changed, or beyond limits of the plan."""
     if set_points.truncated is not None and set_points.truncated.max() >= MIN_JOINT_ERROR:
         j = int(np.argmax(set_points.truncated))
@@ -201,50 +283,51 @@ def changed_commands(set_points: SetPoints, servo: ServoModel | None) -> Iterato
     yield describe_excess(set_points)
 
 
-def unsettled(executed: Execution) -> Iterator[str]:
-    """Yield a warning if the joints are not at rest at the end of the execution."""
-    if executed.unsettled is not None:
-        j = int(np.argmax(executed.unsettled))
-        waited = executed.t[-1] - executed.set_points.t[-1]
-        yield (
-            f"joint {j + 1} is not at rest {waited:.3g} s after its last set-point; its distance "
-            f"from the set-point is {number(executed.unsettled[j], 'rad')}."
-        )
+def _unsettled(executed: Execution) -> str:
+    """Warning if the joints are not at rest at the end of the execution."""
+    if executed.unsettled is None:
+        return ""
+    j = int(np.argmax(executed.unsettled))
+    waited = executed.t[-1] - executed.set_points.t[-1]
+    return (
+        f"joint {j + 1} is not at rest {waited:.3g} s after its last set-point; its distance from "
+        f"the set-point is {number(executed.unsettled[j], 'rad')}."
+    )
 
 
-def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Iterator[str]:
+def _not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> str:
     """Warn of the most saturated joint, or that the servo model cannot judge the run."""
-    # The method "conventional" is excluded, because it does not consider joint limits.
     error = f"up to {number(evaluation.contour_error.max, 'm')}"
     joint = int(evaluation.demand_ratio.argmax())
     ratio = float(evaluation.demand_ratio[joint])
-    if run.for_bodies:
-        if run.experiment is None:
-            yield (
-                "the servo model cannot judge this run, because its set-points compensate the "
-                f"dynamics of the arm (with the servo model, the contour error is {error}). Add an "
-                "experiment to the job, such as experiment: {}."
-            )
-    elif ratio > FAR_ABOVE and not isinstance(run.timing, Conventional):
-        t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
-        name = executed.arm.joint_names[joint]
-        yield (
-            f"the demand of {name if name.startswith('joint') else f'joint {name}'} is {ratio:.3g} "
-            f"times its acceleration limit at {t:.4g} s, so the joint saturates; the contour error "
-            f"is {error}."
+    if run.for_bodies and run.experiment is None:
+        return (
+            "the servo model cannot judge this run, because its set-points compensate the dynamics "
+            f"of the arm (with the servo model, the contour error is {error}). Add an experiment "
+            "to the job, such as experiment: {}."
         )
+    # The method "conventional" is excluded, because it does not consider joint limits.
+    if run.for_bodies or ratio <= FAR_ABOVE or isinstance(run.timing, Conventional):
+        return ""
+    t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
+    name = executed.arm.joint_names[joint]
+    return (
+        f"the demand of {name if name.startswith('joint') else f'joint {name}'} is {ratio:.3g} "
+        f"times its acceleration limit at {t:.4g} s, so the joint saturates; the contour error "
+        f"is {error}."
+    )
 
 
-def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> Iterator[str]:
-    """Yield a warning if compensation increases the contour error of the rigid-body simulation."""
+def _worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> str:
+    """Warning if compensation increases the contour error of the rigid-body simulation."""
     compensated, without = judged.contour_error, uncompensated.contour_error
     if compensated.rms <= without.rms and compensated.max <= without.max:
-        return
+        return ""
     why = (
         "it uses the servo model without the dynamics of the arm; compensation: {method: "
         "inverse_dynamics} uses the dynamics"
     )
-    if isinstance(run.compensation, InverseDynamics):
+    if run.for_bodies:
         why = (
             "gains, dead time, masses or gravity feed-forward of the simulated robot differ from "
             "the compensation's model, or drives saturate"
@@ -254,7 +337,7 @@ def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> 
     rms, largest, *others = (
         figure(x) for error in (compensated, without) for x in error.to_data().shown()
     )
-    yield (
+    return (
         f"with rigid bodies, the contour error is {rms} RMS and {largest} at most; without "
         f"compensation, it is {' and '.join(others)}. The compensation {run.compensation.method} "
         f"increases the error, because {why}."

@@ -1,0 +1,553 @@
+"""Rows of a run: verdict, errors, speeds, limits, set-points and plan; all outputs print them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+
+import numpy as np
+
+from armcontour._version import __version__
+from armcontour.core.checks import FloatArray
+from armcontour.core.fields import quantities
+from armcontour.core.render import number, plain, units
+from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
+from armcontour.core.text import count_noun, list_some
+from armcontour.geometry import RoundedPath, ShapedPath
+from armcontour.geometry.shaped_path import SHAPED
+from armcontour.jobs.plan_quantities import (
+    Torques,
+    angular_speed,
+    applied_torques,
+    assumed_numbers,
+    full_stops,
+)
+from armcontour.motion import Execution
+from armcontour.program import Contour, Program
+from armcontour.program.preparation import PIERCE
+from armcontour.robot import Arm
+from armcontour.robot.limits import LIMITS
+from armcontour.simulation import RigidBodyPlant
+from armcontour.verification.evaluation import duration_row
+
+if TYPE_CHECKING:
+    from armcontour.jobs import JobResult, RunResult
+    from armcontour.jobs.job import Experiment, Job, Run
+
+T = TypeVar("T")
+# Names of the executions with the servo model, on rigid bodies (the experiment) and on the robot
+# whose logs determined the servo, and the largest error of each contour [m] in each execution.
+SERVO, BODIES, EXPECTED = "servo", "rigid bodies", "expected"
+Errors: TypeAlias = Mapping[str, Sequence[float]]
+
+# Default of the allowed contour error, as a share of the smallest corner tolerance.
+DEFAULT_ACCURACY = 0.1
+# Name of the assigned velocity in explanations.
+ASSIGNED = LIMITS["speed"].label
+# Relative excess of a limit that is ignored as a rounding error.
+ROUNDING = 1e-9
+# Prefixes of the names of rows by execution, and of their labels if the execution is not the worst
+# of those that judge the run. Of such an execution, only rows with these names are shown.
+PREFIXES = {SERVO: "", BODIES: "experiment."}
+OTHERS_LABELS = {SERVO: "servo model: ", BODIES: "on rigid bodies: "}
+SHOWN_OF_OTHERS = ("contour_error", "torque")
+
+
+def job_data(
+    study: JobResult, warnings: Sequence[str], files: Sequence[str], parts: Mapping[str, Data]
+) -> Data:
+    """Data of a job, its arm and its runs, with the files of the result and further parts."""
+    job, arm, runs = study.job, study.job.arm, study.figures
+    suffix = f", {count_noun(len(warnings), 'warning')}" if warnings else ""
+    return Data(
+        f"Study of {job.title}{suffix}",
+        (
+            Row("armcontour", __version__),
+            Row("job", job.name),
+            Row("title", job.title),
+            Row("arm.name", arm.name),
+            Row("arm.source", arm.source),
+            Row("arm.joints", arm.joint_names),
+            Row("arm.masses_known", arm.has_bodies),
+            Row("arm.assumed", assumed_numbers(arm) or None),
+            Row("arm.notes", arm.notes),
+            Row("simulated", study.simulated),
+            Row("units", units([*runs.values(), *parts.values()])),
+            Row("files", list(files)),
+        ),
+        parts={"runs": Data("Runs", parts=runs), **parts},
+        warnings=tuple(warnings),
+    )
+
+
+def run_data(result: RunResult, job: Job | None = None) -> Data:
+    """Data of a run; without values of the execution if the run was not simulated."""
+    parts, tables = dict[str, Data](), list(_tables(result, job))
+    if result.clearance is not None:
+        data = result.clearance.to_data()
+        parts["clearance"] = replace(data, rows=(*data.rows, Row("avoided", result.avoided)))
+    if result.executed_clearance is not None:
+        data = result.executed_clearance.to_data()
+        rows = (replace(x, label=x.label and f"{x.label}, executed") for x in data.rows)
+        parts["executed_clearance"] = replace(
+            data, rows=tuple(replace(x, level=TABLE) for x in rows)
+        )
+    if result.explanation is not None:
+        data = result.explanation.to_data()
+        # The table of time shares is listed with the tables of the run.
+        tables.insert(0, data.tables[0])
+        parts["explanation"] = replace(data, tables=data.tables[1:])
+    if result.advice is not None:
+        tables.insert(0, result.advice.table)
+    return Data(
+        f"Run {result.run.name}",
+        (
+            *verdict_rows(result, errors_of(result)),
+            *warning_rows(result.warnings),
+            *_executions(result),
+            *_set_points(result),
+            *_plan(result, job),
+        ),
+        tuple(tables),
+        parts,
+        notes=result.remarks,
+        warnings=result.warnings,
+    )
+
+
+def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
+    """Yield rows with the number of warnings and with the warnings."""
+    if warnings:
+        yield Row("warning_count", len(warnings), "", "warnings", level=VERDICT)
+    yield Row("warnings", warnings)
+
+
+# The verdict: deviation of the tool from the drawing, compared with the allowed deviation.
+
+
+def verdict_rows(result: RunResult, errors: Errors | None) -> Iterator[Row]:
+    """Yield rows of the verdict, the deviation from the drawing, the duration and its cause.
+
+    `errors`: None without an execution.
+    """
+    run, e = result.run, result.evaluation
+    satisfied, note = (None, "") if errors is None else judge(result, errors)
+    if result.failure is not None:
+        satisfied, note = False, "the simulated robot does not complete the motion"
+    yield Row("kept", satisfied, JUDGED, "verdict", note, VERDICT)
+    if errors is not None:
+        yield worst_contour(result, errors)
+        yield Row("judged_by", tuple(judging(run, errors)))
+    yield Row("accuracy", run.accuracy, "m")
+    yield Row("contour_error_allowed", allowed_error(result), "m")
+    if result.expected is not None and e is not None:
+        worst, model = (number(x, "m") for x in (result.expected.worst, e.contour_error.max))
+        note = f"with the largest errors of the logs {worst}; servo model alone {model}"
+        value, label = max(result.expected.contours), "contour error expected, largest"
+        yield Row("expected.max", value, "m", label, note, VERDICT)
+    yield duration_row(result.trajectory.duration, VERDICT)
+    if (why := result.explanation) is not None and why.longest is not None:
+        limit, share = why.longest
+        note = f"{number(share, '1')} of the time"
+        if limit == ASSIGNED and (travel := weave_speed(result)) is not None:
+            note += f"; the weave travels at {number(travel, 'm/s')}"
+        yield Row("time_limit", limit, "", "time limited by", note, VERDICT)
+
+
+def errors_of(result: RunResult) -> Errors | None:
+    """Contour errors of all executions of a run; None without a simulation."""
+    errors = {name: [x.max for x in e.contours] for name, e in result.evaluations.items()}
+    if result.expected is not None:
+        errors[EXPECTED] = [*result.expected.contours]
+    return errors or None
+
+
+def judging(run: Run, executions: Mapping[str, T]) -> dict[str, T]:
+    """Executions that judge a run, by name; the worst of them is the verdict."""
+    # The servo model lacks the dynamics that set-points for rigid bodies compensate.
+    bodies_only = run.for_bodies and BODIES in executions
+    return {name: x for name, x in executions.items() if name == BODIES or not bodies_only}
+
+
+def judging_executions(run: Run) -> dict[str, Experiment | None]:
+    """Experiments of the executions that judge a run, by name; None for the servo model."""
+    bodies = {} if run.experiment is None else {BODIES: run.experiment}
+    return judging(run, {SERVO: None, **bodies})
+
+
+def judge(result: RunResult, errors: Errors) -> tuple[bool | None, str]:
+    """Verdict on the contour errors of a run [m], and a sentence with the reason or the limit.
+
+    The verdict is None if the run has neither an accuracy nor a tolerance.
+    """
+    rounding, tolerance, run = result.rounding_error or 0.0, result.tolerance, result.run
+    allowed = allowed_error(result)
+    if allowed is None:
+        return None, ""
+    if tolerance is not None and rounding > tolerance * (1 + ROUNDING):
+        return False, f"the allowed corner error is {number(tolerance, 'm')}"
+    if run.accuracy is not None:
+        satisfied = worst_contour(result, errors).value <= run.accuracy * (1 + ROUNDING)
+        return satisfied, f"the allowed distance from the drawing is {number(run.accuracy, 'm')}"
+    if max(map(max, judging(run, errors).values())) <= allowed:
+        return True, ""
+    return False, (
+        f"the allowed contour error is {number(allowed, 'm')}, a tenth of the smallest corner "
+        "tolerance"
+    )
+
+
+def allowed_error(result: RunResult) -> float | None:
+    """Contour error that the run allows [m]; None if neither accuracy nor tolerance is given."""
+    if result.run.accuracy is not None:
+        return max(result.run.accuracy - (result.rounding_error or 0.0), 0.0)
+    return None if result.tolerance is None else result.tolerance * DEFAULT_ACCURACY
+
+
+def worst_contour(result: RunResult, errors: Errors) -> Row:
+    """`off_drawing` of the contour with the largest sum of rounding and contour error."""
+    judges = judging(result.run, errors)
+    roundings = [getattr(x.path, "deviation", None) for x in result.path.contours]
+    worst = (max(x) for x in zip(*judges.values(), strict=True))
+    sums = [(rounding or 0.0) + x for rounding, x in zip(roundings, worst, strict=True)]
+    k = sums.index(max(sums))
+    # If an accuracy is specified, only the sum is limited, not the parts.
+    free = result.run.accuracy is not None
+    tolerance, allowed = (None, None) if free else (result.tolerance, allowed_error(result))
+    row = off_drawing(roundings[k], tolerance, {n: x[k] for n, x in judges.items()}, allowed)
+    others = (
+        f"; {name} {number(max(x), 'm')}, not judged, because it lacks the compensated dynamics"
+        for name, x in errors.items()
+        if name not in judges
+    )
+    return replace(row, note=row.note + "".join(others))
+
+
+def off_drawing(
+    rounding: float | None,
+    tolerance: float | None,
+    errors: Mapping[str, float],
+    allowed: float | None = None,
+    label: str = "off the drawing",
+) -> Row:
+    """Row with the distance of the tool from the drawing: sum, and parts in the note.
+
+    `rounding` is the part due to corners and `errors` that due to each execution [m], `tolerance`
+    and `allowed` are their limits [m]. The largest error counts.
+    """
+    parts = [(name, error, allowed) for name, error in errors.items()]
+    if rounding is not None:
+        parts.insert(0, ("rounding", rounding, tolerance))
+    note = ", ".join(
+        f"{name} {number(value, 'm')}"
+        + ("" if limit is None else f" of {number(limit, 'm')} allowed")
+        for name, value, limit in parts
+    )
+    return Row("off_drawing", (rounding or 0.0) + max(errors.values()), "m", label, note, VERDICT)
+
+
+def weave_speed(result: RunResult) -> float | None:
+    """Travel speed of the weaves [m/s]; None without weaves, or if the run limits the speed."""
+    contours, fastest = result.path.contours, result.run.limits.speed
+    if fastest is not None and any((x.path.speeds > fastest).any() for x in contours):
+        return None
+    speeds = [x.woven.frequency * x.woven.pitch for x in contours if x.woven is not None]
+    return next((x for x in speeds if x > 0), None)
+
+
+def judging_rows(result: RunResult, rows: tuple[Row, ...]) -> tuple[Row, ...]:
+    """Rows of a run, with the values of the execution that is the verdict."""
+    if result.judged is result.evaluation:
+        return rows
+    named: dict[str, Row] = {}
+    for x in rows:
+        if (name := x.name.removeprefix(PREFIXES[BODIES])) == x.name or x.value is not None:
+            named[name] = replace(x, name=name)
+    return tuple(named.values())
+
+
+# The executions, with the servo model and with rigid bodies.
+
+
+def _executions(result: RunResult) -> Iterator[Row]:
+    """Yield rows of all executions, or of a plan that was not simulated."""
+    experiment, limit = result.experiment, result.run.limits.joint_torque
+    if result.evaluation is None and result.trajectory.arm is not None:
+        yield Row("speed", result.motion.tool_speed.max(), "m/s", "tool speed, largest")
+    if (e := result.evaluation) is not None:
+        yield from _shown(result, SERVO, [*e.to_data().rows, *_angular_rows(result.motion)])
+        yield Row("unsettled", result.motion.unsettled, "rad")
+    yield from _torque_rows(result.arm, limit, result.torques, "planned")
+    if result.failure is not None:
+        label = f"{OTHERS_LABELS[BODIES]}failed"
+        yield Row("experiment.failed", str(result.failure), "", label, level=FIRST)
+    if experiment is not None:
+        data, motion = experiment.evaluation.to_data(), experiment.execution
+        applied = _torque_rows(result.arm, limit, applied_torques(motion), "applied")
+        rows = [*_plant_rows(experiment.plant), *data.rows, *_angular_rows(motion), *applied]
+        yield from _shown(result, BODIES, rows)
+        yield Row("experiment.cornering", data.tables[0].as_dicts())
+
+
+def _shown(result: RunResult, execution: str, rows: Iterable[Row]) -> Iterator[Row]:
+    """Yield rows of an execution, which are main results only if this execution is the verdict."""
+    judged = result.judged is result.evaluations[execution]
+    for row in rows:
+        row = replace(row, name=f"{PREFIXES[execution]}{row.name}")
+        if row.name.endswith("duration"):  # `verdict_rows` has the row that is shown
+            yield replace(row, level=FILE)
+        elif judged or row.name == "limit_ratios":
+            yield row
+        elif row.label and row.name.removeprefix(PREFIXES[BODIES]).startswith(SHOWN_OF_OTHERS):
+            yield replace(row, label=OTHERS_LABELS[execution] + row.label, level=TABLE)
+        else:
+            yield replace(row, level=FILE)
+
+
+def _angular_rows(execution: Execution) -> Iterator[Row]:
+    """Yield the row of the largest angular speed of the tool; nothing for a planar arm."""
+    speed = angular_speed(execution)
+    if speed is not None:
+        yield Row("angular_speed", speed.max(), "rad/s", "tool's angular speed, largest")
+
+
+def _torque_rows(
+    arm: Arm, limit: FloatArray | None, torques: Torques | None, kind: str
+) -> Iterator[Row]:
+    """Yield rows of the largest torques, their limits, and assumed mass parameters."""
+    if torques is None:
+        return
+    peak = torques.peak
+    yield Row("torque.peak", peak, "N m")
+    yield Row("torque.limit", limit, "N m")
+    yield Row("torque.assumed", assumed_numbers(arm) or None)
+    if limit is None:
+        yield Row("torque_ratio", None)
+        return
+    share = peak / limit
+    worst = int(share.argmax())
+    largest, allowed = (number(x[worst], "N m") for x in (peak, limit))
+    note = f"{arm.joint_names[worst]}, {largest} of {allowed}"
+    yield Row("torque_ratio", share, "1", f"drive torque, {kind}", note)
+
+
+def _plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
+    """Yield rows of parameters of the simulated robot and of the model in its controller."""
+    yield Row("plant", type(plant).__name__)
+    yield Row("step", plant.step, "s")
+    yield Row("gravity_feedforward", plant.gravity_feedforward)
+    yield Row("nominal_inertia", plant.nominal_inertia, "kg m^2")
+    for name, chain in ("robot", plant.chain), ("controller", plant.controller_chain):
+        yield Row(f"{name}.payload", 0.0 if chain.payload is None else chain.payload.mass, "kg")
+        yield Row(f"{name}.armature", chain.armature, "kg m^2")
+        yield Row(f"{name}.viscous", chain.viscous, "N m s/rad")
+        yield Row(f"{name}.coulomb", chain.coulomb, "N m")
+
+
+# Set-points and plan.
+
+
+def _set_points(result: RunResult) -> Iterator[Row]:
+    """Yield rows of set-points and of command limits with their effect on the error."""
+    set_points = result.set_points
+    if result.servo is None and result.execution is None:
+        # Set-points are not reported, because joints without a servo follow the plan exactly.
+        return
+    every = f"every {number(set_points.cycle, 's')}"
+    yield Row("set_points", len(set_points.q), "", "set-points", every)
+    yield Row("truncated", set_points.truncated, "rad")
+    if set_points.command_limits is None:
+        return
+    cost, use = set_points.limit_cost, set_points.command_use
+    name = max(use, key=lambda x: use[x].max())
+    joint = result.arm.joint_names[int(use[name].argmax())]
+    note = f"{joint}, {name.replace('_', ' ')}; " + (
+        "no set-point is changed" if cost is None else f"changed by {cost}"
+    )
+    yield Row("command_use", use, "1")
+    yield Row("command_ratio", use[name].max(), "1", "set-points of the command limit", note)
+    yield Row("set_point_change", 0.0 if cost is None else cost.deviation, "rad")
+    yield Row("limit_contour_rms", 0.0 if cost is None else cost.contour_rms, "m")
+    yield Row("limit_contour_max", 0.0 if cost is None else cost.contour_max, "m")
+
+
+def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
+    """Yield rows of path, methods, stops and shaping of a plan."""
+    run, trajectory, path = result.run, result.trajectory, result.path
+    yield Row("length", path.length, "m", "path")
+    if path.single_path is None:
+        yield from _program_rows(result)
+    if result.rounding_error is not None:
+        yield Row("corner_error", result.rounding_error, "m")
+    yield Row("timing", run.timing.method, "", "timing")
+    yield Row("compensation", run.compensation.method, "", "compensation")
+    yield Row("cycle", run.cycle, "s")
+    yield Row("reserve", run.timing.reserve, "1")
+    yield Row("continuity", run.continuity)
+    if trajectory.arm is not None:
+        names = result.arm.joint_names
+        yield Row("start", dict(zip(names, trajectory(0.0), strict=True)), "rad")
+    yield Row("switching_points", trajectory.switching_points, "s")
+    stops = full_stops(result)
+    yield Row("full_stops.count", sum(stops.values()))
+    yield Row("full_stops.reasons", stops)
+    if job is not None and job.process.analog_names:
+        yield Row("analog", job.process.analog_names)
+    if job is not None and job.export.outputs:
+        yield Row("outputs", dict(job.export.outputs))
+    single = path.single_path
+    yield Row("merged_points", () if single is None else single.merged)
+    yield from shaping_rows(path)
+
+
+def _program_rows(result: RunResult) -> Iterator[Row]:
+    """Yield rows of lengths and times of a program, with the process on and off."""
+    spans, path, objective = result.trajectory.spans, result.path, result.objective
+    works = [x.work for x in result.trajectory.contour_spans if x.work is not None]
+    rapids, dwells = (
+        sum(x.t[1] - x.t[0] for x in spans if x.kind == kind) for kind in ("rapid", "dwell")
+    )
+    length, time = sum(map(work_length, path.contours)), sum(end - start for start, end in works)
+    pierces = sum(map(pierce_length, path.contours))
+    leads = path.length - length - pierces
+    closed = sum(x.closed for x in objective.contours)
+    layers = count_noun(len({x.layer for x in path.contours}), "layer")
+    ways = {"leads": leads if leads > 1e-9 else 0.0, "pierces": pierces}
+    note = ", ".join(f"{name} {number(x, 'm')}" for name, x in ways.items() if x)
+    mean = f"mean {number(length / time, 'm/s')}" if time else ""
+    dwelling = f"dwells {number(dwells, 's')}" if dwells else ""
+    events = result.trajectory.events
+    names = list_some(list(dict.fromkeys(x.name for x in events)), 4)
+    yield Row("contours", len(path.contours), "", "contours", f"{closed} closed, {layers}")
+    yield Row("work_length", length, "m", "length at work", note or "no leads")
+    yield Row("work_time", time, "s", "time at work", mean)
+    yield Row("rapid_time", float(rapids), "s", "time of rapids", dwelling)
+    yield Row("event_count", len(events), "", "events", names)
+
+
+def work_length(contour: Contour) -> float:
+    """Length of a contour with the process on [m]."""
+    start, end = contour.at_work
+    return end - start
+
+
+def pierce_length(contour: Contour) -> float:
+    """Length of the move from the pierce height to the lead-in or the contour [m]."""
+    tags = contour.path.tags
+    return float(sum(contour.path.lengths[k] for k, tag in enumerate(tags) if tag == PIERCE))
+
+
+def shaping_rows(program: Program) -> Iterator[Row]:
+    """Yield rows of the time that shaping the contours saves, without rapids and dwells."""
+    outcomes = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
+    if not outcomes:
+        return
+    won = [x.start for x in outcomes]
+    yield Row("shaping.starts", {name: won.count(name) for name in dict.fromkeys(won)})
+    common = [x for x in outcomes[0].durations if all(x in y.durations for y in outcomes)]
+    sums = {name: sum(x.durations[name] for x in outcomes) for name in common}
+    yield Row("shaping.durations", sums, "s")
+    shaped = sums[SHAPED]
+    starts = sorted((name, t) for name, t in sums.items() if name != SHAPED)
+    others = ", ".join(f"{name} {number(t, 's')}" for name, t in starts)
+    gain, note = 1 - shaped / min(t for _, t in starts), f"{number(shaped, 's')} ({others})"
+    yield Row("shaping.gain", gain, "1", "saved by shaping", f"shaped: {note}")
+    yield Row("shaping.iterations", max(max(len(x.history) - 1, 0) for x in outcomes))
+
+
+def field_rows(name: str, value: Any) -> Iterator[Row]:
+    """Yield one file-only row per field of a dataclass, with the unit of its annotation."""
+    if value is None:
+        yield Row(name, None)
+        return
+    kind: Any = type(value)
+    units_by_name = quantities(kind)
+    for attribute in fields(value):
+        inner, key = getattr(value, attribute.name), f"{name}.{attribute.name}"
+        if is_dataclass(inner):
+            yield from field_rows(key, inner)
+            continue
+        quantity = units_by_name.get(attribute.name)
+        yield Row(key, inner, quantity.unit if quantity else "")
+
+
+# Tables: stretches (intervals of a speed rule), corners, weaves, moves and events.
+
+
+def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
+    """Yield the tables of a run, which are in files only."""
+    trajectory, single = result.trajectory, result.path.single_path
+    yield Table(
+        "stretches",
+        _columns(name="", kind="", t="s", s="m", demand="", speed="m/s"),
+        [(x.name, x.kind, x.t, x.s, x.demand, x.speed) for x in trajectory.stretches],
+    )
+    if isinstance(single, RoundedPath):
+        c = single.corners
+        values = (
+            *(c.vertex, c.point, c.turn, c.radius, c.error, c.angular_error, c.tangent),
+            *(c.shrunk, c.stopped, c.reason, c.speed),
+        )
+        yield Table(
+            "corners",
+            _columns(
+                **{"joint": "", "point": "m", "turn": "rad", "radius": "m", "error": "m"},
+                **{"angular_error": "rad", "tangent": "m", "shrunk": "", "full_stop": ""},
+                **{"reason": "", "speed": "m/s"},
+            ),
+            list(zip(*values, strict=True)),
+        )
+    if result.weaves:
+        yield Table(
+            "weaves",
+            _columns(contour="", width="m", frequency="Hz", left_out="1"),
+            [(x.contour, x.width, x.frequency, x.left_out) for x in result.weaves],
+        )
+    if single is None:
+        yield _move_table(result, 0.0 if job is None else job.process.resume_at)
+        yield Table(
+            "events",
+            _columns(name="", value="", t="s", due="s", s="m", point="m"),
+            [(x.name, x.value, x.t, x.due, x.s, x.point) for x in trajectory.events],
+        )
+    if result.evaluation is not None:
+        yield from result.evaluation.to_data().tables
+
+
+def _move_table(result: RunResult, begin: float) -> Table:
+    """Table of the moves of a program with times; only rows of contours have all values.
+
+    `begin`: `resume_at` of the process [m].
+    """
+    # Start and end of a contour as values of `resume_at` are cumulated working lengths.
+    ends = begin + np.cumsum([0.0, *map(work_length, result.objective.contours)])
+    errors = () if result.judged is None else result.judged.contours
+    contours, rows = enumerate(result.path.contours), list[tuple[Any, ...]]()
+    for span in result.trajectory.spans:
+        profile: tuple[Any, ...] = (None,) * 7
+        if span.kind == "contour":
+            (k, contour), outcome = next(contours), None
+            if isinstance(contour.path, ShapedPath):
+                shaped = contour.path.outcome
+                outcome = {x: getattr(shaped, x) for x in ("start", "durations", "gain")}
+                outcome["iterations"] = max(len(shaped.history) - 1, 0)
+            profile = (
+                *(contour.name, contour.layer, contour.closed, span.work),
+                *((float(ends[k]), float(ends[k + 1])), outcome),
+                plain(errors[k].to_data()) if errors else None,
+            )
+        rows.append((span.kind, span.t, span.s, *profile))
+    return Table(
+        "moves",
+        _columns(
+            **{"kind": "", "t": "s", "s": "m", "name": "", "layer": "", "closed": ""},
+            **{"work": "s", "resume_at": "m", "shaping": "", "contour_error": "m"},
+        ),
+        rows,
+    )
+
+
+def _columns(**columns: str) -> tuple[Row, ...]:
+    """Columns of a table for files, from the unit of each column by name."""
+    return tuple(Row(name, None, unit) for name, unit in columns.items())
