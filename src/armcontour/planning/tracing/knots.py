@@ -76,19 +76,6 @@ class Knots:
             s0=self.s0[parent] + share * number,
         ), ends
 
-    def ends(self) -> tuple[IntArray, FloatArray, IntArray]:
-        """Points at all interval starts, and at ends that are not the next interval's start."""
-        # Returns the interval of each of these points, (m,); the distances of the points along
-        # their segments [m], (m,); and the index of the end of every interval, (n,).
-        knots, n = self, len(self)
-        alone = np.append((np.diff(knots.segment) != 0) | (np.diff(knots.piece) != 0), True)
-        alone[:-1] |= knots.u0[1:] != knots.u1[:-1]
-        row, u = (
-            np.append(np.arange(n), np.flatnonzero(alone)),
-            np.append(knots.u0, knots.u1[alone]),
-        )
-        return row, u, np.where(alone, n - 1 + np.cumsum(alone), np.arange(1, n + 1))
-
     def places(self) -> tuple[Knots, FloatArray]:
         """The intervals repeated for each of `PLACES`, and distances along their segments [m]."""
         # All intervals at the first fraction come before all intervals at the second fraction,
@@ -259,23 +246,6 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     return poses
 
 
-def tool_errors(
-    arm: SerialArm, q: FloatArray, targets: FloatArray, task: int, tolerances: tuple[float, float]
-) -> FloatArray:
-    """Largest ratio of the tool's position and orientation errors to their tolerances, (n,)."""
-    # `q`: joint positions [rad], (n, dof); `targets`: required poses of the tool, (n, 3, 4);
-    # `tolerances`: largest position error [m] and angle [rad].
-    difference = arm.poses(q) - targets
-    error: FloatArray = np.linalg.norm(difference[:, :, 3], axis=1) / tolerances[0]
-    if task == 3:
-        return error
-    turned = (
-        difference[:, :, 2] if task == 5 else difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
-    )
-    angle: FloatArray = np.linalg.norm(turned, axis=1)
-    return np.maximum(error, angle / tolerances[1])
-
-
 def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Tool poses as `poses_at`, and their derivatives along the arc length, (n, 4, 3)."""
     # The rows of the derivatives are the tangent, its derivative, the angular rate [rad/m] and its
@@ -293,42 +263,3 @@ def row_of_poses(path: Path, knots: Knots) -> FloatArray:
     """Poses at the start of every interval and at the end of the last one, (n + 1, 3, 4)."""
     every = knots.part(np.append(np.arange(len(knots)), len(knots) - 1))
     return poses_at(path, every, np.append(knots.u0, knots.u1[-1]))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FirstPoses:
-    """Required motion of the tool at the first knots of a path, shared by all configurations."""
-
-    knots: Knots
-    # An interval for each of the m points: all intervals, for their starts, then the intervals
-    # whose end is not the start of the next interval, for their ends
-    places: Knots
-    # Distances of the points along their segments [m], (m,)
-    u: FloatArray
-    poses: FloatArray  # Tool poses at the points, (m, 3, 4)
-    rates: FloatArray  # Derivatives of the poses at the points, (m, 4, 3)
-    ends: IntArray  # Index of the end of every interval among these points, (n,)
-    between: FloatArray  # Tool poses at the points of `Knots.places`
-    stops: FloatArray  # Arc lengths at which the tool stops [m]
-
-    @classmethod
-    def at_knots(cls, path: Path, knots: Knots) -> FirstPoses:
-        """Compute the required motion at knots."""
-        row, u, ends = knots.ends()
-        intervals = knots.part(row)
-        poses, rates = motion_at(path, intervals, u)
-        return cls(
-            knots=knots,
-            places=intervals,
-            u=u,
-            poses=poses,
-            rates=rates,
-            ends=ends,
-            between=poses_at(path, *knots.places()),
-            stops=path.stops,
-        )
-
-    @property
-    def row(self) -> FloatArray:
-        """Poses at the start of every interval and at the end of the last one, (n + 1, 3, 4)."""
-        return np.concatenate([self.poses[: len(self.knots)], self.poses[-1:]])

@@ -38,15 +38,19 @@ class Solver(ABC, Generic[A]):
         self.path = path
         self.arm = arm
 
-    def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
+    def first_ends(self, knots: Knots, guess: FloatArray | None) -> tuple[Ends, Ends]:
         """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals."""
-        return self.ends(knots, knots.u0, None), self.ends(knots, knots.u1, None)
+        # `guess`: joint positions near the solutions at the starts, then at the ends, (2 n, dof).
+        n = len(knots)
+        both = knots.part(np.tile(np.arange(n), 2))
+        columns = self.ends(both, np.concatenate([knots.u0, knots.u1]), guess)
+        return _select(columns, slice(n)), _select(columns, slice(n, None))
 
     @abstractmethod
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
         # `knots`: the n knot intervals; `u`: distance along the segment of each interval [m], (n,);
-        # `guess`: joint positions near the solution, (n, dof); None for the first knots.
+        # `guess`: joint positions near the solution, (n, dof); not used by a closed form.
 
     def guess(
         self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
@@ -66,24 +70,13 @@ class Solver(ABC, Generic[A]):
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
         """Largest tool error on the quintics of intervals, divided by the tolerance, (n,)."""
         # Returns the errors, and the joint positions in the middle of the intervals, (n, dof).
-        q = quintics_at_places(knots, start, end)
+        q = np.tensordot(POWERS, quintic(knots.u1 - knots.u0, start, end), (1, 1))
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
-        return largest_errors(errors, len(knots)), q[MIDDLE]
+        return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Values at starts and ends of the intervals, without jumps between intervals."""
         return start, end
-
-
-def quintics_at_places(knots: Knots, start: Ends, end: Ends) -> FloatArray:
-    """Joint positions on the quintics of n intervals at `PLACES`, (places, n, dof)."""
-    coefficients = quintic(knots.u1 - knots.u0, start, end)
-    return np.tensordot(POWERS, coefficients, (1, 1))
-
-
-def largest_errors(errors: FloatArray, n: int) -> FloatArray:
-    """Largest error of each of n intervals, (n,)."""
-    return np.asarray(errors.reshape(-1, n).max(axis=0))
 
 
 class AnalyticSolver(Solver[PlanarTwoLink]):
@@ -101,13 +94,6 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
             )
         super().__init__(path, arm)
         self.configuration, self.tolerance = configuration, tolerance
-
-    def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """Same as `Solver.first_ends`, in one call."""
-        n = len(knots)
-        both = knots.part(np.tile(np.arange(n), 2))
-        q, dq_ds, d2q_ds2 = self.ends(both, np.concatenate([knots.u0, knots.u1]), None)
-        return (q[:n], dq_ds[:n], d2q_ds2[:n]), (q[n:], dq_ds[n:], d2q_ds2[n:])
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
@@ -144,11 +130,10 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
         return np.asarray(np.linalg.norm(difference, axis=1) / self.tolerance)
 
 
-def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
+def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -> JointPath:
     """Joint path through exact knots, refined until it satisfies the solver's tolerance."""
-    # `solver`: computes joint positions and their derivatives; `stops`: arc lengths at which the
-    # tool stops [m].
-    start, end = solver.first_ends(knots)
+    # `solver`: computes joint positions and their derivatives; `guess`: as in `first_ends`.
+    start, end = solver.first_ends(knots, guess)
     settled = np.zeros(len(knots), dtype=bool)
     while True:
         start, end = solver.continuous(start, end)
@@ -179,10 +164,10 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
         settled = (~too_coarse)[parent]
     path = solver.path
     breaks = np.append(knots.s0, path.length)
-    return JointPath.hermite(breaks, start, end, stops=stops, tool_path=path)
+    return JointPath.hermite(breaks, start, end, stops=path.stops, tool_path=path)
 
 
-def _select(ends: Ends, selection: BoolArray | IntArray) -> Ends:
+def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
     q, dq_ds, d2q_ds2 = ends
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 

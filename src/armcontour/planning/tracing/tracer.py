@@ -15,7 +15,6 @@ from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.tracing.knots import (
-    FirstPoses,
     Knots,
     first_knots,
     row_of_poses,
@@ -175,7 +174,7 @@ def _trace_planar(
     path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
 ) -> JointPath:
     joint_path = refine(
-        AnalyticSolver(path, arm, configuration, tolerance), first_knots(path, arm.span), path.stops
+        AnalyticSolver(path, arm, configuration, tolerance), first_knots(path, arm.span)
     )
     joint_path = turn_into_range(joint_path, arm.limits)
     check_joint_range(joint_path, arm.limits)
@@ -187,19 +186,24 @@ def _trace_serial(
 ) -> list[JointPath]:
     """Joint paths of a serial arm in its configurations, the shortest first."""
     from armcontour.planning.tracing.configurations import find_solutions
+    from armcontour.planning.tracing.redundancy import Guide, null_space
     from armcontour.planning.tracing.serial_solver import NumericSolver
 
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
-    first = FirstPoses.at_knots(path, knots)
+    poses = row_of_poses(path, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        numeric = NumericSolver(path, arm, task, first, solution, tolerance)
-        joint_path = refine(numeric, knots, first.stops)
+        q, guide = solution.q, None
+        if task < arm.dof:
+            w, s = null_space(arm, poses, task, q), np.append(knots.s0, path.length)
+            guide = Guide.through(s, q, w, path.stops)
+        numeric = NumericSolver(path, arm, task, tolerance, guide)
+        joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
         check_joint_range(joint_path, arm.limits)
         return joint_path
 
-    solutions = find_solutions(path, arm, knots, first.row, task, seed)
+    solutions = find_solutions(path, arm, knots, poses, task, seed)
     return _complete((partial(refine_solution, x) for x in solutions), max_count)
 
 
