@@ -1,4 +1,4 @@
-"""Derivatives and sampled coefficients of a joint path on a grid, with their compiled kernels."""
+"""Derivatives and sampled coefficients of a joint path on a grid."""
 
 from __future__ import annotations
 
@@ -28,48 +28,6 @@ from armcontour.planning.topp.limit_forms import (
 )
 
 ROUNDING = 2e-15  # rounding error of differences of x, as a share of x
-
-
-@compiled(inner=True, fastmath=FUSED)
-def _slopes(c: FloatArray, k: int, j: int, x: float, scale: float) -> tuple[float, float]:
-    c1, c2, c3, c4, c5 = c[k, 1, j], c[k, 2, j], c[k, 3, j], c[k, 4, j], c[k, 5, j]
-    first = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
-    second = 2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))
-    return scale * first, scale * scale * second
-
-
-@compiled(inner=True, fastmath=FUSED)
-def _derivative_bounds(
-    c: FloatArray, k: int, j: int, x: float, y: float, scale: float
-) -> tuple[float, float]:
-    """Bounds of |d3q_ds3| and |d4q_ds4| of joint j from position x to y of piece k."""
-    c3, c4, c5 = c[k, 3, j], c[k, 4, j], c[k, 5, j]
-    # The bounds use a Taylor expansion about the middle; the fifth derivative is constant.
-    middle, half, cube = (x + y) / 2, (y - x) / 2, scale * scale * scale
-    q5 = abs(120 * c5)
-    q4 = abs(24 * c4 + middle * 120 * c5) + half * q5
-    q3 = abs(6 * c3 + middle * (24 * c4 + middle * 60 * c5))
-    return (q3 + half * (q4 - half * q5 / 2)) * cube, q4 * cube * scale
-
-
-@compiled(fastmath=FUSED)
-def derivatives(
-    breaks: FloatArray,  # Breaks of the joint path [m], (pieces + 1,)
-    coefficients: FloatArray,  # Coefficients of the joint path, (pieces, 6, dof)
-    grid: Intervals,
-    ends: FloatArray,
-    bounds: FloatArray,  # Output: bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof)
-) -> None:
-    """Write the derivatives of a joint path on a grid."""
-    # `ends`: output: dq_ds and d2q_ds2 at the starts and ends of the intervals, (2, n, 2, dof).
-    for i in range(len(grid.piece)):
-        k = grid.piece[i]
-        scale = 1.0 / (breaks[k + 1] - breaks[k])
-        x, y = (grid.s[i] - breaks[k]) * scale, (grid.s[i + 1] - breaks[k]) * scale
-        for j in range(coefficients.shape[2]):
-            ends[0, i, 0, j], ends[1, i, 0, j] = _slopes(coefficients, k, j, x, scale)
-            ends[0, i, 1, j], ends[1, i, 1, j] = _slopes(coefficients, k, j, y, scale)
-            bounds[0, i, j], bounds[1, i, j] = _derivative_bounds(coefficients, k, j, x, y, scale)
 
 
 @compiled(fastmath=FUSED)
@@ -141,10 +99,17 @@ class OnGrid:
     def derivatives(self) -> tuple[FloatArray, FloatArray]:
         """dq_ds and d2q_ds2 at interval ends, and bounds of |d3q_ds3| and |d4q_ds4| inside."""
         # Their shapes are (2, n, 2, dof) and (2, n, dof).
-        path, n = self.grid.joint_path, len(self)
-        ends, bounds = np.empty((2, n, 2, path.dof)), np.empty((2, n, path.dof))
-        derivatives(path.breaks, path.coefficients, self.intervals, ends, bounds)
-        return ends, bounds
+        (begin, end), piece = (self.grid.s[:-1], self.grid.s[1:]), self.grid.piece
+
+        def derivative(s: FloatArray, order: int) -> FloatArray:
+            return self.grid.joint_path.on_interval(piece, s, order)
+
+        ends = [np.stack([derivative(s, k) for s in (begin, end)], axis=1) for k in (1, 2)]
+        # The bounds use a Taylor expansion about the middle; the fifth derivative is constant.
+        third, fourth, fifth = (np.abs(derivative((begin + end) / 2, k)) for k in (3, 4, 5))
+        half = self.grid.width[:, None] / 2
+        bounds = third + half * fourth + half**2 / 2 * fifth, fourth + half * fifth
+        return np.stack(ends), np.stack(bounds)
 
     @cached_property
     def after(self) -> IntArray:
