@@ -188,7 +188,7 @@ def test_all_contours_of_a_program_share_one_factor(arm, limits):
 
 
 def test_gravity_and_friction():
-    """Viscous friction helps to brake: a plan that is merely stretched breaks its limits."""
+    """Viscous friction helps to brake; a slower motion is within the limits, too."""
     ur5e = ac.load_arm("ur5e")
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
     robot = SerialArm(name="UR5e", chain=ur5e.chain.replace(viscous=viscous), limits=ur5e.limits)
@@ -200,7 +200,6 @@ def test_gravity_and_friction():
         )
         assert planned.duration == pytest.approx(slower * fastest, rel=1e-12)
         assert not ac.check(planned, robot, limits, points=30).violated, slower
-        assert planned.time_at(SPLINE.length) > planned.duration * (1 - 1e-3)
         np.testing.assert_allclose(planned(planned.duration), SPLINE(SPLINE.length), atol=1e-12)
 
 

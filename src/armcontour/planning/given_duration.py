@@ -5,33 +5,24 @@ squared path speed. The set contains (0, 0), because a plan is refused where gra
 alone exceed a limit. Therefore the set contains (u, x) / factor² for every factor >= 1, and a
 slowed motion satisfies the limits that the fastest one satisfies. Viscous friction is the
 exception, because it is proportional to the root of x: where it assists braking, the slower motion
-can need more torque. The contour is then planned again below a ceiling of the path speed, and the
-remaining time is spent at rest.
+can need more torque. The slower motion is then checked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.motion import JointPath, PathLaw, Rates, Trajectory
-from armcontour.planning.constraints import Constraint, OnGrid
-from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.options import Optimal
+from armcontour.planning.law_checks import check_limits
 from armcontour.planning.program_timing import JoinedMoves, Timing
 from armcontour.planning.program_tracing import Tracing
-from armcontour.planning.topp.limit_forms import Ceiling, Form
+from armcontour.robot.limits import LIMITS
 
 # Durations that differ by less than this share are equal.
 SAME_DURATION = 1e-9
-# Largest share of a contour's duration that may be spent at rest at its end, if the contour is
-# planned again.
-MAX_WAIT = 1e-3
-MAX_PLANS = 20
 
 
 def slow_down(
@@ -76,24 +67,19 @@ def _slow_down(fastest: Trajectory, factor: float, timing: Timing) -> Trajectory
     """Motion along one path in `factor` times its shortest time."""
     if factor == 1.0:
         return fastest
-    viscous = timing.limits.joint_torque is not None and np.any(timing.arm.dynamics.chain.viscous)
-    if not viscous:
-        return replace(fastest, laws=tuple(_stretch(x, factor) for x in _laws(fastest)))
-    target = factor * fastest.duration
-    slower = _plan_slower(fastest, target, timing)
-    (law,) = _laws(slower)
-    end, still = np.full(2, law.s[-1]), np.zeros(1)
-    wait = PathLaw(
-        joint_path=law.joint_path,
-        breaks=np.array([0.0, target - slower.duration]),
-        s=end,
-        rates=Rates(still, still, still, still),
-    )
-    return replace(slower, laws=(law, wait))
-
-
-def _laws(trajectory: Trajectory) -> tuple[PathLaw, ...]:
-    return tuple(x for x in trajectory.laws if isinstance(x, PathLaw))
+    laws = tuple(_stretch(x, factor) for x in fastest.laws if isinstance(x, PathLaw))
+    if timing.limits.joint_torque is not None and np.any(timing.arm.dynamics.chain.viscous):
+        check_limits(
+            laws,
+            timing.arm,
+            timing.limits,
+            ignored=[x for x in LIMITS if x != "joint_torque"],
+            location=f"Slowed down to {factor * fastest.duration:.6g} s",
+            t=0.0,
+            remedy="Viscous friction assists braking less in a slower motion: give another "
+            "duration, or raise joint_torque",
+        )
+    return replace(fastest, laws=laws)
 
 
 def _stretch(law: PathLaw, factor: float) -> PathLaw:
@@ -102,40 +88,3 @@ def _stretch(law: PathLaw, factor: float) -> PathLaw:
         ds=ds / factor, dds=dds / factor**2, slope=slope / factor**2, jerk=jerk / factor**3
     )
     return replace(law, breaks=law.breaks * factor, rates=rates)
-
-
-def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajectory:
-    """Plan a motion whose duration is at most `target` [s] and close to it."""
-    options = timing.options
-    assert isinstance(options, Optimal)
-    joint_path = _laws(fastest)[0].joint_path
-    share = (fastest.duration / target) ** 2
-    for _ in range(MAX_PLANS):
-        slower = (*options.constraints, _ReducedSpeed(fastest, share))
-        trajectory = plan_optimal(
-            joint_path, timing.arm, timing.limits, replace(options, constraints=slower)
-        )
-        if target * (1 - MAX_WAIT) <= trajectory.duration < target:
-            return trajectory
-        share *= (trajectory.duration / (target * (1 - MAX_WAIT / 2))) ** 2
-    raise NotRealizable(
-        f"No motion that takes {target:.9g} s was found, because the limits of torque and viscous "
-        f"friction allow no duration close to it. The last motion takes {trajectory.duration:.9g} "
-        "s: give another duration.",
-        limit="duration",
-        needed=trajectory.duration,
-        allowed=target,
-    )
-
-
-class _ReducedSpeed(Constraint):
-    """Upper bound of ds²: a share of the ds² of another plan along the same joint path."""
-
-    name = "given duration"
-
-    def __init__(self, fastest: Trajectory, share: float) -> None:
-        self.fastest, self.share = fastest, share
-
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
-        x: FloatArray = self.share * self.fastest.speed_at(path.grid.s) ** 2
-        return (Ceiling(np.stack([x[:-1], x[1:]], axis=1)),)
