@@ -54,7 +54,7 @@ class NumericSolver(Solver[SerialArm]):
         turned = difference[:, :, 2]
         if self.task == 6:
             turned = difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
-        return np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE)
+        return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
