@@ -78,8 +78,8 @@ def main() -> int:
         wrong.append("The identified servo misses its prediction.")
     for name, on, reserve, bar in (
         ("learned", robot(), 0.2, LEARNED),
-        ("unknown robot", robot(ki=4.0, friction=8e-6), 0.2, UNKNOWN),
-        ("unknown robot without reserve", robot(ki=4.0, friction=8e-6), 0.02, np.inf),
+        ("unknown robot", robot(ki=4.0), 0.2, UNKNOWN),
+        ("unknown robot without reserve", robot(ki=4.0), 0.02, np.inf),
     ):
         errors, ended = learn_runs(job, on, reserve)
         listed = ", ".join(f"{x * 1e3:.6f}" for x in errors)

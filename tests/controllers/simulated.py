@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path as FilePath
 
 import numpy as np
 
 from armcontour.controllers import Controller, Motion, PlayedMotion
-from armcontour.controllers.controller import Command
 from armcontour.core.checks import FloatArray
 from armcontour.robot import Arm
 
@@ -43,9 +41,6 @@ class Simulated(Controller):
         self.at, self.cycle, self.trip = at, cycle, trip
         self.rng = np.random.default_rng(1)
         self.motions: list[Motion] = []
-
-    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
-        raise NotImplementedError
 
     def connect(self, arm: Arm, start: FloatArray) -> None:
         """Stand at the start."""

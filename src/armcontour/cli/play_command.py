@@ -37,7 +37,7 @@ def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> in
         Player,
         SpeedFactor,
         judge_motion,
-        plan_play,
+        plan_kept,
         prepare_motion,
     )
     from armcontour.core.quantities import AngularDistance
@@ -54,7 +54,7 @@ def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> in
         with show_progress("playing") as progress:
             opened = open_job(job, job_options, progress)
             controller = controller_of(opened, options.on, options)
-            opened, plan = plan_play(
+            opened, plan = plan_kept(
                 opened,
                 options.run_name,
                 speed_factor,

@@ -6,15 +6,15 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import threading
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Annotated, ClassVar, NamedTuple, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
@@ -111,23 +111,20 @@ class PlayedMotion(Checked):
     notes: tuple[str, ...] = ()
 
 
-class Command(NamedTuple):
-    """Command of a feeder process, its environment variables, and a clean-up command."""
-
-    words: Sequence[str]
-    environment: Mapping[str, str] = {}
-    clean_up: Sequence[str] = ()
+# Command of a feeder process, and its additional environment variables.
+FeederCommand = tuple[list[str], dict[str, str]]
 
 
 class _Channel:
     """A feeder process, and the lines that it has sent."""
 
-    def __init__(self, command: Command, folder: FilePath) -> None:
-        self.folder, self.clean_up = folder, command.clean_up
-        self.environment = {**os.environ, **command.environment}
+    def __init__(self, command: FeederCommand, clean_up: Sequence[str], folder: FilePath) -> None:
+        words, environment = command
+        self.folder, self.clean_up = folder, clean_up
+        self.environment = os.environ | environment
         with open(folder / "stderr.txt", "w") as errors:
             self.process = subprocess.Popen(
-                command.words,
+                words,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,
@@ -135,8 +132,11 @@ class _Channel:
                 text=True,
                 start_new_session=True,
             )
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.stdin, self.stdout = self.process.stdin, self.process.stdout
         self.samples: list[tuple[float, ...]] = []
-        self.events: list[list[str]] = []
+        # Words of the last event of each kind in this motion.
+        self.events: dict[str, list[str]] = {}
         self.positions: list[float] = []
         self.failure = ""
         self.alive = True
@@ -145,8 +145,7 @@ class _Channel:
         self._listener.start()
 
     def _listen(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
+        for line in self.stdout:
             # The last line of a killed process may be incomplete.
             kind, *words = line.split() or [""]
             if kind == "s" and len(words) == 2 + 2 * len(self.positions):
@@ -156,21 +155,15 @@ class _Channel:
             elif kind == "F":
                 self.failure = " ".join(words)
             else:
-                self.events.append([kind, *words])
+                self.events[kind] = words
         self.alive = False
 
     def send(self, lines: Iterable[str]) -> None:
         """Send lines; if the process has ended, they are lost and `alive` becomes False."""
-        assert self.process.stdin is not None
         text = "".join(f"{x}\n" for x in lines)
-        with self._lock:
-            with suppress(OSError, ValueError):
-                self.process.stdin.write(text)
-                self.process.stdin.flush()
-
-    def event(self, kind: str) -> list[str] | None:
-        """The last event of a kind in this motion; None if there was none."""
-        return next((x for x in reversed(self.events) if x[0] == kind), None)
+        with self._lock, suppress(OSError, ValueError):
+            self.stdin.write(text)
+            self.stdin.flush()
 
     def describe_failure(self) -> str:
         """The reason why the process has ended: its error message if there is one."""
@@ -182,9 +175,8 @@ class _Channel:
     def close(self) -> None:
         """End the process; a motion that is played stops on the path first."""
         self.send(["Q"])
-        assert self.process.stdin is not None
         with suppress(OSError):
-            self.process.stdin.close()
+            self.stdin.close()
         try:
             self.process.wait(CLOSING)
         except subprocess.TimeoutExpired:
@@ -192,18 +184,11 @@ class _Channel:
             self.process.wait()
         # If the guard has ended, the feeder may still be stopping the robot.
         self._listener.join(CLOSING)
-        assert self.process.stdout is not None
-        self.process.stdout.close()
+        self.stdout.close()
         if self.process.returncode and self.clean_up:
             # If the process failed or was killed, programs of the controller may still run.
-            subprocess.run(
-                self.clean_up,
-                env=self.environment,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                check=False,
-            )
+            no = subprocess.DEVNULL
+            subprocess.run(self.clean_up, env=self.environment, stdin=no, stdout=no, stderr=no)
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
@@ -224,13 +209,16 @@ class _StopSender(threading.Thread):
         """First cycle that can still be replaced by a stop whose computation starts now."""
         return self.played + self.ahead + round(self.lead / self.cycle)
 
-    def prepare(self) -> None:
-        """Compile the functions of stops, and measure the time for computing a stop."""
+    def start(self) -> None:
+        """Measure the time for computing a stop, send the first one, and start the thread."""
         assert self.motion.next_stop is not None
+        # The first call compiles functions.
         for _ in range(2):
             begin = time.monotonic()
             self.motion.next_stop(len(self.motion.q) // 2)
         self._measure(begin)
+        self.send_next()
+        super().start()
 
     def _measure(self, begin: float) -> None:
         """Increase the lead to twice the duration of the computation that began at `begin` [s]."""
@@ -240,7 +228,7 @@ class _StopSender(threading.Thread):
         """Compute and send the next stop, and return its cycle."""
         assert self.motion.next_stop is not None
         begin, played = time.monotonic(), self.played
-        if self.channel.event("X") is None:
+        if "X" not in self.channel.events:
             # Discard stops whose first cycle has passed, because a long motion has thousands of
             # stops.
             self.sent = {k: q for k, q in self.sent.items() if k >= played}
@@ -270,27 +258,34 @@ class _StopSender(threading.Thread):
             self.join()
 
 
-class Controller(ABC):
+class Controller:
     """Base class of robot controllers that receive joint positions in every cycle.
+
+    Args:
+        address: Address of the robot; empty for a controller of this machine.
 
     Attributes:
         name: Name of the controller.
         cycle: Its cycle [s].
         ahead: Number of rows that are sent before they are due, and can no longer be replaced.
         simulates: Whether it simulates the drives, so that no machine moves.
+        clean_up: Command that ends its programs after the feeder process has failed.
     """
 
     name: ClassVar[str]
     cycle: float = 1e-3
     ahead: int = 0
     simulates: bool = False
+    clean_up: tuple[str, ...] = ()
 
-    def __init__(self) -> None:
+    def __init__(self, address: str = "") -> None:
+        self.address = address
         self._channel: _Channel | None = None
 
-    @abstractmethod
-    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
+    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
         """Command of the feeder process, which writes its files to `folder`."""
+        feeder = f"armcontour.controllers.feeders.{self.name}_feeder"
+        return [sys.executable, "-m", feeder, str(folder / "samples.txt"), self.address], {}
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare arm, limits and set-points with those of the controller.
@@ -324,15 +319,14 @@ class Controller(ABC):
         except Exception:
             shutil.rmtree(folder)
             raise
-        channel = self._channel = _Channel(command, folder)
+        channel = self._channel = _Channel(command, self.clean_up, folder)
         end = time.monotonic() + CONNECTING
         while not channel.positions and channel.alive and time.monotonic() < end:
             time.sleep(PAUSE)
-        if not channel.positions:
-            reason = "it does not answer" if channel.alive else channel.describe_failure()
-            self.close()
-            raise ControllerRefused(f"{self.name} cannot be reached: {reason}")
         try:
+            if not channel.positions:
+                reason = "it does not answer" if channel.alive else channel.describe_failure()
+                raise ControllerRefused(f"{self.name} cannot be reached: {reason}")
             self._check_joints(arm, len(channel.positions))
         except ControllerRefused:
             self.close()
@@ -367,18 +361,16 @@ class Controller(ABC):
         stops = _StopSender(channel, motion, self.ahead, self.cycle)
         if motion.next_stop is not None:
             # The motion starts after the first stop has been sent.
-            stops.prepare()
-            stops.send_next()
             stops.start()
         channel.send(["G"])
         notes: list[str] = []
         looked, stopping, deviation = begin, False, ""
         try:
-            while channel.event("D") is None:
+            while "D" not in channel.events:
                 if not channel.alive:
-                    reason = channel.describe_failure()
-                    record = self._record(begin, motion, stops.sent, notes)
-                    raise _lost(f"{self.name} was lost: {reason}", record)
+                    lost = ControllerLost(f"{self.name} was lost: {channel.describe_failure()}")
+                    lost.record = self._record(begin, motion, stops.sent, notes)
+                    raise lost
                 # An empty line shows the feeder that this process is alive.
                 channel.send([""])
                 rows = channel.samples[looked:]
@@ -386,7 +378,7 @@ class Controller(ABC):
                 if rows:
                     stops.played = max(stops.played, int(rows[-1][1]))
                 # After a stop by the feeder itself, joints deviate from their predictions.
-                stopping = stopping or channel.event("X") is not None
+                stopping = stopping or "X" in channel.events
                 if not stopping:
                     reason = deviation = _deviation(rows, motion)
                     if not reason and stops.error is not None:
@@ -448,21 +440,18 @@ class Controller(ABC):
         table = np.array(channel.samples[begin:], dtype=float).reshape(-1, 2 + 2 * dof)
         # Before the first set-point, the controller may still hold the last set-point of another
         # motion.
-        table = table[
-            int(np.argmax(table[:, 1] == 0)) if (table[:, 1] == 0).any() else len(table) :
-        ]
-        table = table[table[:, 1] >= 0]
+        table = table[np.logical_or.accumulate(table[:, 1] == 0) & (table[:, 1] >= 0)]
         clock, k = table[:, 0], table[:, 1].astype(int)
-        event = channel.event("X")
-        stopped, q = None if event is None else int(event[1]), motion.q
-        if stopped is not None:
+        stopped, q = None, motion.q
+        if "X" in channel.events:
+            stopped = int(channel.events["X"][0])
             q = np.concatenate([q[:stopped], stops[stopped]])
         missing = int((np.diff(clock) - 1).sum()) if len(clock) else 0
         # A motion ends with a rest, so repeated samples of the last row are not late.
         late = int((np.diff(k[k < len(q) - 1]) == 0).sum())
         command = table[:, 2 : 2 + dof]
         deviation = float(np.abs(command - q[np.minimum(k, len(q) - 1)]).max(initial=0.0))
-        notes = [*notes, *(x for kind, x in EVENTS.items() if channel.event(kind) is not None)]
+        notes = [*notes, *(x for kind, x in EVENTS.items() if kind in channel.events)]
         if missing:
             notes.append(f"{count_noun(missing, 'sample')} of the record are missing.")
         if late:
@@ -505,9 +494,3 @@ def _deviation(rows: Sequence[Sequence[float]], motion: Motion) -> str:
         f"{k[i]}, above the allowed {number(motion.band[j], 'rad')}: check its drive, or identify "
         "its servo."
     )
-
-
-def _lost(message: str, record: PlayedMotion) -> ControllerLost:
-    error = ControllerLost(message)
-    error.record = record
-    return error

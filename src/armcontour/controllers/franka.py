@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 
 import numpy as np
 
-from armcontour.controllers.controller import Command, Controller, Motion, PlayedMotion
+from armcontour.controllers.controller import Controller, FeederCommand, Motion, PlayedMotion
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.render import number
@@ -75,10 +74,6 @@ class Franka(Controller):
     cycle = CYCLE
     ahead = 5
 
-    def __init__(self, address: str) -> None:
-        super().__init__()
-        self.address = address
-
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare arm, limits and set-points with those of the FCI."""
         self._check_joints(arm, DOF)
@@ -135,14 +130,13 @@ class Franka(Controller):
             rows.append(Row(f"fci.{name}", float(use[i, j]), "1", f"{name} of the FCI's limit"))
         return rows
 
-    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
+    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
         if find_spec("pylibfranka") is None:
             raise ControllerRefused(
                 'pylibfranka is not installed: pip install "armcontour[franka]" (Linux on x86-64, '
                 "Python 3.11 and 3.12)"
             )
-        words = [sys.executable, "-m", "armcontour.controllers.feeders.franka_feeder"]
-        return Command([*words, str(folder / "samples.txt"), self.address])
+        return super()._command(arm, start, folder)
 
 
 def _at(i: int) -> str:

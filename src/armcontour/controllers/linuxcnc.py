@@ -11,16 +11,14 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from armcontour.controllers.controller import Command, Controller
+from armcontour.controllers.controller import Controller, FeederCommand
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.file_access import read_text
-from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.core.text import count_noun
 from armcontour.robot import Arm, Limits
-from armcontour.robot.limits import or_unlimited
 from armcontour.robot.servo import ServoModel
 
 # Parent folder of the package, for PYTHONPATH of the system's Python.
@@ -30,18 +28,10 @@ RTAPI = "/usr/bin/rtapi_app"
 # The real-time program refuses root, so for root it runs as this user (nobody).
 NOBODY = 65534
 # Parameters of servo models that simulated drives do not have.
-UNSUPPORTED = ("dead_time", "velocity_feedforward", "acceleration_feedforward", "drive_cycle")
-# Texts that a HAL file of LinuxCNC's own planner has, but not a file for `play`.
-FOREIGN = {
-    r"\bmotmod\b": "loads motmod, LinuxCNC's planner, which armcontour replaces",
-    r"\[\w+\]\(?\w+\)?": "uses {} of an INI file, which is not read: write its value",
-}
+UNSUPPORTED = "dead_time drive_cycle friction velocity_feedforward acceleration_feedforward".split()
 SEE = "The page LinuxCNC of the documentation has a complete HAL file."
 # Signal of a HAL file that enables the drives after the measured position has been commanded.
 ENABLE = "armcontour-enable"
-# The dry friction of simulated joints increases with their speed by this slope, up to the full
-# friction [1/s].
-SLIDING = 500.0
 # Capacity of the FIFOs between the feeder and the servo thread [rows].
 STREAMER_DEPTH, SAMPLER_DEPTH = 4000, 8000
 
@@ -58,14 +48,15 @@ class LinuxCNC(Controller):
             with `-` in place of spaces; the signal `armcontour-enable` enables the drives, which
             ignore their command before.
         drives: Servo of simulated drives in place of a HAL file: position and velocity loops by
-            HAL's `pid`, which integrate to positions, with gains, integrators and dry friction of
-            the model, and the acceleration limits of the model or of the arm. A dead time of one
-            cycle is `pid` with `error-previous-target`, LinuxCNC's default.
+            HAL's `pid`, which integrate to positions, with gains and integrators of the model, and
+            the acceleration limits of the model or of the arm. A dead time of one cycle is `pid`
+            with `error-previous-target`, LinuxCNC's default.
     """
 
     name = "linuxcnc"
     # The FIFO holds 0.3 s, against pauses of this machine.
     ahead = 300
+    clean_up = (RTAPI, "exit")
 
     @checks.explained
     def __init__(
@@ -78,27 +69,15 @@ class LinuxCNC(Controller):
         self.drives, self.simulates = drives, drives is not None
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
-        """Compare limits with the simulated drives, or joints with the HAL file."""
+        """Compare joints with the HAL file, or report the limits of the simulated drives."""
         if self.hal_file is not None:
             _check_file(self.hal_file, arm, round(self.cycle * 1e9))
             return [Row("joints", list(arm.joint_names), "", "joints of the HAL file")]
         assert self.drives is not None
-        drives = _accelerations(self.drives, arm)
-        planned = or_unlimited(limits.joint_acceleration, arm.dof)
-        above = planned > drives * (1 + 1e-12)
-        if above.any():
-            j = int(above.argmax())
-            raise ControllerRefused(
-                f"The plan allows an acceleration of joint {j + 1} of "
-                f"{number(planned[j], 'rad/s²')}, but its simulated drive allows "
-                f"{number(drives[j], 'rad/s²')}: reduce joint_acceleration.",
-                joint=j,
-                needed=float(planned[j]),
-                allowed=float(drives[j]),
-            )
-        return [Row("drive_accelerations", list(drives), "rad/s²", "accelerations of the drives")]
+        accelerations = list(_accelerations(self.drives, arm))
+        return [Row("drive_accelerations", accelerations, "rad/s²", "accelerations of the drives")]
 
-    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
+    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
         if self.hal_file is None:
             assert self.drives is not None
             file = folder / "servo.hal"
@@ -120,7 +99,7 @@ class LinuxCNC(Controller):
         apart = _own_ipc() if self.hal_file is None else []
         words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.feeders.linuxcnc_feeder"]
         words += [str(folder / "samples.txt"), str(file), str(self.ahead), str(arm.dof)]
-        return Command(words, environment, clean_up=(RTAPI, "exit"))
+        return words, environment
 
 
 def _own_ipc() -> list[str]:
@@ -136,24 +115,29 @@ def _check_file(file: FilePath, arm: Arm, period: int) -> None:
     """Compare the joints and the period [ns] of a HAL file with those of an arm and of `play`.
 
     Raises:
-        ControllerRefused: They differ, or the file needs other programs of LinuxCNC.
+        ControllerRefused: They differ.
     """
     text = re.sub(r"[ \t]+", " ", re.sub(r"#.*", "", read_text(file, "HAL file")))
-    for pattern, reason in FOREIGN.items():
-        if match := re.search(pattern, text):
-            line = text.count("\n", 0, match.start()) + 1
-            raise ControllerRefused(f"{file.name}, line {line}, {reason.format(match[0])}. {SEE}")
-    floats = {x: len(y) for x, y in re.findall(r"^\s*loadrt (\w+) .*cfg=(f+)\b", text, re.M)}
+    dof, joints = arm.dof, [signal_name(x) for x in arm.joint_names]
+    lines = {
+        rf"loadrt streamer .*cfg=f{{{dof + 1}}}": f"loadrt streamer cfg={'f' * (dof + 1)}",
+        rf"loadrt sampler .*cfg=f{{{2 * dof + 1}}}": f"loadrt sampler cfg={'f' * (2 * dof + 1)}",
+    }
+    for j, name in enumerate(joints, 1):
+        pin = f"streamer.0.pin.{j}"
+        lines[rf"net {re.escape(name)} .*\b{re.escape(pin)}"] = f"net {name} {pin}"
+    # The drives are enabled once their measured position is commanded.
+    lines[rf"net {ENABLE} .*\w"] = f"net {ENABLE} => and the pins that enable the drives"
+    for pattern, line in lines.items():
+        if not re.search(rf"^ ?{pattern}\b", text, re.M):
+            raise ControllerRefused(
+                f"{file.name} has no line such as {line}, which the "
+                f"{count_noun(dof, 'joint')} of {arm.name} need. {SEE}"
+            )
     numbers = {name: x for x, name in re.findall(r"\bname(\d)=(\S+)", text)}
     periods = {x: int(y) for x, y in re.findall(r"\bperiod(\d)=(\d+)", text)}
-    threads = dict(re.findall(r"^\s*addf (streamer|sampler)\.0 (\S+)", text, re.M))
-    for component, count in (("streamer", arm.dof + 1), ("sampler", 2 * arm.dof + 1)):
-        if floats.get(component) != count:
-            raise ControllerRefused(
-                f"In {file.name}, {component} has {count_noun(floats.get(component, 0), 'float')}, "
-                f"but the {count_noun(arm.dof, 'joint')} of {arm.name} need {count}, as in "
-                f"loadrt {component} cfg={'f' * count}. {SEE}"
-            )
+    threads = dict(re.findall(r"^ ?addf (streamer|sampler)\.0 (\S+)", text, re.M))
+    for component in ("streamer", "sampler"):
         # HAL rounds each period to a multiple of the first one.
         first, written = (periods.get(x, 0) for x in ("1", numbers.get(threads.get(component))))
         actual = round(written / max(first, 1)) * first
@@ -164,21 +148,6 @@ def _check_file(file: FilePath, arm: Arm, period: int) -> None:
                 f"sent every {period} ns, as in loadrt threads name1=servo period1={period} and "
                 f"addf {component}.0 servo."
             )
-    pattern = r"^\s*net (\S+) .*\bstreamer\.0\.pin\.(\d+)"
-    signals = {int(pin): name for name, pin in re.findall(pattern, text, re.M)}
-    for j, joint in enumerate(arm.joint_names, 1):
-        if signals.get(j) != signal_name(joint):
-            raise ControllerRefused(
-                f"In {file.name}, streamer.0.pin.{j} has the signal {signals.get(j)}, but joint "
-                f"{j} of {arm.name} is {joint}, which needs net {signal_name(joint)} "
-                f"streamer.0.pin.{j}.",
-                joint=j - 1,
-            )
-    if not re.search(rf"^\s*net {ENABLE}\s+\S", text, re.M):
-        raise ControllerRefused(
-            f"{file.name} connects no pin to the signal {ENABLE}, which enables the drives once "
-            "their measured position is commanded."
-        )
 
 
 def signal_name(joint: str) -> str:
@@ -201,7 +170,7 @@ def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: floa
     other = [x for x in UNSUPPORTED if np.any(getattr(servo, x))]
     if servo.kv is None or not np.isfinite(servo.kv).all() or other:
         raise InvalidInput(
-            "LinuxCNC's simulated drives have only kp, kv, ki and friction: set plant or --drives "
+            "LinuxCNC's simulated drives have only kp, kv and ki: set plant or --drives "
             f"to a servo of order second without {', '.join(other or UNSUPPORTED)}."
         )
     names = [signal_name(x) for x in arm.joint_names]
@@ -215,22 +184,13 @@ def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: floa
     yield f"loadrt sampler depth={SAMPLER_DEPTH} cfg={'f' * (2 * dof + 1)}"
     yield f"loadrt pid names={each('p')},{each('v')}"
     yield f"loadrt integ names={each('iv')},{each('iq')}"
-    yield f"loadrt sum2 names={each('q')},{each('a')}"
-    yield f"loadrt scale names={each('fs')}"
-    yield f"loadrt limit1 names={each('fl')}"
+    yield f"loadrt sum2 names={each('q')}"
     yield f"newsig {ENABLE} bit"
     yield "net cycle streamer.0.pin.0 => sampler.0.pin.0"
     for j in joints:
         yield f"setp p{j}.Pgain {servo.kp[j]:.15g}"
         yield f"setp v{j}.Pgain {servo.kv[j]:.15g}"
         yield f"setp v{j}.Igain {servo.kv[j] * servo.ki[j]:.15g}"
-        yield f"setp a{j}.gain1 -1"
-        # The friction of a servo is an equivalent position error. Here it is converted to an
-        # acceleration.
-        friction = servo.kp[j] * servo.kv[j] * servo.friction[j]
-        yield f"setp fs{j}.gain {SLIDING:g}"
-        yield f"setp fl{j}.min {-friction:.15g}"
-        yield f"setp fl{j}.max {friction:.15g}"
         if np.isfinite(limits[j]):
             yield f"setp v{j}.maxoutput {limits[j]:.15g}"
         for loop in "pv":
@@ -239,14 +199,11 @@ def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: floa
         yield f"setp q{j}.offset {start[j]:.17g}"
         yield f"net {names[j]} streamer.0.pin.{j + 1} => p{j}.command sampler.0.pin.{j + 1}"
         yield f"net w{j} p{j}.output => v{j}.command"
-        yield f"net d{j} v{j}.output => a{j}.in0"
-        yield f"net s{j} iv{j}.out => v{j}.feedback iq{j}.in fs{j}.in"
-        yield f"net r{j} fs{j}.out => fl{j}.in"
-        yield f"net f{j} fl{j}.out => a{j}.in1"
-        yield f"net a{j} a{j}.out => iv{j}.in"
+        yield f"net a{j} v{j}.output => iv{j}.in"
+        yield f"net s{j} iv{j}.out => v{j}.feedback iq{j}.in"
         yield f"net x{j} iq{j}.out => q{j}.in0"
         yield f"net m{j} q{j}.out => p{j}.feedback sampler.0.pin.{dof + j + 1}"
     order = ["streamer.0", *(f"q{j}" for j in joints), "sampler.0"]
     order += [f"{loop}{j}.do-pid-calcs" for loop in "pv" for j in joints]
-    order += [f"{prefix}{j}" for prefix in ("fs", "fl", "a", "iv", "iq") for j in joints]
+    order += [f"{prefix}{j}" for prefix in ("iv", "iq") for j in joints]
     yield from (f"addf {x} servo" for x in order)

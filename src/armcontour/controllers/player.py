@@ -174,7 +174,7 @@ def play(
         ControllerLost: The controller failed during the motion.
         ArmContourError: The run cannot be planned.
     """
-    played_job, planned = plan_play(
+    played_job, planned = plan_kept(
         job, run_name, speed_factor, learned=set_points is not None, progress=progress
     )
     ready = prepare_motion(
@@ -189,7 +189,7 @@ def play(
     return judge_motion(played, controller.cycle, band)
 
 
-def plan_play(
+def plan_kept(
     job: Job,
     run_name: str | None,
     speed_factor: float,
@@ -342,9 +342,8 @@ class Player:
 def _measure_distance(ready: Played, position: FloatArray) -> float:
     """Largest distance of a joint from the start [rad], if the robot can move there straight."""
     limits, start = limits_of(ready.job, ready.plan), ready.motion.q[0]
-    low = -np.inf if limits.joint_lower is None else limits.joint_lower
-    high = np.inf if limits.joint_upper is None else limits.joint_upper
-    low, high, distance = np.broadcast_arrays(low, high, np.abs(position - start))
+    low, high = limits.joint_range(len(start))
+    distance = np.abs(position - start)
     beyond = np.maximum(low - position, position - high) - START
     j = int(np.maximum(beyond, distance - TURN).argmax())
     if beyond[j] > 0 or distance[j] >= TURN:

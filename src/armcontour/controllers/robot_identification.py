@@ -180,10 +180,8 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
         ControllerRefused: The begin is too near to a limit or to an obstacle.
     """
     start, t = base(0.0), np.arange(0.0, DURATION + STEP / 2, STEP)
-    room = np.full(len(start), AMPLITUDE)
-    for bound, sign in ((limits.joint_lower, -1), (limits.joint_upper, 1)):
-        if bound is not None:
-            room = np.minimum(room, SHARE * sign * (bound - start))
+    low, high = limits.joint_range(len(start))
+    room = np.minimum(AMPLITUDE, SHARE * np.minimum(start - low, high - start))
     j = int(room.argmin())
     if room[j] <= 0:
         raise ControllerRefused(f"Joint {j + 1} starts at the end of its range.", joint=j)

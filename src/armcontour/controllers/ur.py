@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path as FilePath
-
 import numpy as np
 
-from armcontour.controllers.controller import Command, Controller
+from armcontour.controllers.controller import Controller
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.render import number
@@ -33,10 +30,6 @@ class Ur(Controller):
     cycle = 2e-3
     ahead = 5
 
-    def __init__(self, address: str) -> None:
-        super().__init__()
-        self.address = address
-
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare the number of joints, and the set-points with ranges and speeds of the arm."""
         self._check_joints(arm, DOF)
@@ -56,7 +49,3 @@ class Ur(Controller):
             raise ControllerRefused(sentence, joint=joint, needed=needed, allowed=allowed)
         use = use_of("joint_velocity", arm.limits, np.diff(q, axis=0) / self.cycle)
         return [Row("ur.speed", float(use.ratio.max()), "1", "speed of the robot's limit")]
-
-    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
-        words = [sys.executable, "-m", "armcontour.controllers.feeders.ur_feeder"]
-        return Command([*words, str(folder / "samples.txt"), self.address])

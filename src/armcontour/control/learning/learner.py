@@ -264,7 +264,7 @@ def _learn_next(
         # The joint limits of the plan do not apply if the set-points already exceed them.
         applied = applied.of_tool
     check_set_points(replace(set_points, q=best.q), applied)
-    first = _accelerations(runs[0].q, set_points.cycle)
+    first = np.abs(differences(runs[0].q, 2)).max(axis=0) / set_points.cycle**2
     fastest = ACCELERATION_FACTOR * np.maximum(first, RESTING_SHARE * first.max())
     if applied.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(applied.acceleration_bounds(lifted.dof)))
@@ -320,11 +320,6 @@ def _contradiction(lifted: Lifted, run: LearningRun) -> str:
         f"RMS from the simulation with the servo, but by {lag[j] * 1e3:.3g} mrad from its "
         "set-points, so identify the servo first"
     )
-
-
-def _accelerations(q: FloatArray, cycle: float) -> FloatArray:
-    """Largest acceleration of each joint's set-points [rad/s²], (dof,)."""
-    return np.asarray(np.abs(differences(q, 2)).max(axis=0) / cycle**2)
 
 
 def _keep_limits(

@@ -38,7 +38,7 @@ import time
 from collections import deque
 from collections.abc import Iterable
 from contextlib import suppress
-from typing import Protocol
+from typing import Any, Protocol
 
 # Timeout of the sender: after this time without a line, the feeder executes the next stop [s].
 SILENCE = 0.5
@@ -47,6 +47,8 @@ SILENCE = 0.5
 HALT = 0.2
 # Number of stops that a guard stores.
 KEPT = 8
+# A controller without a FIFO is recorded at rest in every RARE-th cycle.
+RARE = 50
 # Pause of the loop between two readings of the controller [s].
 PAUSE = 1e-3
 BLOCK = 1 << 20
@@ -99,19 +101,6 @@ class GuardedDevice(Device, Protocol):
         """Connect during a motion; returns the number of rows that the controller has received."""
 
 
-class Output(Protocol):
-    """Interface of an output with an unlimited buffer."""
-
-    def write(self, text: str, /) -> object:
-        """Append a text to the buffer."""
-
-    def flush(self) -> object:
-        """Send as much of the buffer as possible without waiting."""
-
-    def close(self) -> object:
-        """Send the whole buffer, and close."""
-
-
 class Pipe:
     """Pipe to the sender; a sender that does not read does not block the motion."""
 
@@ -119,7 +108,7 @@ class Pipe:
         self.descriptor, self.unsent = descriptor, bytearray()
         os.set_blocking(descriptor, False)
 
-    def write(self, text: str, /) -> None:
+    def write(self, text: str) -> None:
         """Append a text to the buffer."""
         self.unsent += text.encode()
 
@@ -135,6 +124,7 @@ class Pipe:
         """Send the whole buffer, and close."""
         os.set_blocking(self.descriptor, True)
         self.flush()
+        os.close(self.descriptor)
 
 
 class Feeder:
@@ -149,7 +139,7 @@ class Feeder:
     """
 
     def __init__(
-        self, device: Device, record: str, out: Output, state: memoryview | None = None
+        self, device: Device, record: str, out: Pipe, state: memoryview | None = None
     ) -> None:
         self.device, self.record, self.out = device, open(record, "a"), out
         self.state = memoryview(bytearray(32)).cast("q") if state is None else state
@@ -164,14 +154,11 @@ class Feeder:
         self.heard = time.monotonic()
 
     def say(self, *words: object) -> None:
-        """Print a line, unless no process reads."""
-        try:
-            self.out.write(" ".join(map(str, words)) + "\n")
-        except BrokenPipeError:
-            self.lose_reader()
+        """Print a line."""
+        self.out.write(" ".join(map(str, words)) + "\n")
 
     def flush(self) -> None:
-        """Send printed lines."""
+        """Send printed lines, unless no process reads."""
         try:
             self.out.flush()
         except BrokenPipeError:
@@ -179,7 +166,7 @@ class Feeder:
 
     def lose_reader(self) -> None:
         """Discard further output, and continue as if the sender were lost."""
-        self.out = open(os.devnull, "w")
+        self.out = Pipe(os.open(os.devnull, os.O_WRONLY))
         self.lose_sender()
 
     def lose_sender(self) -> None:
@@ -197,7 +184,7 @@ class Feeder:
             self.say("R", *self.device.connect())
             self.flush()
             self.loop()
-        except DeviceError as error:
+        except (DeviceError, OSError) as error:
             self.say("F", str(error).replace("\n", " | "))
         finally:
             self.state[1] = 0
@@ -232,12 +219,8 @@ class Feeder:
                 self.lose_sender()
         else:
             self.obey_lines()
-        if (
-            not self.orphaned
-            and self.playing
-            and not self.stop_requested
-            and time.monotonic() - self.heard > SILENCE
-        ):
+        silent = time.monotonic() - self.heard > SILENCE
+        if silent and self.playing and not self.orphaned and not self.stop_requested:
             self.say("W")
             self.stop_requested = True
 
@@ -325,18 +308,9 @@ class Guard(Feeder):
 
     device: GuardedDevice
 
-    def __init__(
-        self,
-        device: GuardedDevice,
-        record: str,
-        out: Output,
-        state: memoryview,
-        child: int,
-        pipe: int,
-    ) -> None:
-        super().__init__(device, record, out, state)
-        self.child, self.pipe = child, pipe
-        self.waiting = b""
+    def __init__(self, child: int, pipe: int, *of_feeder: Any) -> None:
+        super().__init__(*of_feeder)
+        self.child, self.pipe, self.waiting = child, pipe, b""
 
     def obey(self, words: list[str]) -> None:
         """Store rows and the latest stops, as the feeder does."""
@@ -402,7 +376,7 @@ class Guard(Feeder):
             self.end()
 
 
-def take_stdout() -> Output:
+def take_stdout() -> Pipe:
     """Output to the sender on stdout; prints of libraries are redirected to stderr."""
     out = Pipe(os.dup(1))
     os.dup2(2, 1)
@@ -424,7 +398,7 @@ def main_guarded(device: GuardedDevice) -> None:
     child = os.fork()
     if child:
         os.close(lines)
-        Guard(device, sys.argv[1], out, state, child, pipe).run()
+        Guard(child, pipe, device, sys.argv[1], out, state).run()
     os.dup2(lines, 0)
     os.close(lines)
     os.close(pipe)

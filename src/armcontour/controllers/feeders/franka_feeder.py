@@ -5,22 +5,30 @@ from __future__ import annotations
 import ipaddress
 import sys
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 
 import pylibfranka
 from pylibfranka import FrankaException, JointPositions, RealtimeConfig, RobotMode, RobotState
 
-from armcontour.controllers.feeders.feeder import DeviceError, Row, Sample, main
+from armcontour.controllers.feeders.feeder import RARE, DeviceError, Row, Sample, main
 
 # Cycle [s].
 CYCLE = 1e-3
-# At rest, every RARE-th state is recorded.
-RARE = 50
 # Tolerance between the desired positions of a state and the row sent in the previous cycle [rad].
 SAME = 1e-6
 # Number of cycles of the motion from the held position to the first row, and its maximum length
 # [rad].
 ALIGNING, FARTHEST = 500, 2e-3
+
+
+@contextmanager
+def reported() -> Iterator[None]:
+    """Report an error of libfranka as a failure of the controller."""
+    try:
+        yield
+    except FrankaException as error:
+        raise DeviceError(str(error)) from None
 
 
 class FrankaDevice:
@@ -50,29 +58,24 @@ class FrankaDevice:
         self.open: Sample | None = None
         self.complete: list[Sample] = []
 
+    @reported()
     def connect(self) -> Row:
         """Connect; returns the joint positions [rad]."""
         realtime = RealtimeConfig.kIgnore if self._is_here() else RealtimeConfig.kEnforce
-        try:
-            self.robot = pylibfranka.Robot(self.address, realtime)
-            state = self.robot.read_once()
-        except FrankaException as error:
-            raise DeviceError(str(error)) from None
+        self.robot = pylibfranka.Robot(self.address, realtime)
+        state = self.robot.read_once()
         if state.robot_mode != RobotMode.Idle:
             raise DeviceError(f"the robot is not idle, but in mode {state.robot_mode.name}")
         return tuple(state.q)
 
+    @reported()
     def start(self) -> None:
         """Start the control of joint positions."""
         self.confirmed = -1
         if self.control is not None:
             return
-        try:
-            self.control = self.robot.start_joint_position_control(
-                pylibfranka.ControllerMode.JointImpedance
-            )
-        except FrankaException as error:
-            raise DeviceError(str(error)) from None
+        mode = pylibfranka.ControllerMode.JointImpedance
+        self.control = self.robot.start_joint_position_control(mode)
         # libfranka's examples since version 0.15 start like this.
         self._read()
         self.row = self.sent = tuple(self.state.q)
@@ -119,13 +122,11 @@ class FrankaDevice:
         """End the control at the last row."""
         if self.control is None:
             return
-        try:
+        # The robot may have ended the control.
+        with suppress(DeviceError):
             if self.answered:
                 self._read()
             self._answer(finished=True)
-        except DeviceError:
-            # The robot has already ended the control.
-            pass
 
     def _align(self, row: Row) -> None:
         """Plan the motion from the held position to row 0, its last row."""
@@ -146,15 +147,13 @@ class FrankaDevice:
         except ValueError:
             return self.address == "localhost"
 
+    @reported()
     def _read(self) -> None:
         """Read a state, which confirms the row of the previous cycle."""
-        try:
-            if self.control is None:
-                self.state: RobotState = self.robot.read_once()
-            else:
-                self.state, _ = self.control.readOnce()
-        except FrankaException as error:
-            raise DeviceError(str(error)) from None
+        if self.control is None:
+            self.state: RobotState = self.robot.read_once()
+        else:
+            self.state, _ = self.control.readOnce()
         clock = round(self.state.time.to_sec() / CYCLE)
         self.due, self.clock, self.answered = clock - self.clock, clock, False
         if self.open is not None:
@@ -165,15 +164,13 @@ class FrankaDevice:
             self.complete.append((number, k, row, measured))
             self.open, self.confirmed = None, k
 
+    @reported()
     def _answer(self, *, finished: bool) -> None:
         """Answer a state with the row of this cycle, or with the last row again."""
         assert self.control is not None
         command = JointPositions(list(self.sent))
         command.motion_finished = finished
-        try:
-            self.control.writeOnce(command)
-        except FrankaException as error:
-            raise DeviceError(str(error)) from None
+        self.control.writeOnce(command)
         self.answered = True
 
 

@@ -170,11 +170,9 @@ class LinuxCNCDevice:
             self.__dict__.pop(name, None)
         if hasattr(self, "component"):
             self.component.exit()
-        disable = ("halcmd", "sets", ENABLE, "0")
+        no, disable = subprocess.DEVNULL, ("halcmd", "sets", ENABLE, "0")
         for words in (disable, ("halcmd", "stop"), ("halcmd", "unload", "all"), (PROGRAM, "exit")):
-            subprocess.run(
-                words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT
-            )
+            subprocess.run(words, stdin=no, stdout=no, stderr=no)
 
 
 if __name__ == "__main__":

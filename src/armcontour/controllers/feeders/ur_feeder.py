@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
-from armcontour.controllers.feeders.feeder import DeviceError, Row, Sample, main
+from armcontour.controllers.feeders.feeder import RARE, DeviceError, Row, Sample, main
 
 RTDE_PORT, SCRIPT_PORT = 30004, 30002
 DOF, SLOTS, FIRST = 6, 4, 24
@@ -22,8 +22,6 @@ DOF, SLOTS, FIRST = 6, 4, 24
 CYCLE = 2e-3
 # Timeout of an answer [s], and maximum number of packages until the program runs.
 TIMEOUT, PACKAGES = 2.0, 2500
-# At rest, every RARE-th package is recorded.
-RARE = 50
 # RTDE guide: robot mode RUNNING, safety mode NORMAL, runtime state PLAYING.
 RUNNING, NORMAL, PLAYING = 7, 1, 2
 MODES = {2: "reduced", 3: "protective stop", 5: "safeguard stop", 6: "emergency stop"}
@@ -173,7 +171,7 @@ class UrDevice:
         """End the program, and disconnect."""
         if not hasattr(self, "rtde"):
             return
-        with suppress(DeviceError):
+        with suppress(DeviceError, OSError):
             if self.running:
                 self.running = False
                 self._send_inputs(0)
@@ -193,10 +191,7 @@ class UrDevice:
         return opened
 
     def _send(self, kind: str, data: bytes) -> None:
-        try:
-            self.rtde.sendall(struct.pack(">HB", len(data) + 3, ord(kind)) + data)
-        except OSError as error:
-            raise DeviceError(f"the connection to {self.address} ended: {error}") from None
+        self.rtde.sendall(struct.pack(">HB", len(data) + 3, ord(kind)) + data)
 
     def _ask(self, kind: str, data: bytes) -> bytes:
         """Send a request; returns the data of the answer."""
@@ -214,10 +209,7 @@ class UrDevice:
     def _receive(self) -> tuple[str, bytes]:
         """Receive the next package; returns its type and data."""
         while not self._has_package():
-            try:
-                data = self.rtde.recv(1 << 16)
-            except OSError as error:
-                raise DeviceError(f"the controller sends no state: {error}") from None
+            data = self.rtde.recv(1 << 16)
             if not data:
                 raise DeviceError("the controller ended the connection")
             self.received += data
