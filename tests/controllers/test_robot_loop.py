@@ -11,7 +11,7 @@ from tests.controllers.simulated import Simulated
 import armcontour as ac
 from armcontour.control.learning import LearningResult
 from armcontour.controllers import identify_on, learn_on, play
-from armcontour.controllers.player import limits_of, plan_played
+from armcontour.controllers.player import plan_played
 from armcontour.controllers.robot_identification import SHARE, excite
 from armcontour.core.errors import ControllerRefused
 from armcontour.files import parse_job
@@ -71,7 +71,7 @@ def test_dry_runs_move_nothing(job):
 
 def test_excitation_is_within_limits_from_rest_to_rest(job):
     played_job, plan = plan_played(job, None)
-    motion = excite(played_job, limits_of(played_job, plan), plan.trajectory, 1e-3)
+    motion = excite(played_job, plan.run.limits, plan.trajectory, 1e-3)
     begin = plan.trajectory(0.0)
     np.testing.assert_allclose(motion.q[[0, -1]], [begin, begin], atol=1e-12)
     accelerations = np.diff(motion.q, 2, axis=0) / 1e-6
@@ -83,7 +83,7 @@ def test_excitation_is_within_limits_from_rest_to_rest(job):
 
 def test_joint_at_the_end_of_its_range_is_not_excited(job):
     played_job, plan = plan_played(job, None)
-    limits = limits_of(played_job, plan).replace(joint_lower=plan.trajectory(0.0))
+    limits = plan.run.limits.replace(joint_lower=plan.trajectory(0.0))
     with pytest.raises(ControllerRefused, match="end of its range"):
         excite(played_job, limits, plan.trajectory, 1e-3)
 

@@ -14,22 +14,18 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import (
-    ArmContourError,
-    ControllerLost,
-    ControllerRefused,
-    InvalidInput,
-)
+from armcontour.core.errors import ArmContourError, ControllerLost, ControllerRefused, InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.quantities import AtLeast, Axes, Quantity
+from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.core.text import count_noun
+from armcontour.motion.nearest_commands import find_excess
 from armcontour.robot import Arm, Limits
 
 # Timeouts of connecting, and of ending the feeder process, which may first stop the robot [s].
@@ -56,8 +52,7 @@ EVENTS = {
 Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
 
 
-@declared(eq=False)
-class Stop(Checked):
+class Stop(NamedTuple):
     """Set-points that replace those of a motion from a cycle on, and end at rest on its path.
 
     Args:
@@ -65,8 +60,8 @@ class Stop(Checked):
         q: Joint positions at the controller's cycles from k on [rad], (n, dof).
     """
 
-    k: Annotated[int, AtLeast(0)]
-    q: Positions
+    k: int
+    q: FloatArray
 
 
 @declared(eq=False)
@@ -417,6 +412,22 @@ class Controller:
                 f"{self.name} has {count_noun(dof, 'joint')}, but the arm {arm.name} has "
                 f"{count_noun(arm.dof, 'joint')}."
             )
+
+    def _check_within(self, q: FloatArray, bounds: FloatArray) -> None:
+        """Refuse set-points beyond the bounds of positions and velocities, (1 or 2, 2, dof)."""
+        excess = find_excess(q, self.cycle, bounds[:1]) or find_excess(q, self.cycle, bounds)
+        if excess is None:
+            return
+        joint, needed, allowed = excess.joint, excess.needed, excess.allowed
+        at, unit = number(excess.row * self.cycle, "s"), "rad/s" if excess.order else "rad"
+        raise ControllerRefused(
+            f"Joint {joint + 1} {'moves with' if excess.order else 'is at'} "
+            f"{number(needed, unit)} at {at}, beyond the limit {number(allowed, unit)} of the "
+            "robot: move the path, reduce joint_velocity, or increase timing.reserve.",
+            joint=joint,
+            needed=needed,
+            allowed=allowed,
+        )
 
     def _check_start(self, motion: Motion) -> None:
         """Refuse a motion whose first set-point differs from the commanded position."""

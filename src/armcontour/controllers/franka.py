@@ -13,7 +13,6 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.render import number
 from armcontour.core.result import Row
-from armcontour.motion.nearest_commands import find_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -100,17 +99,7 @@ class Franka(Controller):
 
     def _compare(self, q: FloatArray) -> list[Row]:
         """Largest share of each FCI limit that set-points use, one row per derivative."""
-        # Raises `ControllerRefused` for a value above a limit or a position outside the range.
-        excess = find_excess(q, CYCLE, np.array([[LOWER, UPPER]]))
-        if excess is not None:
-            raise ControllerRefused(
-                f"Joint {excess.joint + 1} is at {number(excess.needed, 'rad')} {_at(excess.row)}, "
-                f"outside the robot's range, which ends at {number(excess.allowed, 'rad')}: move "
-                "the path, or choose another configuration.",
-                joint=excess.joint,
-                needed=excess.needed,
-                allowed=excess.allowed,
-            )
+        self._check_within(q, np.array([[LOWER, UPPER]]))
         rows = []
         for name, (values, most) in compare(q).items():
             with np.errstate(divide="ignore"):
@@ -119,10 +108,10 @@ class Franka(Controller):
             if use[i, j] > 1:
                 unit = UNITS[name]
                 raise ControllerRefused(
-                    f"The {name} of joint {j + 1} is {number(values[i, j], unit)} {_at(i)}, above "
-                    f"the {number(most[i, j], unit)} of the FCI: reduce the limit joint_{name}, or "
-                    "increase timing.reserve. Compensated set-points need more jerk than the FCI "
-                    "allows: use compensation method none.",
+                    f"The {name} of joint {j + 1} is {number(values[i, j], unit)} at "
+                    f"{number(i * CYCLE, 's')}, above the {number(most[i, j], unit)} of the FCI: "
+                    f"reduce the limit joint_{name}, or increase timing.reserve. Compensated "
+                    "set-points need more jerk than the FCI allows: use compensation method none.",
                     joint=j,
                     needed=float(values[i, j]),
                     allowed=float(most[i, j]),
@@ -137,8 +126,3 @@ class Franka(Controller):
                 "Python 3.11 and 3.12)"
             )
         return super()._command(arm, start, folder)
-
-
-def _at(i: int) -> str:
-    """Time of cycle i, as text."""
-    return f"at {number(i * CYCLE, 's')}"

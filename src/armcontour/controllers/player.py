@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -178,12 +178,7 @@ def play(
         job, run_name, speed_factor, learned=set_points is not None, progress=progress
     )
     ready = prepare_motion(
-        played_job,
-        planned,
-        controller,
-        set_points=set_points,
-        speed_factor=speed_factor,
-        band=band,
+        played_job, planned, controller, set_points=set_points, speed_factor=speed_factor, band=band
     )
     played = Player(controller, execute, stop_requested, progress).play(ready)
     return judge_motion(played, controller.cycle, band)
@@ -249,9 +244,8 @@ def prepare_motion(
     else:
         _check_same_plan(set_points, planned)
         predicted = planned.trajectory.with_rests(t)
-    limits = limits_of(job, planned)
-    rows = controller.check(job.arm, limits, stopper.q)
-    limits = limits.replace(**_scaled(limits, 1 / speed_factor))
+    rows = controller.check(job.arm, planned.run.limits, stopper.q)
+    limits = _scaled(planned.run.limits, 1 / speed_factor)
     is_safe = controller.simulates or job.servo.contour_ratio is not None
     rows.append(_check_accelerations(planned.run.name, points, limits, is_safe))
     return Played(
@@ -306,8 +300,7 @@ class Player:
     def _move_to_start(self, ready: Played) -> None:
         """Move in joint space to the first set-point, again if set-points were late."""
         job, start, controller = ready.job, ready.motion.q[0], self.controller
-        limits = limits_of(job, ready.plan)
-        limits = limits.replace(**_scaled(limits, min(SLOW / ready.speed_factor, 1.0)))
+        limits = _scaled(ready.plan.run.limits, min(SLOW / ready.speed_factor, 1.0))
         for _ in range(ATTEMPTS):
             approach = approach_of(job, limits, controller.position(), start, controller.cycle)
             record = self._stream(approach)
@@ -341,8 +334,8 @@ class Player:
 
 def _measure_distance(ready: Played, position: FloatArray) -> float:
     """Largest distance of a joint from the start [rad], if the robot can move there straight."""
-    limits, start = limits_of(ready.job, ready.plan), ready.motion.q[0]
-    low, high = limits.joint_range(len(start))
+    start = ready.motion.q[0]
+    low, high = ready.plan.run.limits.joint_range(len(start))
     distance = np.abs(position - start)
     beyond = np.maximum(low - position, position - high) - START
     j = int(np.maximum(beyond, distance - TURN).argmax())
@@ -423,25 +416,21 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
     return replace(played, results=(verdict, *rows))
 
 
-def limits_of(job: Job, planned: RunResult) -> Limits:
-    """Limits of a planned run, with the defaults of the arm."""
-    return resolve_limits("play", job.arm, planned.run.limits)
-
-
 def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:
-    """The run with limits for a speed factor, and with a minimum reserve."""
+    """The run with all limits of the arm, scaled by a speed factor, and a minimum reserve."""
     limits = _scaled(resolve_limits("play", job.arm, chosen.limits), factor)
     timing = replace(chosen.timing, reserve=max(chosen.timing.reserve, reserve))
-    return replace(chosen, limits=chosen.limits.replace(**limits), timing=timing)
+    return replace(chosen, limits=limits, timing=timing)
 
 
-def _scaled(limits: Limits, factor: float) -> dict[str, Any]:
-    """Values of limits, scaled by a speed factor; without torques and ranges, which are fixed."""
-    return {
+def _scaled(limits: Limits, factor: float) -> Limits:
+    """Limits scaled by a speed factor; torques and ranges do not change."""
+    values = {
         name: np.multiply(value, factor**x.power)
         for name, x in LIMITS.items()
         if x.power and (value := getattr(limits, name)) is not None
     }
+    return limits.replace(**values)
 
 
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:

@@ -12,13 +12,7 @@ from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
 from armcontour.controllers.commands import UNKNOWN_LAG, uncompensated_motion
 from armcontour.controllers.controller import Controller, Motion, PlayedMotion
-from armcontour.controllers.player import (
-    Played,
-    Player,
-    limits_of,
-    plan_played,
-    prepare_motion,
-)
+from armcontour.controllers.player import Played, Player, plan_played, prepare_motion
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.fields import checked
@@ -140,7 +134,7 @@ def prepare_identification(
         replace(job, runs=(plain,)), None, reserve=reserve, progress=progress
     )
     ready = prepare_motion(job, planned, controller, lag=UNKNOWN_LAG)
-    excitation = excite(job, limits_of(job, planned), planned.trajectory, controller.cycle)
+    excitation = excite(job, planned.run.limits, planned.trajectory, controller.cycle)
     return {RUN: ready, EXCITATION: replace(ready, motion=excitation)}
 
 

@@ -10,13 +10,7 @@ import numpy as np
 from armcontour.control.learning import LearningResult
 from armcontour.controllers.commands import commands_at
 from armcontour.controllers.controller import Controller
-from armcontour.controllers.player import (
-    ATTEMPTS,
-    Played,
-    Player,
-    plan_played,
-    prepare_motion,
-)
+from armcontour.controllers.player import ATTEMPTS, Played, Player, plan_played, prepare_motion
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
@@ -95,10 +89,9 @@ class RobotLearning(Result):
         if first is not None:
             rows += [x for x in first.to_data().rows if x.name not in ("executed", "completed")]
         if self.lesson is not None:
-            rows.append(Row("errors", [x.rms for x in self.lesson.runs], "m", "errors, RMS"))
-            rows.append(
-                Row("best", self.lesson.remaining, "m", f"run {self.lesson.best + 1}", level=FIRST)
-            )
+            errors, best = [x.rms for x in self.lesson.runs], f"run {self.lesson.best + 1}"
+            rows.append(Row("errors", errors, "m", "errors, RMS"))
+            rows.append(Row("best", min(errors), "m", best, level=FIRST))
         rows.append(Row("ended", self.ended))
         return Data(f"Learning of run {self.plan.run.name}", tuple(rows))
 
@@ -139,8 +132,8 @@ def learn_next(result: RobotLearning, player: Player, band: float | None = None)
         if lesson is None:
             raise ControllerRefused(f"The first run was stopped on its path: {notes}")
         ended = f"{run} was stopped on its path: {notes}"
-        best = lesson.runs[lesson.best]
-        lesson = replace(lesson, q=best.q, finished=True, reason=ended)
+        q = lesson.runs[lesson.best].q
+        lesson = replace(lesson, q=q, finished=True, reason=ended)
         return replace(result, lesson=lesson, ended=ended)
     if record.stopped is not None or not record.faithful:
         raise ControllerRefused(f"The run was disturbed in each of {ATTEMPTS} attempts: {notes}")

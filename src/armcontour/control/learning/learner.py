@@ -23,11 +23,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.sampling import interpolate
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.nearest_commands import (
-    command_bounds,
-    find_excess,
-    nearest_commands,
-)
+from armcontour.motion.nearest_commands import command_bounds, find_excess, nearest_commands
 from armcontour.motion.set_point_check import check_set_points, describe_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
