@@ -14,14 +14,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Annotated, ClassVar, NamedTuple, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, ControllerLost, ControllerRefused, InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.quantities import Axes, Quantity
+from armcontour.core.quantities import AtLeast, Axes, Quantity
 from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.core.text import count_noun
@@ -52,7 +52,8 @@ EVENTS = {
 Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
 
 
-class Stop(NamedTuple):
+@declared(eq=False)
+class Stop(Checked):
     """Set-points that replace those of a motion from a cycle on, and end at rest on its path.
 
     Args:
@@ -60,8 +61,8 @@ class Stop(NamedTuple):
         q: Joint positions at the controller's cycles from k on [rad], (n, dof).
     """
 
-    k: int
-    q: FloatArray
+    k: Annotated[int, AtLeast(0)]
+    q: Positions
 
 
 @declared(eq=False)
