@@ -57,11 +57,16 @@ def test_the_paths_own_tolerances_cap_both_sides():
     np.testing.assert_array_equal(tube.vertex_tolerance, [1e-3, 1e-3])
 
 
+def largest(proof):
+    """The largest value of a proof, of the points of the path and the corners of the objective."""
+    return max(*proof.segments, *proof.vertices)
+
+
 def test_stopping_at_every_vertex_keeps_tolerance_zero():
     for points in (CORNER, [(0, 0, 0), (1, 0.3, 0.2), (0.01, 0.3, 0.1)]):
         path = ac.Path.polyline(points)
         proof = Tube.around(path, 0.0).prove(path, evenly(path, path), 0.0)
-        assert proof.excess <= proof.slack and abs(proof.excess) < 1e-15
+        assert largest(proof) <= proof.slack and abs(largest(proof)) < 1e-15
 
 
 @each("turn", [0.3, np.pi / 2, 3.0])
@@ -72,10 +77,9 @@ def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
     just, less = (
         Tube.around(path, 5e-3 * x).prove(rounded, places_of(rounded), 0.5) for x in (1, 1 - 1e-6)
     )
-    assert just.excess <= just.slack and abs(just.excess) < just.slack
+    assert largest(just) <= just.slack and abs(largest(just)) < just.slack
     assert just.segments.max() < 0
-    assert less.violated and less.sampled_excess == pytest.approx(5e-9, rel=1e-5)
-    assert less.place == pytest.approx(1.0)
+    assert largest(less) == pytest.approx(5e-9, rel=1e-5)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.booleans())
@@ -96,17 +100,6 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
     distance, segment = sampled_distance(path, objective, places, reach, 12)
     excess = distance - tolerance
     assert (excess <= proof.segments[segment] + proof.slack).all()
-    assert proof.sampled_excess <= proof.excess
-    # Whatever is not proven was found outside, but within the millionth that is left open.
-    assert proof.excess <= proof.slack or proof.violated or proof.excess < 2e-6 * tolerance
-    if (
-        proof.excess > proof.slack
-        and len(proof.vertices)
-        and proof.vertices.max() < proof.sampled_excess
-    ):
-        ends = max(proof.place - reach, 0), min(proof.place + reach, objective.length)
-        worst_distance = cut_path(objective, *ends).project(path([proof.s])).distance[0]
-        assert worst_distance - tolerance == pytest.approx(proof.sampled_excess, abs=1e-9)
 
 
 def test_the_vertices_are_those_of_a_dense_sample():
@@ -260,7 +253,7 @@ def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
     rounded = ac.round_corners(path, tolerance=turn * 1e-3)
     assert rounded.corners.error[0] == pytest.approx(turn * 1e-3)
     proof = Tube.around(path, turn * 1e-3).prove(rounded, places_of(rounded), 0.5)
-    assert proof.excess <= proof.slack
+    assert largest(proof) <= proof.slack
 
 
 def test_a_hop_to_the_neighbouring_pass_is_no_way():
@@ -268,12 +261,12 @@ def test_a_hop_to_the_neighbouring_pass_is_no_way():
     short = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, 0.004), (0, 0.004)])
     assert path.project(short(np.linspace(0, short.length, 1001))).distance.max() < 0.0021
     proof = Tube.around(path, 0.005).prove(short, evenly(path, short), 0.02)
-    assert proof.violated
+    assert largest(proof) > proof.slack
     # Even if the places leave the rest of the path out, its corners are missed.
     jumps = [(0, 0), (0.502, 0.502), (1.502, 0.502), (2.004, 1.004)]
     jump = Tube.around(path, 0.005).prove(short, np.array(jumps), 0.02)
     np.testing.assert_allclose(jump.vertices, 0.5 - 0.005, rtol=1e-4)
-    assert jump.violated and jump.segments.max() < 0
+    assert jump.segments.max() < 0
 
 
 def test_a_crossing_is_not_a_way_to_turn_off():
@@ -281,6 +274,7 @@ def test_a_crossing_is_not_a_way_to_turn_off():
     # At the crossing (0.5, 0) it takes the other line.
     turned = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, -1)])
     assert path.project(turned(np.linspace(0, turned.length, 101))).distance.max() < 1e-12
-    assert Tube.around(path, 0.01).prove(turned, evenly(path, turned), 0.05).violated
+    proof = Tube.around(path, 0.01).prove(turned, evenly(path, turned), 0.05)
+    assert largest(proof) > proof.slack
     same = Tube.around(path, 0.01).prove(path, evenly(path, path), 0.05)
-    assert same.excess <= same.slack and same.segments.max() == pytest.approx(-0.01)
+    assert largest(same) <= same.slack and same.segments.max() == pytest.approx(-0.01)

@@ -52,16 +52,6 @@ ZERO_SPEED = 1e-10
 # cubic through these four samples is extrapolated to 0.
 NEAR_END = 2e-3 * 0.5 ** np.arange(4)
 TO_ZERO = np.array([np.prod([-b / (a - b) for b in NEAR_END if b != a]) for a in NEAR_END])
-# Fractions of an interval at which the norm of the derivative (the speed) is sampled to find cusps,
-# where the derivative vanishes.
-CUSP_SAMPLES = np.linspace(0, 1, 33)
-# A minimum of the speed is refined if it is below the fraction CUSP_CANDIDATE of the largest speed.
-# GOLDEN_STEPS and GOLDEN_RATIO: number of steps and ratio of the golden-section search; more steps
-# gain no precision.
-CUSP_CANDIDATE, GOLDEN_STEPS, GOLDEN_RATIO = 0.5, 45, (np.sqrt(5) - 1) / 2
-# A minimum is a cusp if its speed is at most this fraction of the largest speed. A minimum with a
-# larger fraction is a tight loop, whose relative size is the square of the fraction.
-CUSP_SPEED = 1e-6
 # Rounding errors of points rotate a tangent by this factor times the ratio of the largest
 # coordinate to the length of the interval [rad].
 TANGENT_ROUNDING = 64 * np.finfo(float).eps
@@ -218,8 +208,7 @@ class _Intervals:
 
 
 def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Intervals:
-    """Make the intervals between neighbouring breaks and cusps of curves."""
-    breaks, row, cusp = _split_at_cusps(curves, breaks, row)
+    """Make the intervals between neighbouring breaks of curves."""
     points = np.array(curves(row, breaks, 0), dtype=np.float64)
     if not np.isfinite(points).all():
         raise InvalidInput("A curve must be finite at its breaks.")
@@ -230,7 +219,7 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
     size = np.maximum.reduceat(np.abs(points).max(axis=1), first)[row]
     # An interval starts at every break except the last one of a curve, and ends at the next break.
     starts = np.delete(np.arange(len(row)), last)
-    (t0, slack0), (t1, slack1) = _tangents(curves, breaks, row, starts, size[starts], cusp)
+    (t0, slack0), (t1, slack1) = _tangents(curves, breaks, row, starts, size[starts])
     # `after`: index of the next interval. After the last interval of a curve, this is the first one
     # if the curve is closed, or else -1.
     n, curve = len(starts), row[starts]
@@ -256,50 +245,12 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
     )
 
 
-def _split_at_cusps(
-    curves: Curves, breaks: FloatArray, rows: IntArray
-) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Insert the cusps of curves into the breaks; returns breaks, their curves, mask of cusps."""
-    # The derivative of a curve vanishes at a cusp.
-    one = np.flatnonzero(rows[:-1] == rows[1:])
-    begin, end = breaks[one], breaks[one + 1]
-    parameters = begin[:, None] + (end - begin)[:, None] * CUSP_SAMPLES
-    parameters = np.minimum(parameters, np.nextafter(end, -np.inf)[:, None])
-    speed = length(_evaluate(curves, rows[one], parameters, 1))
-    inner = speed[:, 1:-1]
-    largest = inner.max(axis=1)
-    minima = (
-        (inner <= speed[:, :-2])
-        & (inner <= speed[:, 2:])
-        & (inner < CUSP_CANDIDATE * largest[:, None])
-    )
-    i, k = np.nonzero(minima)
-    if len(i) == 0:
-        return breaks, rows, np.zeros(len(breaks), dtype=bool)
-    row, low, high = rows[one][i], parameters[i, k], parameters[i, k + 2]
-    for _ in range(GOLDEN_STEPS):
-        span = GOLDEN_RATIO * (high - low)
-        before, after = high - span, low + span
-        falls = length(curves(row, before, 1)) > length(curves(row, after, 1))
-        low, high = np.where(falls, before, low), np.where(falls, high, after)
-    cusps = (low + high) / 2
-    vanishes = length(curves(row, cusps, 1)) <= CUSP_SPEED * largest[i]
-    together = np.concatenate([breaks, cusps[vanishes]])
-    curve = np.concatenate([rows, row[vanishes]])
-    order = np.lexsort([together, curve])
-    together, curve = together[order], curve[order]
-    # A cusp that coincides with a break is not inserted.
-    distinct = np.concatenate([[True], (np.diff(together) > 0) | (np.diff(curve) > 0)])
-    return together[distinct], curve[distinct], (order >= len(breaks))[distinct]
-
-
 def _tangents(
     curves: Curves,
     breaks: FloatArray,
     row: IntArray,
     starts: IntArray,
     size: FloatArray,
-    cusp: BoolArray,
 ) -> list[tuple[FloatArray, FloatArray]]:
     """One-sided unit tangents and their uncertainties [rad], at the starts and at the ends."""
     row, begin, end = row[starts], breaks[starts], breaks[starts + 1]
@@ -308,11 +259,11 @@ def _tangents(
     speed = length(_evaluate(curves, row, parameters, 1)).max(axis=1)
     still = ZERO_SPEED * speed + ROUNDING * size / span
     tangents = []
-    for t, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
+    for t, sign in ((begin, 1.0), (end, -1.0)):
         # The derivative can jump at a break, so it is evaluated at the next floating-point number
         # inside the interval.
         derivative = curves(row, np.nextafter(t, t + sign * span), 1)
-        weak = (length(derivative) <= still) | vanishes
+        weak = length(derivative) <= still
         direction = unit(derivative)
         if weak.any():
             near = t[weak, None] + sign * span[weak, None] * NEAR_END

@@ -242,14 +242,12 @@ def bound_excess(
     windows: IntArray,  # First and last piece within reach of each part, (k, 2)
     pieces: TubePieces,
     slack: float,  # A bound up to this is not refined [m]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Bounds of distance minus tolerance on parts of a path, and largest values at points."""
+) -> FloatArray:
+    """Bounds of distance minus tolerance on parts of a path [m], (k,)."""
     # `parts`: distance along the segment, arc length on the objective and reach at the start of
     # each part, then at its end [m], (k, 6).
-    # Returns the bounds [m], the largest values at points [m], and the arc lengths of these points
-    # on the path [m], (k,) each.
     n = len(parts)
-    bounds, largest, s = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros(n)
+    bounds = np.full(n, -np.inf)
     stack, depths = np.empty((DEPTH + 2, 6)), np.empty(DEPTH + 2, np.intp)
     enough, remaining = slack, FINE * (n + 1000)
     for i in range(n):
@@ -277,9 +275,6 @@ def bound_excess(
                     if candidate < bound:
                         bound, tolerance = candidate, pieces.tolerance[j]
             at_ends = max(at_start, at_end)
-            if at_ends > largest[i]:
-                largest[i] = at_ends
-                s[i] = g[11] + (u0 if at_start >= at_end else u1)
             enough = max(enough, at_ends)
             remaining -= 1
             fine = at_ends <= slack / 2 and remaining > 0
@@ -294,4 +289,4 @@ def bound_excess(
                 stack[top + 1, c] = middle
             depths[top + 1] = depths[top + 2] = depth + 1
             top += 2
-    return bounds, largest, s
+    return bounds

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
-from functools import cached_property, partial
-from types import MappingProxyType
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -47,14 +46,6 @@ class ShapingOutcome(Frozen):
     note: str | None = None
     joints: tuple[float, ...] | None = None
     unfinished: bool = False
-
-    def _check_together(self) -> None:
-        object.__setattr__(self, "durations", MappingProxyType(dict(self.durations)))
-
-    def __reduce__(self) -> tuple[partial[ShapingOutcome], tuple[()]]:
-        # Mapping proxies cannot be pickled.
-        values = {x.name: getattr(self, x.name) for x in fields(self)}
-        return partial(ShapingOutcome, **values | {"durations": dict(self.durations)}), ()
 
     @property
     def gain(self) -> float:

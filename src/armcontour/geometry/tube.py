@@ -47,29 +47,17 @@ SLACK = 1e-12
 class Proof:
     """Result of a proof. Values are distance minus tolerance, above 0 outside the tube.
 
+    The path is within its tolerance if all values are at most `slack`.
+
     Args:
-        excess: Bound of the largest value over all points of the path and corners of the objective
-            [m]; at most `slack` if the path is within its tolerance.
-        sampled_excess: Largest value at the evaluated points and corners [m]; not above `excess`.
-        place: Arc length on the objective of that point or corner [m].
-        s: Arc length on the path of that point, or of the point nearest to that corner [m].
         segments: Bounds over the points of each segment of the path [m], (n,).
         vertices: Values of the corners of the objective [m], (k,).
         slack: Rounding error that the bounds may have [m].
     """
 
-    excess: float
-    sampled_excess: float
-    place: float
-    s: float
     segments: FloatArray
     vertices: FloatArray
     slack: float
-
-    @property
-    def violated(self) -> bool:
-        """True if an evaluated point or corner is outside the tube."""
-        return bool(self.sampled_excess > self.slack)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -205,25 +193,13 @@ class Tube(Frozen):
         segment, parts = self._parts(path, pairs, reaches)
         centre, around = parts[:, 1::3], parts[:, 2::3]
         windows = self.windows_between((centre - around).min(axis=1), (centre + around).max(axis=1))
-        bounds, largest, path_s = bound_excess(
+        bounds = bound_excess(
             pack_segments(path.segments), segment, parts, windows, TubePieces(*self._pieces), slack
         )
         segments = np.full(len(path), -np.inf)
         np.maximum.at(segments, segment, bounds)
-        distance, nearest = self.nearest_to_corners(path, pairs, reaches)
-        vertices = distance - self.vertex_tolerance
-        objective_s = np.interp(path_s, pairs[:, 1], pairs[:, 0])
-        values = np.concatenate([largest, vertices])
-        worst = int(np.argmax(values))
-        return Proof(
-            excess=float(max(segments.max(), vertices.max(initial=-np.inf))),
-            sampled_excess=float(values[worst]),
-            place=float(np.append(objective_s, self.objective.breaks[self.vertex])[worst]),
-            s=float(np.append(path_s, nearest)[worst]),
-            segments=segments,
-            vertices=vertices,
-            slack=slack,
-        )
+        distance, _ = self.nearest_to_corners(path, pairs, reaches)
+        return Proof(segments=segments, vertices=distance - self.vertex_tolerance, slack=slack)
 
     def windows_between(self, low: FloatArray, high: FloatArray) -> IntArray:
         """First and last piece of ranges of arc length [m], (n, 2)."""
