@@ -17,11 +17,13 @@ from collections.abc import Callable
 from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 import armcontour as ac
+from armcontour.planning.optimal import constraints_of, time_optimal
+from armcontour.planning.path_grid import Grid
 from benchmarks.measured import Bar, Line, Missing, Pair, Taken, Timer, timed
 
 JOINTS, WAYPOINTS = 6, 5
@@ -74,14 +76,18 @@ def lines() -> list[Line]:
 
 
 def plan(points: int) -> ac.Trajectory:
-    """Our plan, spline included."""
+    """Our plan on an even grid and the breaks of the spline, spline included."""
     limits = ac.Limits(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
-    arm = SimpleNamespace(dof=JOINTS, limits=limits)
-    return ac.plan(
-        ac.JointPath.spline(WAY, AT),
-        arm,
-        options=ac.Optimal(grid=np.linspace(0, 1, points)),
-    )
+    return plan_on(ac.JointPath.spline(WAY, AT), None, limits, np.linspace(0, 1, points))
+
+
+def plan_on(path: ac.JointPath, arm: Any, limits: ac.Limits, points: np.ndarray) -> ac.Trajectory:
+    """Our plan on given grid points and the breaks of a path, which is not refined."""
+    s = np.union1d(points, path.breaks)
+    grid = Grid(path, s, path.locate((s[1:] + s[:-1]) / 2))
+    active = constraints_of(path, arm, limits.for_joints(path.dof))
+    law = time_optimal(grid, active, arm, 0.0, 0.0, np.inf)
+    return ac.Trajectory(laws=(law,), method="optimal")
 
 
 def _against_python(points: int) -> Pair:

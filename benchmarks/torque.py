@@ -17,6 +17,7 @@ import armcontour as ac
 from armcontour.core.checks import FloatArray
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Missing, Pair, timed
+from benchmarks.optimal import plan_on
 
 POINTS = 1000
 # Places of a traced path that are toppra's waypoints.
@@ -44,7 +45,7 @@ def _prepare() -> Pair:
     grid = np.linspace(0, 1, POINTS)
 
     def ours() -> ac.Trajectory:
-        return ac.plan(ac.JointPath.spline(WAY, AT), arm, limits, ac.Optimal(grid=grid))
+        return plan_on(ac.JointPath.spline(WAY, AT), arm, limits, grid)
 
     theirs = toppra_planner(arm, limits, AT, WAY)
 

@@ -197,7 +197,7 @@ def in_space():
 
 def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
     (only_run,) = in_space.runs
-    grid = ac.Optimal(grid=np.arange(0.0, 0.1, 0.01))
+    grid = ac.Optimal(intervals=100)
     others = {
         "slow": {"limits": only_run.limits.replace(speed=0.1)},
         "spared": {"timing": ac.Optimal(reserve=0.1)},

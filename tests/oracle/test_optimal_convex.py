@@ -14,7 +14,7 @@ from scipy import sparse
 import armcontour as ac
 from armcontour.planning import optimal
 from armcontour.planning.constraints import OnGrid, limits_on
-from armcontour.planning.path_grid import grid_through
+from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.kernels import Rules, plan_on_grid
 
 clarabel = pytest.importorskip("clarabel")
@@ -110,7 +110,8 @@ def convex_duration(joint_path, s, low, high, velocity, tool=None):
 
 def first_pass(joint_path, s, arm, limits):
     """The planner's own optimum with the limits kept at the ends of the intervals only."""
-    path = OnGrid(grid_through(joint_path, s))
+    s = np.union1d(s, joint_path.breaks)
+    path = OnGrid(Grid(joint_path, s, joint_path.locate((s[1:] + s[:-1]) / 2)))
     active = optimal.constraints_of(joint_path, arm, limits.for_joints(joint_path.dof))
     x = plan_on_grid(path.intervals, limits_on(path, active), Rules(tries=1)).x
     return float(np.sum(2 * path.grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.planning import optimal
 from armcontour.planning.constraints import Constraint, JointMotion, SecondOrder
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.path_grid import grid_through
+from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import A, Rounds
 
 
@@ -55,9 +56,8 @@ def test_a_velocity_limit_holds_beside_a_kink(lead, acceleration):
 def test_an_interval_between_two_rests_is_planned():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
     limits = ac.Limits.only(joint_acceleration=[1.0, 1.0])
-    planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(grid=np.array([0.0, path.length])))
+    planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(intervals=2))
     assert planned.duration == pytest.approx(2.0)
-    assert len(grid_through(path, np.array([0.0]))) == 2
 
 
 class Round(Constraint):
@@ -111,6 +111,15 @@ class Vectors(Constraint):
         return (path.round(places * self.a, places * self.b, 1.0),)
 
 
+def planned_on(limits, constraint, s):
+    """A plan of EVEN with a constraint on the grid points `s`, which is not refined."""
+    s = np.union1d(s, EVEN.breaks)
+    grid = Grid(EVEN, s, EVEN.locate((s[1:] + s[:-1]) / 2))
+    active = [*optimal.constraints_of(EVEN, None, limits.for_joints(EVEN.dof)), constraint]
+    law = optimal.time_optimal(grid, active, None, 0.0, 0.0, np.inf)
+    return ac.Trajectory(laws=(law,), method="optimal")
+
+
 def near_the_middle(planned):
     """U and x of a plan shortly before its middle, and in all of its first half."""
     end = planned.time_at(2.0)
@@ -132,8 +141,7 @@ def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
     bounds = ([-1e3], [1.0]) if sign > 0 else ([-1.0], [1e3])
     limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
     constraint = SecondOrder("own", coefficients, *bounds)
-    planned = ac.plan(EVEN, limits=limits, options=ac.Optimal(constraints=[constraint], grid=grid))
-    u, x = near_the_middle(planned)
+    u, x = near_the_middle(planned_on(limits, constraint, grid))
     assert (-2 * w * share * u + x).max() <= 1 + 1e-9
     assert (-2 * w * share * u + x).max() > 0.99
 
@@ -143,13 +151,7 @@ def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
 def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, constant):
     limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
     constraint = Vectors(share, constant)
-    u, x = near_the_middle(
-        ac.plan(
-            EVEN,
-            limits=limits,
-            options=ac.Optimal(constraints=[constraint], grid=grid),
-        )
-    )
+    u, x = near_the_middle(planned_on(limits, constraint, grid))
     size = np.linalg.norm(constraint.a * u[:, None] + constraint.b * x[:, None], axis=1)
     assert size.max() <= 1 + 1e-9
     assert size.max() > 0.99
@@ -162,7 +164,6 @@ def test_refusals(refuses):
     )
     for options in (
         *({"intervals": x} for x in (1, 0, 2.5, np.nan)),
-        *({"grid": x} for x in ([], [0.0, 9.0])),
         {"start_speed": -0.05},
         {"end_speed": np.inf},
     ):

@@ -300,12 +300,11 @@ def test_errors_name_the_contour_or_the_rapid(refuses):
     alone = program_of(Contour(path=arc, name="E8"))
     refuses(lambda: ac.plan(alone, PMK3S, IN_PLANE, ac.Paper()), NotRealizable, "contour E8:")
     # Options of one path hold for a program of one only.
-    options = {"start_speed": 0.02, "end_speed": 0.01, "grid": np.linspace(0, 0.1, 50)}
+    options = {"start_speed": 0.02, "end_speed": 0.01}
     for name, x in options.items():
         refuses(
             lambda x={name: x}: ac.plan(TWO, PMK3S, IN_PLANE, ac.Optimal(**x)), InvalidInput, name
         )
-    del options["grid"]
     trajectory = ac.plan(program_of(BEND), PMK3S, IN_PLANE, ac.Optimal(**options))
     assert trajectory.duration == ac.plan(BEND, PMK3S, IN_PLANE, ac.Optimal(**options)).duration
     np.testing.assert_allclose(trajectory.speed_at([0.0, BEND.length], side="left")[1], 0.01)

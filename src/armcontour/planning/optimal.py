@@ -15,7 +15,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
@@ -26,9 +25,7 @@ from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
     VANISHED,
     Grid,
-    cut_pieces,
-    distribute_intervals,
-    grid_through,
+    place_grid,
     resting_breaks,
     split,
 )
@@ -65,17 +62,11 @@ def plan_optimal(
     """Plan the fastest motion along a path, without a given duration."""
     # `joint_path`: a traced path, or a joint path without a tool path (then without limits of the
     # tool). `limits`: joint ranges are ignored; the speed of each path segment applies, too.
-    # `options`: grid, speeds at the ends, and additional constraints.
-    points, intervals, constraints = options.grid, options.intervals, options.constraints
-    if points is not None:
-        points = checks.kernel_array(points)
-    loss = math.inf
-    if points is None:
-        grid = cut_pieces(joint_path, distribute_intervals(joint_path, intervals))
-        loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
-    else:
-        grid = grid_through(joint_path, points)
-    active = [*constraints_of(joint_path, arm, limits), *constraints]
+    # `options`: number of intervals, speeds at the ends, and additional constraints.
+    intervals = options.intervals
+    grid = place_grid(joint_path, intervals)
+    loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
+    active = [*constraints_of(joint_path, arm, limits), *options.constraints]
     jerk = np.broadcast_to(or_unlimited(limits.joint_jerk, joint_path.dof), (joint_path.dof,))
     ends = options.start_speed, options.end_speed
     if any(ends) and np.isfinite(jerk).any():
@@ -104,7 +95,7 @@ def time_optimal(
     arm: Arm,
     start_speed: float,  # ds at the start [m/s]
     end_speed: float,  # ds at the end [m/s]
-    largest_loss: float = math.inf,  # Share of the duration that the grid may lose
+    largest_loss: float,  # Share of the duration that the grid may lose
 ) -> PathLaw:
     """Plan on a grid and refine it where margins or the estimated loss of time are too large."""
     # At an end at which dq_ds vanishes, the joints rest at any ds.
@@ -120,8 +111,6 @@ def time_optimal(
         limits = _add_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
         if grid_plan.outcome == kernels.FOUND:
-            if math.isinf(largest_loss):
-                return _make_law(grid, grid_plan)
             duration, loss, points = estimate_losses(path.intervals, limits, grid_plan)
             gained = shortest - duration
             if duration < shortest:

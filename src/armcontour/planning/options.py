@@ -14,7 +14,6 @@ from armcontour.core.quantities import (
     About,
     AngularDistance,
     AtLeast,
-    Axes,
     Distance,
     Interval,
     Quantity,
@@ -86,8 +85,6 @@ class Optimal(PlanOptions):
             a program of many contours.
         iterations: Largest number of iterations with limits of jerk. A plan that was stopped early
             is slower, and satisfies all limits.
-        grid: Grid points along a single path [m], (n,), instead of `intervals`; the breaks of the
-            joint path are added. With limits of jerk, the grid applies to the plan without jerk.
         start_speed: Path speed at the start of a single path [m/s]; 0 with limits of jerk.
         end_speed: Path speed at the end of a single path [m/s]; 0 with limits of jerk.
         constraints: Additional constraints.
@@ -101,7 +98,6 @@ class Optimal(PlanOptions):
     duration: MotionTime | None = None
     intervals: Intervals | None = None
     iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS)] = MAX_ITERATIONS
-    grid: Annotated[FloatArray, Quantity("m", "5 mm"), Axes("points")] | None = None
     start_speed: PathSpeed = 0.0
     end_speed: PathSpeed = 0.0
     constraints: tuple[Constraint, ...] = ()

@@ -50,16 +50,6 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     """Make a grid that is finer where the direction in joint space changes faster."""
     # Every break of the joint path is a grid point. Each interval therefore lies in one polynomial,
     # and both sides of a vertex between segments are sampled.
-    return cut_pieces(joint_path, distribute_intervals(joint_path, intervals))
-
-
-def cut_pieces(joint_path: JointPath, count: IntArray) -> Grid:
-    """Make a grid with `count`, (pieces,), equal intervals on each piece of a joint path."""
-    return _make_grid(joint_path, *divide_intervals(joint_path.breaks, count))
-
-
-def distribute_intervals(joint_path: JointPath, intervals: int | None = None) -> IntArray:
-    """Number of intervals on each piece of a joint path, as in `place_grid`, (pieces,)."""
     breaks = joint_path.breaks
     pieces = len(breaks) - 1
     count = max(DEFAULT_INTERVALS, FEWEST_PER_PIECE * pieces)
@@ -74,24 +64,7 @@ def distribute_intervals(joint_path: JointPath, intervals: int | None = None) ->
     if turns > 0:
         share += (1 - EVEN_SHARE) * turn / turns
     per_piece = np.maximum(FEWEST_PER_PIECE, np.round(share / share.sum() * count))
-    return np.asarray(per_piece, dtype=np.intp)
-
-
-def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
-    """Make a grid from given points [m] and the breaks of the joint path."""
-    breaks = joint_path.breaks
-    if points.ndim == 1 and not (points[1:] >= points[:-1]).all():
-        points = np.sort(points)
-    if points.ndim != 1 or not len(points) or points[0] < breaks[0] or points[-1] > breaks[-1]:
-        raise InvalidInput(
-            f"Grid points must be a one-dimensional array of arc lengths from {breaks[0]:g} to "
-            f"{breaks[-1]:g} m."
-        )
-    # Points that differ from a break or from the previous point by rounding only are dropped.
-    s, piece, fewest = merge_breaks(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
-    grid = _make_grid(joint_path, s, piece)
-    # A motion from rest to rest needs two intervals, so every piece gets at least two.
-    return grid if fewest > 1 else split(grid, np.where(np.bincount(piece)[piece] == 1, 2, 1))
+    return _make_grid(joint_path, *divide_intervals(breaks, per_piece.astype(np.intp)))
 
 
 def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = None) -> Grid:
@@ -172,32 +145,6 @@ def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArr
             part += 1
     points[total] = s[len(count)]
     return points, interval
-
-
-@compiled()
-def merge_breaks(
-    points: FloatArray, breaks: FloatArray, min_distance: float
-) -> tuple[FloatArray, IntArray, int]:
-    """Merge breaks and points, without points close to a break or to the previous point."""
-    # `points`: increasing numbers from the first to the last break, (m,); `breaks`: increasing
-    # numbers, (pieces + 1,); `min_distance`: points closer than this are dropped.
-    # Returns the ends of the intervals, (n + 1,), the piece of each interval, (n,), and the
-    # smallest number of intervals of a piece.
-    capacity, last = len(points) + len(breaks), len(breaks) - 1
-    s, piece = np.empty(capacity), np.empty(capacity, np.intp)
-    n, k, fewest = 0, 0, capacity
-    for i in range(last):
-        first = n
-        s[n], piece[n] = breaks[i], i
-        n += 1
-        while k < len(points) and points[k] < breaks[i + 1]:
-            if points[k] - s[n - 1] >= min_distance and breaks[i + 1] - points[k] >= min_distance:
-                s[n], piece[n] = points[k], i
-                n += 1
-            k += 1
-        fewest = min(fewest, n - first)
-    s[n] = breaks[last]
-    return s[: n + 1].copy(), piece[:n].copy(), fewest
 
 
 @compiled()

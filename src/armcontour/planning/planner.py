@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, NoReturn
 
-import numpy as np
-
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
@@ -31,7 +29,7 @@ from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 
 # Options that apply to a single path only, because a program rests between its paths.
-SINGLE_PATH_OPTIONS = ("grid", "start_speed", "end_speed")
+SINGLE_PATH_OPTIONS = ("start_speed", "end_speed")
 # Default for programs of many contours: largest total number of grid intervals, and smallest number
 # per contour. Their contours are shorter than a single path.
 MAX_TOTAL_INTERVALS = 40_000
@@ -181,7 +179,7 @@ def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
     if not isinstance(options, Optimal):
         return options
     for name in SINGLE_PATH_OPTIONS if program.single_path is None else ():
-        if not np.array_equal(getattr(options, name), getattr(FASTEST, name)):
+        if getattr(options, name):
             raise InvalidInput(
                 f"{name} applies to a single path only, because a program rests between its "
                 f"moves: remove {name}."
