@@ -23,7 +23,6 @@ OVER = {
 with tempfile.TemporaryDirectory() as name:
     job = Path(name) / "bracket.yaml"
     job.write_text(JOB)
-    # With a folder for the results, an interrupted batch continues.
     result = ac.batch(job, OVER, workers=0)
 
 print(f"{result.counts['done']} of {result.rows[-1].job} jobs done")

@@ -107,7 +107,7 @@ def test_anything_else_is_refused_with_its_line():
     refusals(parse, [(f"t,q1/0,1/1,{x}/", words.format(x)) for x in tokens])
     clocks = ("2024-03-01T12:00:00.000", "1.3.2024", "12:00:00.008", "2024/03/01 12:00")
     rows = [f"t,q1\n{x},1\n" for x in clocks]
-    refusals(parse_trajectory, [(x, "dates or times of day ... to seconds") for x in rows])
+    refusals(parse_trajectory, [(x, "is not a finite number") for x in rows])
 
 
 def test_a_file_that_is_not_there_or_no_text(tmp_path, read):

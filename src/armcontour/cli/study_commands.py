@@ -115,14 +115,12 @@ def batch(
     job: JobOrDrawing,
     out: Annotated[
         FilePath,
-        typer.Option(
-            "--out", "-o", help="Folder for the results; an earlier batch in it is continued."
-        ),
+        typer.Option("--out", "-o", help="New folder for the results."),
     ],
     options: BatchOptions,
     job_options: JobOptions,
 ) -> int:
-    """Run a job for all combinations of values of its keys; an interrupted batch can be continued.
+    """Run a job for all combinations of values of its keys.
 
     Exit codes: 0 every job is done or refused; 1 some jobs failed; 2 no job is valid.
     """

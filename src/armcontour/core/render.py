@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.palette import VERDICTS
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
-from armcontour.core.text import digits, format_table, to_html
+from armcontour.core.text import digits, format_table
 
 # Display unit of each SI unit, and size of the display unit in the SI unit.
 SHOWN = {
@@ -206,5 +206,3 @@ class Result:
         data = self.to_data()
         warnings = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
         return text(replace(data, rows=(*data.rows, *warnings)))
-
-    _repr_html_ = to_html

@@ -10,7 +10,6 @@ import reprlib
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from html import escape
 from typing import Any, TypeAlias
 
 from armcontour.core.lazy import load_method
@@ -173,23 +172,6 @@ def short_repr(value: Any) -> str:
     return f"{type(value).__name__}({members})"
 
 
-def to_html(value: Any) -> str:
-    """The printed text of a result as an HTML table, for `_repr_html_` in notebooks."""
-    title, *lines = str(value).splitlines()
-    rows: list[list[str]] = []
-    for line in lines:
-        if rows and line.startswith(GAP * 3):
-            # Continuation of a wrapped line.
-            rows[-1][-1] += f" {line.strip()}"
-        else:
-            rows.append(re.split(f"{GAP}+", line.strip()))
-    cells = ("".join(f"<td>{escape(x)}</td>" for x in row) for row in rows)
-    body = "".join(f"<tr>{x}</tr>" for x in cells)
-    if not rows:
-        return f"<p>{escape(title)}</p>"
-    return f"<table><caption>{escape(title)}</caption>{body}</table>"
-
-
 def draw(value: Any, kind: str = "path") -> Any:
     """Draw a result as in the report: a plotly figure that you can show, change or save.
 
@@ -209,27 +191,16 @@ def draw(value: Any, kind: str = "path") -> Any:
     return load_method("draw_result")(value, kind)
 
 
-def _member(value: Any, depth: int = 0) -> str:
+def _member(value: Any) -> str:
     """Short text of a member of a dataclass."""
     if hasattr(value, "shape") and hasattr(value, "tolist"):
         few = value.size <= FEW
         return repr(value.tolist()) if few else f"<{'x'.join(map(str, value.shape))} array>"
     if is_dataclass(value):
         return f"{type(value).__name__}(...)"
-    if isinstance(value, Mapping | tuple | list | frozenset) and value:
-        return _members(value, depth)
-    return value.__name__ if isinstance(value, type) else show(value)
-
-
-def _members(value: Any, depth: int) -> str:
-    """Short text of a mapping or list."""
-    if len(value) > FEW or depth > 1:
+    if isinstance(value, Mapping | tuple | list | frozenset) and any(map(is_dataclass, value)):
         return f"<{len(value)} {type(next(iter(value))).__name__}>"
-    if isinstance(value, Mapping):
-        inner = [f"{show(name)}: {_member(x, depth + 1)}" for name, x in value.items()]
-        return f"{{{', '.join(inner)}}}"
-    inner = [_member(x, depth + 1) for x in value]
-    return f"[{', '.join(inner)}]" if isinstance(value, list) else f"({', '.join(inner)})"
+    return value.__name__ if isinstance(value, type) else show(value)
 
 
 def digits(value: float, count: int = 4) -> str:

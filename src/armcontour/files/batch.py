@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
-import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour._version import __version__
-from armcontour.core import checks, file_access, staging
+from armcontour.core import checks, staging
 from armcontour.core.compilation import compile_kernels
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.fields import checked
@@ -34,12 +31,12 @@ from armcontour.jobs import Job, run
 # Results of the jobs as lines of JSON, in the order in which they are done; and the final table.
 LINES, TABLE = "results.jsonl", "results.csv"
 # Statuses of a job. REFUSED: this library raised an error. INVALID: the job cannot be read. FAILED:
-# any other error. A repeated batch runs only invalid and failed jobs again.
+# any other error.
 DONE, REFUSED, INVALID, FAILED = "done", "refused", "invalid", "failed"
-# A result of a job in a file: status, key, digests of files, and either runs or a sentence.
+# Result of a job: status, and either runs or a sentence.
 Line = dict[str, Any]
-# Key of a job in the file of results, and its values by key path.
-Task = tuple[str, Patch]
+# Number of a job, from 1, and its values by key path.
+Task = tuple[int, Patch]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,8 +130,8 @@ def batch(
 ) -> Batch:
     """Run a job for every combination of values of its keys; a refused job is a row, too.
 
-    With `out`, each result is written to `results.jsonl` at once, so that an interrupted batch
-    continues, and the table is written to `results.csv` at the end.
+    With `out`, each result is written to `results.jsonl` at once, so that an interruption loses no
+    result, and the table is written to `results.csv` at the end.
 
     >>> result = ac.batch("job.yaml", {"limits.speed": ["20 mm/s", "50 mm/s"]}, workers=0)
     >>> [row.data["kept"].value for row in result.rows]
@@ -143,7 +140,7 @@ def batch(
     Args:
         job: A job file, or with `cell` a drawing.
         over: Lists of values by key of the job, as in a job file.
-        out: Folder for the results: a new one, or that of an earlier call.
+        out: New folder for the results.
         cell: Cell of a drawing: a built-in cell or a job file.
         workers: Number of processes on this machine; by default one per processor. 0 works in
             this process.
@@ -151,7 +148,7 @@ def batch(
         progress: Called with the completed share.
 
     Raises:
-        InvalidInput: No job can be read, or the folder has other files.
+        InvalidInput: No job can be read, or the folder is not empty.
         Exception: An error of your own executor; finished results remain.
     """
     file, report = checks.read_file_path("batch", job), subprogress(progress)
@@ -161,30 +158,30 @@ def batch(
     reader = _Reader(str(file.absolute()), None if cell is None else str(cell))
     keys = [key_of(x) for x in over]
     patches = [dict(zip(keys, x, strict=True)) for x in product(*over.values())]
-    tasks, first = [(reader.key(x), x) for x in patches], reader.read_first(patches)
+    tasks, first = list(enumerate(patches, start=1)), reader.read_first(patches)
+    lines: dict[int, Line] = {}
     with (
         open_executor(workers, executor) as opened,
-        _open_results(None if out is None else FilePath(out)) as (lines, add),
+        _open_results(None if out is None else FilePath(out)) as add,
     ):
-        valid = _find_valid(lines)
-        remaining = {key: x for key, x in tasks if key not in valid}
-        if remaining and opened is not None:
+        if opened is not None:
             # Compile here first; otherwise several processes would compile the same functions.
             compile_kernels("plane" if first.arm.dimension == 2 else "space", report)
         counts = Counter[str]()
-        take = partial(next, iter(remaining.items()), None)
-        for (key, _), line in run_all(reader, take, opened, _lost_job):
-            lines[key] = line | {"key": key}
-            add(lines[key])
+        take = partial(next, iter(tasks), None)
+        for (k, patch), line in run_all(reader, take, opened, _lost_job):
+            lines[k] = line
+            named = {".".join(map(str, x)): value for x, value in patch.items()}
+            add({"job": k, "values": named, **line})
             counts[line["status"]] += 1
-            words = [f"{counts.total()} of {len(remaining)} jobs"]
+            words = [f"{counts.total()} of {len(tasks)} jobs"]
             words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
-            report(Step((", ".join(words),), counts.total() / len(remaining)))
+            report(Step((", ".join(words),), counts.total() / len(tasks)))
         varied = [key for key in keys if len({json.dumps(x[key]) for x in patches}) > 1]
         rows = [
             row
-            for k, (key, patch) in enumerate(tasks)
-            for row in _rows(k + 1, {".".join(map(str, x)): patch[x] for x in varied}, lines[key])
+            for k, patch in tasks
+            for row in _rows(k, {".".join(map(str, x)): patch[x] for x in varied}, lines[k])
         ]
         result = Batch(title=f"{file.name}: {count_noun(len(tasks), 'job')}", rows=tuple(rows))
         if out is not None:
@@ -212,53 +209,26 @@ class _Reader:
                 errors.append(error)
         raise errors[0]
 
-    def key(self, patch: Patch) -> str:
-        """Digest of the version and of the values of a job, without the content of its files."""
-        named = [__version__, self.file, self.cell, [[list(x), y] for x, y in patch.items()]]
-        return hashlib.sha256(json.dumps(named, default=str).encode()).hexdigest()
-
     def __call__(self, task: Task) -> Line:
-        files: dict[str, str] = {}
-
-        def add(file: FilePath, content: bytes) -> None:
-            files[str(file.absolute())] = hashlib.sha256(content).hexdigest()
-
-        with file_access.listen_to_reading(add):
-            try:
-                job = self.read(task[1])
-            except ArmContourError as error:
-                return {"status": INVALID, "error": str(error), "files": files}
-            try:
-                figures = run(job).figures
-            except ArmContourError as error:
-                return {"status": REFUSED, "error": str(error), "files": files}
-            except Exception as error:
-                return {"status": FAILED, "error": f"{type(error).__name__}: {error}"}
+        try:
+            job = self.read(task[1])
+        except ArmContourError as error:
+            return {"status": INVALID, "error": str(error)}
+        try:
+            figures = run(job).figures
+        except ArmContourError as error:
+            return {"status": REFUSED, "error": str(error)}
+        except Exception as error:
+            return {"status": FAILED, "error": f"{type(error).__name__}: {error}"}
         runs = {
             name: [[x.name, jsonable(x.figure), x.unit, x.label, x.level] for x in data.shown()]
             for name, data in figures.items()
         }
-        return {"status": DONE, "runs": runs, "files": files}
+        return {"status": DONE, "runs": runs}
 
 
 def _lost_job(error: str) -> Line:
     return {"status": FAILED, "error": error}
-
-
-def _find_valid(lines: Mapping[str, Line]) -> set[str]:
-    """Keys of the results that are final, and the files of whose jobs have not changed."""
-    final = {key: x["files"] for key, x in lines.items() if x["status"] in (DONE, REFUSED)}
-    digests = {file: _digest(file) for file in {y for x in final.values() for y in x}}
-    return {k for k, files in final.items() if all(digests[x] == y for x, y in files.items())}
-
-
-def _digest(file: str) -> str:
-    """Digest of a file; empty if it cannot be read."""
-    try:
-        content = file_access.read_bytes(file, "file", maximum=file_access.LARGE)
-    except InvalidInput:
-        return ""
-    return hashlib.sha256(content).hexdigest()
 
 
 def _rows(number: int, values: Mapping[str, Any], line: Line) -> Iterator[BatchRow]:
@@ -273,47 +243,20 @@ def _rows(number: int, values: Mapping[str, Any], line: Line) -> Iterator[BatchR
 
 
 @contextmanager
-def _open_results(folder: FilePath | None) -> Iterator[tuple[dict[str, Line], Any]]:
-    """Context with the results in a folder by key, and a function that appends a result to it."""
+def _open_results(folder: FilePath | None) -> Iterator[Callable[[Line], object]]:
+    """Context with a function that appends a result to the file of results of a new folder."""
     if folder is None:
-        yield {}, lambda line: None
+        yield lambda line: None
         return
-    if folder.is_dir() and not (folder / LINES).exists() and any(folder.iterdir()):
-        raise InvalidInput(
-            f"The folder {folder} is not empty and has no {LINES} of a batch. Choose another --out."
-        )
-    with ExitStack() as stack:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            stack.callback(staging.lock(folder, folder))
-            stream = stack.enter_context((folder / LINES).open("a+b"))
-            lines = _read_lines(stream, folder / LINES)
-        except OSError as error:
-            raise staging.unwritable(f"to the folder {folder}", error) from None
-
-        def add(line: Line) -> None:
-            stream.write(json.dumps(line).encode() + b"\n")
-            stream.flush()
-
-        yield lines, add
-
-
-def _read_lines(stream: Any, file: FilePath) -> dict[str, Line]:
-    """Results in a file by key; an incomplete last line is removed."""
-    stream.seek(0)
-    data, lines = stream.read(), {}
-    complete = data.rfind(b"\n") + 1
-    for k, text in enumerate(data[:complete].splitlines()):
-        try:
-            line = json.loads(text)
-            lines[line["key"]] = line
-        except (ValueError, KeyError, TypeError):
-            raise InvalidInput(
-                f"{file}, line {k + 1} is not a result of a batch. Remove the line, and run the "
-                "batch again."
-            ) from None
-    os.truncate(file, complete)
-    return lines
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InvalidInput(f"The folder {folder} is not empty. Choose another --out.")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        stream = (folder / LINES).open("x", encoding="utf-8", buffering=1)
+    except OSError as error:
+        raise staging.unwritable(f"to the folder {folder}", error) from None
+    with stream:
+        yield lambda line: stream.write(json.dumps(line) + "\n")
 
 
 def _write_table(file: FilePath, rows: Sequence[Mapping[str, Any]]) -> None:

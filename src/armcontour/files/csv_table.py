@@ -27,8 +27,6 @@ _DIGIT_PATTERN = str.maketrans("23456789", "11111111")
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
 # Matches comments, and blank lines, also of a spreadsheet, which writes separators for empty cells.
 _IGNORED = re.compile(r'\s*#|[\s,;"]*$')
-# The start of a date or of a time of day, as in 2024-03-01T12:00:00 and 1.3.2024.
-_CLOCK = re.compile(r"\d+[-/:]\d|\d+\.\d+\.\d")
 # A title with a unit in brackets. A number in brackets, as in q[0], is an index, not a unit.
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>(?!\d*[\])])[^\])]*)[\])]")
 # A unit must contain one of these to be a unit of angle. pint alone would accept "1/s" as "rad/s",
@@ -218,11 +216,10 @@ class CsvTable(Generic[Key]):
 
     def raise_cell_error(self, row: int, key: Key) -> NoReturn:
         """Raise the error for a cell that is not a finite number."""
-        text, fix = self.cell(row, key), "Correct the value, or remove the line"
-        if _CLOCK.match(text):
-            fix = "Convert the dates or times of day in this column to seconds"
         raise InvalidInput(
-            f"{self.place(row, key)}: {show(text)} is not a finite number. {fix}.", index=row
+            f"{self.place(row, key)}: {show(self.cell(row, key))} is not a finite number. Correct "
+            "the value (dates and times of day must be in seconds), or remove the line.",
+            index=row,
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Annotated, Literal
@@ -43,6 +43,13 @@ BODY_KEYS = {
     "capsule": ("radius", "length"),
     "halfspace": (),
     "mesh": ("file",),
+}
+SHAPES: dict[str, Callable[..., Shape]] = {
+    "box": Box,
+    "cylinder": Cylinder,
+    "sphere": Sphere,
+    "capsule": Capsule,
+    "halfspace": HalfSpace,
 }
 OPTIONAL_KEYS = {"halfspace": ("normal",), "mesh": ("unit",)}
 # Maximum number of links that a message lists.
@@ -183,20 +190,11 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
         if value is not None and key not in (*required, *optional):
             raise InvalidInput(f"A {model.type} has no key {key}.")
     sizes = {key: getattr(model, key) for key in required}
-    match model.type:
-        case "box":
-            return Box(size=np.array(model.size))
-        case "sphere":
-            return Sphere(**sizes)
-        case "cylinder":
-            return Cylinder(**sizes)
-        case "capsule":
-            return Capsule(**sizes)
-        case "mesh":
-            from armcontour.files.mesh_file import read_mesh
+    if model.type == "mesh":
+        from armcontour.files.mesh_file import read_mesh
 
-            return read_mesh(folder / sizes["file"], unit=model.unit)
-    return HalfSpace()
+        return read_mesh(folder / sizes["file"], unit=model.unit)
+    return SHAPES[model.type](**sizes)
 
 
 Direction = Annotated[list[float], Items(3, 3)]

@@ -72,9 +72,7 @@ def _placement_patch(placement: Placement, text: str) -> Patch:
             "the base do not move with it. Write their new positions by hand."
         )
     if isinstance(job.arm, SerialArm):
-        chain = placement.placed().arm.chain
-        assert chain is not None
-        return {("arm", "work"): _frame_keys(chain.base.inverse)}
+        return {("arm", "work"): _frame_keys(placement.placed().arm.chain.base.inverse)}
     return {("path", "frame"): _frame_keys(placement.placed().part)}
 
 

@@ -38,7 +38,7 @@ from armcontour.files.joint_table import (
 from armcontour.files.result_folder import SUMMARY, verify_file
 from armcontour.files.ros_files import is_ros_file, read_ros_motion
 from armcontour.motion import Samples, TimedEvent
-from armcontour.motion.log_columns import describe_match, match_joints, raise_other_joints
+from armcontour.motion.log_columns import match_joints, raise_other_joints
 from armcontour.robot import Limits
 
 # Beginnings of the titles of export columns that are ignored without a note.
@@ -130,7 +130,6 @@ def _select_columns(
     order = match_joints(every, joint_names, table.heading) if joint_names else None
     if order is not None:
         joints = [every[i] for i in order]
-        notes += describe_match(every, joint_names, order)
     else:
         joints = joints_of(table, "q", role)
         if joints and not joints[0].isdigit():

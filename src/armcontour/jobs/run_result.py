@@ -12,7 +12,7 @@ from armcontour.core.errors import ExecutionError
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number
 from armcontour.core.result import FILE, JUDGED, VERDICT, Data, Row, Table
-from armcontour.core.text import draw, short_repr, to_html
+from armcontour.core.text import draw, short_repr
 from armcontour.jobs import rows, run_notes
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.plan_quantities import (
@@ -279,7 +279,6 @@ class JobResult:
     job: Job
     runs: Mapping[str, RunResult]
 
-    _repr_html_ = to_html
     figure = draw
 
     @property

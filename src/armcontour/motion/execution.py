@@ -14,7 +14,7 @@ from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import count_noun, draw, format_table, joint_rows, short_repr, to_html
+from armcontour.core.text import count_noun, draw, format_table, joint_rows, short_repr
 from armcontour.motion.trajectory import Trajectory, to_columns
 from armcontour.robot import Arm, Limits
 
@@ -112,7 +112,6 @@ class Execution(Checked):
 
     __repr__ = short_repr
 
-    _repr_html_ = to_html
     figure = draw
 
     def to_dict(self) -> dict[str, FloatArray]:

@@ -130,18 +130,6 @@ def raise_other_joints(
     raise InvalidInput(" ".join((sentence, *notes)), needed=len(names), allowed=len(joint_names))
 
 
-def describe_match(
-    names: Sequence[str], requested: Sequence[str], order: Sequence[int]
-) -> list[str]:
-    """A note on joints that were matched by names with a prefix; empty for equal names."""
-    if not requested or names[order[0]] == requested[0]:
-        return []
-    return [
-        "Joints are matched by the ends of their names, such as "
-        f"{names[order[0]]} = {requested[0]}."
-    ]
-
-
 def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
     """Sort the joints of a log in the order of an arm, by equal names or names with a prefix."""
     # If the names do not match but the number of joints does, the order remains unchanged.
@@ -154,7 +142,7 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
         if mixed or len(names) != len(joint_names):
             raise_other_joints(source, names, joint_names, notes=log.notes)
         return log
-    notes = describe_match(names, joint_names, order)
+    notes = []
     if spare := [x for i, x in enumerate(names) if i not in order]:
         ignored = list_some(spare, MAX_NAMED)
         notes.append(f"Joints of {source} that the arm does not have are ignored: {ignored}.")

@@ -20,7 +20,7 @@ from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.lazy import load_method
 from armcontour.core.quantities import Interval
 from armcontour.core.render import number
-from armcontour.core.text import count_kinds, count_noun, draw, format_table, short_repr, to_html
+from armcontour.core.text import count_kinds, count_noun, draw, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
@@ -225,7 +225,6 @@ class Trajectory(Checked):
             ],
         )
 
-    _repr_html_ = to_html
     figure = draw
 
     @property

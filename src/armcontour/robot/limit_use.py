@@ -220,7 +220,7 @@ class States:
     def torque(self) -> Bounded:
         """Absolute joint torques [N m]; at rest dry friction takes its most favourable value."""
         drive, chain = self.arm.torque(self.q, self.dq, self.ddq), self.arm.chain
-        assert chain is not None and chain.coulomb is not None
+        assert chain.coulomb is not None
         dry = chain.coulomb
 
         def without_dry(q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:

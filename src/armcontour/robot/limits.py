@@ -31,7 +31,7 @@ from armcontour.core.quantities import (
     Quantity,
     SpeedLimit,
 )
-from armcontour.core.text import digits, format_table, short_repr, to_html
+from armcontour.core.text import digits, format_table, short_repr
 
 JOINT_RANGE = ("joint_lower", "joint_upper")
 
@@ -150,7 +150,6 @@ class Limits(Checked):
         return format_table("Limits" if rows else "Limits: none", rows)
 
     __repr__ = short_repr
-    _repr_html_ = to_html
 
     def _check_range(self) -> None:
         lower, upper = self.joint_lower, self.joint_upper

@@ -50,10 +50,6 @@ def test_dialects_units_speeds_and_tolerances():
     path = read(text).path
     np.testing.assert_allclose(path.speeds, [0.1, np.nan, 0.05])
     np.testing.assert_allclose(path.tolerances, [1e-3, 5e-4, np.nan])
-    # A speed of the first waypoint that differs from the next one is not used.
-    (note,) = read("x,y,speed\n0,0,3\n1,0,2\n2,0,2\n").notes
-    assert "line 2, column 'speed'" in note
-    assert read("x,y,speed\n0,0,2\n1,0,2\n").notes == ()
 
 
 def test_waypoints_keep_their_numbers_if_rounded_coordinates_are_repaired():

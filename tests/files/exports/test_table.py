@@ -390,7 +390,7 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
         (lambda: URScriptFormat(outputs=["tool"]), "must be a mapping"),
         (lambda: CsvFormat(derivatives=3), "derivatives ... from 0 to 2"),
         (lambda: RosYamlFormat(outputs={"tool": 0}), "no argument 'outputs'"),
-        (lambda: TemplateFormat(), "needs template"),
+        (lambda: TemplateFormat(), "argument: 'template'"),
     ]
     refusals(lambda x: x(), wrong)
     assert not list(tmp_path.iterdir())

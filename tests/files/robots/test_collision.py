@@ -86,11 +86,14 @@ def test_every_link_has_its_shapes_where_it_is(tmp_path):
 
 
 def test_meshes_are_found_by_path_and_by_package(tmp_path):
-    (tmp_path / "meshes").mkdir()
-    (tmp_path / "package.xml").write_text("<package><name>small_robot</name></package>")
-    (tmp_path / "meshes" / "wedge.obj").write_text(WEDGE)
-    (tmp_path / "urdf").mkdir()
-    for folder, start in ((tmp_path, ""), (tmp_path / "urdf", "package://small_robot/")):
+    package = tmp_path / "small_robot"
+    (package / "meshes").mkdir(parents=True)
+    (package / "meshes" / "wedge.obj").write_text(WEDGE)
+    for folder in (package / "urdf", tmp_path / "other_robot" / "urdf"):
+        folder.mkdir(parents=True)
+    name = "package://small_robot/"
+    places = ((package, ""), (package / "urdf", name), (tmp_path / "other_robot" / "urdf", name))
+    for folder, start in places:
         arm = loaded(described(folder, MESH.format(f"{start}meshes/wedge.obj")))
         beam = next(x for x in arm.shapes.shapes if x.name == "beam")
         assert not any("mesh" in x for x in arm.notes) and beam.shape.size == 0.2

@@ -465,24 +465,11 @@ def links(count):
     return f'<robot name="r"><link name="l0"/>{body}</robot>'
 
 
-def test_descriptions_of_absurd_size_are_refused_at_once(tmp_path):
+def test_long_and_deep_descriptions_are_read(tmp_path):
     file = tmp_path / "robot.urdf"
     file.write_text(links(1000))
     assert ac.load_arm(file, ac.ArmOptions(tip="l999")).dof == 999
 
-    def read(text):
-        file.write_text(text)
-        return ac.load_arm(file)
-
-    table = [
-        (links(1001), "more than 1000 links"),
-        ("<robot>" + "<x/>" * 300_000 + "</robot>", "more than 200000 elements"),
-        (
-            "<robot>" + "<link>" * 101 + "</link>" * 101 + "</robot>",
-            "nested more than 100 levels deep",
-        ),
-    ]
-    refusals(read, table)
     # Only what a body is is taken from it.
     deep = "<extra>" * 90 + "</extra>" * 90
     mass = '<mass value="2"/>'

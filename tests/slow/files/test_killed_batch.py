@@ -1,4 +1,4 @@
-"""A batch of 100 jobs that is killed and continued: no job is lost, and none runs twice."""
+"""A batch of 100 jobs that is killed: no result is lost."""
 
 import json
 import signal
@@ -7,8 +7,6 @@ import sys
 import time
 
 from tests.files.test_batch import JOB
-
-import armcontour as ac
 
 SPEEDS, TOLERANCES = [0.02 + 0.002 * k for k in range(25)], ["0.5 mm", "1 mm", "2 mm", "4 mm"]
 LINE = [
@@ -23,21 +21,15 @@ def written(folder):
     return file.read_bytes().split(b"\n")[:-1] if file.exists() else []
 
 
-def test_a_killed_batch_loses_no_job_and_runs_none_twice(tmp_path):
+def test_a_killed_batch_loses_no_result(tmp_path):
     (tmp_path / "job.yaml").write_text(JOB)
-    for count in (10, 60):
-        batch = subprocess.Popen(LINE, cwd=tmp_path, stdout=subprocess.DEVNULL)
-        while len(written(tmp_path)) < count:
-            assert batch.poll() is None
-            time.sleep(0.005)
-        batch.send_signal(signal.SIGKILL)
-        batch.wait()
-        assert count <= len(written(tmp_path)) < 100
-    ended = subprocess.run(LINE, cwd=tmp_path, capture_output=True, text=True)
-    assert ended.returncode == 0 and "100 jobs: 100 done" in ended.stdout, ended.stderr
-    keys = [json.loads(x)["key"] for x in written(tmp_path)]
-    assert len(keys) == len(set(keys)) == 100
-    over = {"limits.speed": SPEEDS, "corners.tolerance": TOLERANCES}
-    resumed = ac.batch(tmp_path / "job.yaml", over, tmp_path / "out", workers=0)
-    assert len(written(tmp_path)) == 100
-    assert resumed.table() == ac.batch(tmp_path / "job.yaml", over, workers=0).table()
+    batch = subprocess.Popen(LINE, cwd=tmp_path, stdout=subprocess.DEVNULL)
+    while len(written(tmp_path)) < 10:
+        assert batch.poll() is None
+        time.sleep(0.005)
+    batch.send_signal(signal.SIGKILL)
+    batch.wait()
+    lines = [json.loads(x) for x in written(tmp_path)]
+    assert 10 <= len(lines) < 100
+    assert {x["status"] for x in lines} == {"done"}
+    assert len({x["job"] for x in lines}) == len(lines)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -63,7 +62,6 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
         name = texts["contour"][first] or f"contour {k + 1}"
         switched = _events(table, events, rows, path)
         contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
-        notes += _note_unused(table, values, first)
     program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
     return repair_vertices(program, options)
 
@@ -279,15 +277,3 @@ def _value(text: str) -> bool | float | str:
         return SWITCHED[text.lower()]
     number = plain_number(text)
     return text if number is None else number
-
-
-def _note_unused(table: CsvTable[str], values: Mapping[str, FloatArray], first: int) -> list[str]:
-    """Notes on speed and tolerance in the first row of a contour, which have no effect."""
-    return [
-        f"{table.place(first, key)}: the {key} of the first waypoint of a contour is not used, "
-        "because no line ends there."
-        for key in ("speed", "tolerance")
-        if key in values
-        and not math.isnan(values[key][first])
-        and values[key][first] != values[key][first + 1]
-    ]

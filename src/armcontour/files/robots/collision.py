@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -58,14 +57,8 @@ def _pair(element: ET.Element, location: FilePath) -> LeftOut:
 
 # Maximum number of files that a note lists.
 MAX_FILES = 4
-# File that marks the folder of a ROS package.
-PACKAGE_FILE = "package.xml"
 # Maximum number of parent folders in which the package of a description is searched.
 MAX_UP = 4
-# Maximum number of folders in the search for one package.
-MAX_FOLDERS = 2000
-COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
-NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -189,53 +182,15 @@ def _advise_mesh(name: str) -> str:
     if not name.lower().endswith(MESHES):
         return f"convert it to {' or '.join(MESHES)}"
     if name.startswith("package://"):
-        return (
-            f"copy the ROS package {name.split('/')[2]} with its {PACKAGE_FILE} next to the "
-            "description"
-        )
+        return f"copy the folder {name.split('/')[2]} of this ROS package next to the description"
     return "copy it to this path, relative to the description"
 
 
 def find_near(folder: FilePath, name: str) -> FilePath | None:
-    """Nearest folder whose `package.xml` has the package name `name`; None if not found."""
-    # The search order is: the package of the description, its subfolders, its sibling folders, the
-    # siblings of its parent folder, and their subfolders, as in a workspace of ROS.
-    for count, candidate in enumerate(_package_candidates(folder)):
-        if count >= MAX_FOLDERS:
-            break
-        if _package_name(candidate / PACKAGE_FILE) == name:
-            return candidate
+    """Nearest folder with the name of a ROS package: a parent, or a subfolder of a parent."""
+    for near in (folder, *folder.parents[:MAX_UP]):
+        if near.name == name:
+            return near
+        if (near / name).is_dir():
+            return near / name
     return None
-
-
-def _package_candidates(folder: FilePath) -> Iterator[FilePath]:
-    """Yield the folders that can be a package near a folder, the nearest first."""
-    near = (folder, *folder.parents[:MAX_UP])
-    package = next((x for x in near if (x / PACKAGE_FILE).is_file()), folder)
-    yield package
-    yield from _subfolders(package)
-    yield from _subfolders(package.parent)
-    for sibling in _subfolders(package.parent.parent):
-        yield sibling
-        yield from _subfolders(sibling)
-
-
-def _subfolders(folder: FilePath) -> list[FilePath]:
-    """Subfolders of a folder in alphabetical order; empty if it cannot be read."""
-    try:
-        with os.scandir(folder) as entries:
-            names = [x.name for x in entries if not x.name.startswith(".") and x.is_dir()]
-    except OSError:
-        return []
-    return [folder / x for x in sorted(names)]
-
-
-def _package_name(file: FilePath) -> str | None:
-    """Package name in a `package.xml`; None if it cannot be read or has no name."""
-    try:
-        if not file.is_file():
-            return None
-        match = NAME.search(COMMENT.sub(b"", file_access.read_bytes(file, "package file")))
-    except (InvalidInput, OSError):
-        return None
-    return None if match is None else match[1].decode("utf-8", "replace")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -78,12 +77,6 @@ ATTRIBUTES = {
     "axis": {"xyz"},
     "limit": {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"},
 }
-# Maximum depth of nested elements; the format needs 6.
-MAX_DEPTH = 100
-# Maximum number of links; robots have about 100 links.
-MAX_LINKS = 1000
-# Maximum number of elements, including visuals, transmissions and plugins of simulators.
-MAX_ELEMENTS = 200_000
 # Maximum number of names that a message lists.
 MAX_NAMED = 40
 
@@ -253,43 +246,14 @@ def _joints(
 
 
 def parse_xml(file: str, content: bytes | str) -> ET.Element:
-    """Parse an XML document and return its root element; checks its depth and size."""
-    data = content.encode() if isinstance(content, str) else content
+    """Parse an XML document and return its root element."""
     # A text is encoded as UTF-8, even if its first line names another encoding.
+    data = content.encode() if isinstance(content, str) else content
     parser = ET.XMLParser(encoding="utf-8" if isinstance(content, str) else None)
-    depth = links = 0
-    root: ET.Element | None = None
     try:
-        events = ET.iterparse(io.BytesIO(data), ("start", "end"), parser)
-        for count, (event, element) in enumerate(events):
-            root = element if root is None else root
-            depth += 1 if event == "start" else -1
-            links += event == "start" and depth == 2 and element.tag == "link"
-            _check_document_size(file, depth, links, count // 2)
+        return ET.fromstring(data, parser)
     except (ET.ParseError, ValueError, LookupError) as error:
-        if isinstance(error, InvalidInput):
-            raise
         raise InvalidInput(f"{file} is not valid XML: {error}.") from None
-    if root is None:
-        raise InvalidInput(f"{file} is not valid XML, because it has no element.")
-    return root
-
-
-def _check_document_size(file: str, depth: int, links: int, elements: int) -> None:
-    """Check that the depth and the size of a document are usual for a robot description."""
-    if depth > MAX_DEPTH:
-        raise InvalidInput(
-            f"{file} has elements that are nested more than {MAX_DEPTH} levels deep."
-        )
-    for count, maximum, kind in (
-        (links, MAX_LINKS, "links"),
-        (elements, MAX_ELEMENTS, "elements"),
-    ):
-        if count > maximum:
-            raise InvalidInput(
-                f"{file} has more than {maximum} {kind}, which is the maximum. Remove {kind} that "
-                "do not belong to the arm."
-            )
 
 
 def _required_name(file: str, element: ET.Element) -> str:

@@ -51,11 +51,6 @@ class ArcPart:
     length: float  # Length [m]
     end: Point  # End point [m]
 
-    def circle(self, start: Point) -> ArcPart:
-        """The full circle that contains the arc; it begins and ends at the start point `start`."""
-        length = 2 * math.pi / self.curvature
-        return ArcPart(self.tangent, self.normal, self.curvature, length, start)
-
 
 @dataclass(frozen=True, slots=True)
 class ProgrammedArc:
@@ -123,15 +118,13 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Progr
     return ProgrammedArc(center, start, end, turn, sweep, actual, actual)
 
 
-def arc_parts(arc: ProgrammedArc, turns: int) -> list[ArcPart]:
-    """Divide a programmed arc into `turns` - 1 full circles, and one or two arcs to its end."""
+def arc_parts(arc: ProgrammedArc) -> list[ArcPart]:
+    """Divide a programmed arc into one or two arcs."""
     if arc.start == arc.end:
-        last = [_arc_around(arc, 2 * math.pi)]
-    elif arc.sweep > NEARLY_FULL and _distance_to_bisector(arc) > REPEATED_POINT:
-        last = _divide_arc(arc)
-    else:
-        last = [_arc_between(arc.start, arc.end, arc.center, arc.turn)]
-    return [last[0].circle(arc.start)] * (turns - 1) + last
+        return [_arc_around(arc, 2 * math.pi)]
+    if arc.sweep > NEARLY_FULL and _distance_to_bisector(arc) > REPEATED_POINT:
+        return _divide_arc(arc)
+    return [_arc_between(arc.start, arc.end, arc.center, arc.turn)]
 
 
 def _distance_to_bisector(arc: ProgrammedArc) -> float:
@@ -206,7 +199,7 @@ def _check_end(start: Point, piece: ArcPart) -> None:
 
 
 def helix_points(
-    arc: ProgrammedArc, turns: int, tolerance: float, count_segments: Callable[[int], None]
+    arc: ProgrammedArc, tolerance: float, count_segments: Callable[[int], None]
 ) -> list[Point]:
     """End points, in the plane of the arc [m], of the chords of a helix within a tolerance [m]."""
     # The radius changes linearly from start to end. `count_segments` receives the number of chords
@@ -215,8 +208,7 @@ def helix_points(
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
     # A chord spans at most 90°, even if the tolerance is large.
     step = min(step, math.pi / 2)
-    total = arc.sweep + 2 * math.pi * (turns - 1)
-    n = max(1, math.ceil(total / step))
+    n = max(1, math.ceil(arc.sweep / step))
     count_segments(n)
     px, py = (
         (arc.start[0] - arc.center[0]) / arc.radius,
@@ -224,7 +216,8 @@ def helix_points(
     )
     points = []
     for i in range(1, n):
-        angle, radius = arc.turn * i / n * total, arc.radius + i / n * (arc.end_radius - arc.radius)
+        angle = arc.turn * i / n * arc.sweep
+        radius = arc.radius + i / n * (arc.end_radius - arc.radius)
         c, s = math.cos(angle), math.sin(angle)
         points.append(
             (arc.center[0] + radius * (c * px - s * py), arc.center[1] + radius * (s * px + c * py))

@@ -21,8 +21,7 @@ from armcontour.program.moves import Move, Value
 SAME_POINT_SQUARED = REPEATED_POINT**2
 # Largest rounding error of z after relative moves that return to zero [m].
 Z_ROUNDING = 1e-12
-# Maximum number of segments of helices and full turns. One line can request any number of turns;
-# more segments do not fit into the memory of the planner.
+# Maximum number of segments of helices; more do not fit into the memory of the planner.
 MAX_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
@@ -80,12 +79,12 @@ class ProgramDraft:
         self.has_vertical_arc = self.has_vertical_arc or 2 in (a, b)
 
     def count_segments(self, segments: int) -> None:
-        """Count segments of helices and full turns; raise an error if there are too many."""
+        """Count segments of helices; raise an error if there are too many."""
         self.segments += segments
         if self.segments > MAX_SEGMENTS:
             raise Fault(
-                f"the helices and full turns of the program need more than {MAX_SEGMENTS} "
-                "segments in total: reduce the numbers of turns P, or increase the chord tolerance"
+                f"the helices of the program need more than {MAX_SEGMENTS} segments in total: "
+                "increase the chord tolerance"
             )
 
     def add_rapid(self, x: float, y: float, z: float) -> None:

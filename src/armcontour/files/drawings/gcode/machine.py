@@ -17,7 +17,6 @@ from armcontour.files.drawings.gcode.draft import Feed, ProgramDraft
 from armcontour.files.drawings.gcode.words import (
     INCH,
     MILLIMETRE,
-    WHOLE_TOLERANCE,
     Block,
     Fault,
     Notes,
@@ -119,8 +118,7 @@ class Machine:
         """Execute a line; True if it ends the program."""
         g, words = block.g, block.words
         self._drop_words_without_motion(block)
-        users = (codes.DWELL in g) + (codes.BLEND in g) + self._draws_arc(block)
-        if "P" in words and users > 1:
+        if "P" in words and codes.DWELL in g and codes.BLEND in g:
             raise Fault("the word P can belong to several codes of the line: write separate lines")
         if "F" in words:
             self._set_feed(words.pop("F"), self._unit_of_feed(block))
@@ -361,18 +359,16 @@ class Machine:
     def _draw_arc(self, block: Block, target: list[float], coordinates: dict[int, float]) -> None:
         """Make an arc or helix in the active plane; remove its words from the line."""
         a, b, c = axes = PLANES[self.plane]
-        turns = _pop_turns(block)
         last, feed = self.draft.last, self._feed()
         arc = self._programmed_arc(
             block, (last[a], last[b]), (target[a], target[b]), bool({a, b} & coordinates.keys())
         )
         rise = target[c] - last[c]
         if abs(rise) <= SAME_HEIGHT:
-            self.draft.count_segments(turns - 1)
-            for piece in arc_parts(arc, turns):
+            for piece in arc_parts(arc):
                 self.draft.add_arc(piece, axes, feed)
             return
-        points = helix_points(arc, turns, self.chord_tolerance, self.draft.count_segments)
+        points = helix_points(arc, self.chord_tolerance, self.draft.count_segments)
         point = list(last)
         for i, (u, v) in enumerate(points, 1):
             point[a], point[b], point[c] = u, v, last[c] + i / len(points) * rise
@@ -501,17 +497,6 @@ def _selected_unit(block: Block) -> float | None:
     if codes.INCHES in block.g:
         return INCH
     return MILLIMETRE if codes.MILLIMETRES in block.g else None
-
-
-def _pop_turns(block: Block) -> int:
-    """Number of turns P of an arc, counting a partial turn as 1; removes P from the line."""
-    word = block.words.pop("P", 1.0)
-    turns = round(word)
-    if abs(word - turns) > WHOLE_TOLERANCE or turns < 1:
-        raise Fault(
-            f"the number of turns P of an arc must be a whole number above zero, but is {word:g}"
-        )
-    return turns
 
 
 def _number(block: Block, letter: str, code: int) -> int:
