@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour.cli
-from armcontour.cli.console import print_lines, show_table
+from armcontour.cli.console import print_lines, table_lines
 from armcontour.core.text import to_line
 
 CLIPBOARD = "x\x1b]52;c;cHduZWQ=\x1b\\y"
@@ -22,8 +22,7 @@ def test_every_line_is_printable(text):
 
 
 def test_tables_lines_and_errors_escape_control_sequences(capsys, tmp_path, command_in):
-    show_table(["a"], [[CLIPBOARD], ["[bold]plain[/bold]"]], title=CLIPBOARD)
-    print_lines(CLIPBOARD)
+    print_lines(*table_lines([["a"], [CLIPBOARD], ["[bold]plain[/bold]"]], CLIPBOARD), CLIPBOARD)
     shown = capsys.readouterr().out
     assert "\x1b" not in shown and shown.count(r"\x1b]52") == 3
     assert "[bold]plain[/bold]" in shown

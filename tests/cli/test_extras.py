@@ -7,7 +7,8 @@ from pathlib import Path as FilePath
 import pytest
 from tests.cli.helpers import summary
 
-from armcontour.cli.options import StudioOptions
+from armcontour.cli.commands import Studio
+from armcontour.cli.execution import execute
 from armcontour.cli.studio_command import studio
 from armcontour.core.errors import InvalidInput
 
@@ -106,7 +107,7 @@ def test_the_address_is_printed_and_opened(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("webbrowser.open", opened.append)
     monkeypatch.setattr(server, "listen", lambda port, listen=server.listen: listen(0))
     with pytest.raises(InvalidInput, match="job.yaml"):
-        studio(StudioOptions(), tmp_path / "job.yaml")
+        execute(studio, Studio(job=tmp_path / "job.yaml"))
     printed = capsys.readouterr().out.splitlines()
     address = printed[0].removeprefix("Studio: ")
     assert address.startswith("http://127.0.0.1:") and len(address.partition("#")[2]) == 32

@@ -6,7 +6,9 @@ from tests.cli.helpers import summary
 from tests.corner_job import CORNER_JOB
 from tests.loaded_robot import loaded_robot
 
-from armcontour.cli.run_command import run_job
+from armcontour.cli.commands import Run
+from armcontour.cli.execution import execute
+from armcontour.cli.run_command import run
 from armcontour.files import read_job
 from armcontour.files.set_point_file import read_set_points
 from armcontour.files.trajectory_file import read_run
@@ -27,7 +29,7 @@ class Shop:
         self.job = read_job(self.file)
         self.plan = plan_run(self.job, None)
         self.first = folder / "first"
-        run_job(lambda _: self.job, self.first, simulate=False)
+        execute(run, Run(job=self.file, out=self.first, simulate=False))
         self.table = self.executed(self.first, 0)
 
     def executed(self, set_points, number):

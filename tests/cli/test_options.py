@@ -10,9 +10,9 @@ from pathlib import Path as FilePath
 
 from tools.job_form import options_text
 
-from armcontour.cli import options
+from armcontour.cli import program
 
-FILE = FilePath(options.__file__).with_name("job_options.json")
+FILE = FilePath(program.__file__).with_name("job_options.json")
 
 
 def test_the_file_has_the_options_of_the_keys():

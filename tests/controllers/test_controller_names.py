@@ -3,7 +3,7 @@
 import pytest
 
 import armcontour as ac
-from armcontour.cli.options import ControllerOptions
+from armcontour.cli.commands import ControllerOptions
 from armcontour.cli.play_command import controller_of
 from armcontour.controllers import Franka, Ur
 from armcontour.files import parse_job

@@ -1,40 +1,430 @@
-"""The commands of `armcontour`, by the modules that have them."""
+"""The commands of `armcontour` with their arguments and options, in the order of the help.
+
+A command is a dataclass. The first sentence of the docstring of a base class is the title of the
+panel of its options. The work of a command is in the module that its decorator names.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from importlib import import_module
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import typer
 
-from armcontour.cli.program import program
+from armcontour.cli.execution import Json, Results
+from armcontour.cli.program import INSTALLED, JUDGE, PREPARE, ROBOT, RUN, command, program_for
 
-# Modules of the commands, in the order of the help.
-MODULES = {
-    **dict.fromkeys(("run", "demo"), "run_command"),
-    "studio": "studio_command",
-    "show": "show_command",
-    **dict.fromkeys(("batch", "place"), "study_commands"),
-    **dict.fromkeys(("arms", "init"), "cell_commands"),
-    "check": "check_command",
-    "certify": "certify_command",
-    "export": "exports",
-    "identify": "identify_command",
-    "learn": "learn_command",
-    "play": "play_command",
-    **dict.fromkeys(("compile", "schema"), "installation_commands"),
-}
+__all__ = ["program_for"]
+# Topics of options that set job keys, as in `job_options.json`.
+DRAWING = ("Drawing", "G-code")
+POSITION, SPEED = "Cell and position of the drawing", "Speed, corners and start"
+FILES, POINTS = "Files for robot controllers", "Points of these files"
+
+Keys: TypeAlias = dict[str, Any]
+Text: TypeAlias = str | None
+File: TypeAlias = FilePath | None
+Argument = Annotated[FilePath, typer.Argument()]
+RequiredOut = Annotated[FilePath, typer.Option("--out", "-o")]
+Name = Annotated[str | None, typer.Option("--run")]
 
 
-def program_for(arguments: Sequence[str] = ()) -> typer.Typer:
-    """Program with the commands of the called module only, because loading all takes time.
+@dataclass(frozen=True, kw_only=True)
+class SetOptions:
+    """Speed, corners and start.
 
     Args:
-        arguments: Arguments of the program. If the first is not a command, all commands are
-            loaded.
+        sets: Any key of the job with its value, as in limits.speed='0.2 m/s' or
+            runs.fast.timing.reserve=2%; may be repeated.
     """
-    called = [MODULES[x] for x in arguments[:1] if x in MODULES]
-    for name in dict.fromkeys(called or MODULES.values()):
-        import_module(f"armcontour.cli.{name}")
-    program.registered_commands.sort(key=lambda x: list(MODULES).index(x.name or ""))
-    return program
+
+    sets: Annotated[list[str] | None, typer.Option("--set")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellOptions:
+    """Cell and position of the drawing.
+
+    Args:
+        cell: Cell for a drawing: a built-in cell (fr3, panda, pmk3s, ur10e, ur5e), or a job file
+            without a path.
+    """
+
+    cell: Text = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobOptions(CellOptions, SetOptions):
+    """Job.
+
+    Args:
+        job: Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or waypoints
+            (.csv), with --cell.
+    """
+
+    job: Argument
+    keys: Annotated[Keys, *DRAWING, POSITION, SPEED] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkerOptions:
+    """Processes.
+
+    Args:
+        workers: Number of processes on this machine; by default one per processor. 0 uses only this
+            process.
+    """
+
+    workers: Annotated[int | None, typer.Option("--workers", min=0, max=1000)] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogOptions:
+    """Log and files of numbers.
+
+    Args:
+        columns: Names of the columns of a CSV file without a header: 't [ms],q1 [deg],-,q2'; or new
+            names of columns or joints: 'q# [deg]=axis_#'.
+    """
+
+    columns: Text = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowOptions(LogOptions):
+    """Log and files of numbers.
+
+    Args:
+        start: First time of the log to use, such as '2 s'.
+        end: Last time of the log to use, such as '30 s'.
+    """
+
+    start: Annotated[Text, typer.Option("--from")] = None
+    end: Annotated[Text, typer.Option("--to")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerOptions:
+    """Robot controller.
+
+    Args:
+        on: Controller that moves the robot: linuxcnc, franka or ur. The adapter for ur has never
+            run on a robot.
+        address: Address of a robot (franka, ur).
+        hal: HAL file of the machine (linuxcnc); by default joints are simulated.
+        drives: File with the key servo, such as a servo.yaml, for the simulated joints (linuxcnc);
+            by default the plant of the job. A dead time of one cycle is LinuxCNC's default loop.
+        execute: Move the robot, after its name is typed on the terminal.
+    """
+
+    on: Text = None
+    address: Text = None
+    hal: File = None
+    drives: File = None
+    execute: bool = False
+
+
+@command(RUN, "run gasket.dxf --cell ur5e --out gasket --export urscript", "run_command")
+@dataclass(frozen=True, kw_only=True)
+class Run(JobOptions, Results):
+    """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV).
+
+    Exit codes: 0 done, 1 done but no run is kept; others as for errors.
+
+    Args:
+        simulate: Simulate the servo, and write a report of it.
+        changes: Plan changes of each run, and report those that save most time or turn a violated
+            run into a valid one; by default for jobs of up to 50 segments in all runs.
+    """
+
+    out: RequiredOut = field()
+    keys: Annotated[Keys, *DRAWING, POSITION, SPEED, FILES, POINTS] = field(default_factory=dict)
+    simulate: Annotated[bool, typer.Option("--simulate/--no-simulation")] = True
+    changes: Annotated[bool | None, typer.Option("--changes/--no-changes")] = None
+
+
+@command(RUN, "demo", "run_command")
+@dataclass(frozen=True, kw_only=True)
+class Demo(Results):
+    """Run two built-in jobs: the paper's job on the PMK-3s, and a plate that a UR5e cuts."""
+
+    out: RequiredOut = FilePath("demo")
+    # An earlier demo is replaced if its files are unchanged.
+    kind: ClassVar[str] = "demo"
+
+
+@command(RUN, "studio gasket.dxf --cell ur5e", "studio_command")
+@dataclass(frozen=True, kw_only=True)
+class Studio(CellOptions):
+    """Open a web page on which you edit the path and see the resulting robot motion at once.
+
+    Args:
+        job: Job file (.yaml), or a drawing, G-code or waypoints with --cell; by default the start
+            page.
+        open_page: Open the page in a browser.
+        port: Port on this machine; 0 for any.
+    """
+
+    job: Annotated[File, typer.Argument()] = None
+    open_page: Annotated[bool, typer.Option("--open/--no-open")] = True
+    port: Annotated[int, typer.Option("--port", min=0, max=65535)] = 0
+
+
+@command(PREPARE, "show gasket.dxf --layer CUT", "show_command")
+@dataclass(frozen=True, kw_only=True)
+class Show(Json):
+    """Show size and layers of a drawing; no arm is required.
+
+    Args:
+        drawing: Drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or waypoints (.csv).
+    """
+
+    drawing: Argument
+    keys: Annotated[Keys, *DRAWING] = field(default_factory=dict)
+
+
+@command(
+    RUN, "batch job.yaml --over 'corners.tolerance=[0.1 mm, 1 mm]' --out results", "study_commands"
+)
+@dataclass(frozen=True, kw_only=True)
+class Batch(JobOptions, WorkerOptions):
+    """Run a job for all combinations of values of its keys.
+
+    Exit codes: 0 every job is done or refused; 1 some jobs failed; 2 no job is valid.
+
+    Args:
+        out: New folder for the results.
+        over: A key of the job with its values, as in limits.speed='[50 mm/s, 0.1 m/s]'; with
+            several keys, all combinations are run.
+    """
+
+    out: RequiredOut
+    over: Annotated[list[str], typer.Option("--over")]
+
+
+@command(
+    PREPARE,
+    "place gasket.dxf --cell ur5e --x '-300 mm .. 300 mm, 25' --out place",
+    "study_commands",
+)
+@dataclass(frozen=True, kw_only=True)
+class Place(JobOptions, WorkerOptions, Results):
+    """Plan a job at every place of a grid of its part: writes a map, a table, and the best job.
+
+    Exit codes: 0 done, 1 done but no place is feasible; others as for errors.
+
+    Args:
+        x: Displacements along x of the path, and their number: '-300 mm .. 300 mm, 25'.
+        y: Displacements along y.
+        z: Displacements along z.
+        yaw: Rotations about z: '0 deg .. 360 deg, 8'.
+        move: Moved object: part, about the middle of its path; or base, about its origin.
+        run_name: Run of the job.
+    """
+
+    out: RequiredOut = field()
+    x: Text = None
+    y: Text = None
+    z: Text = None
+    yaw: Text = None
+    move: str = "part"
+    run_name: Name = None
+
+
+@command(PREPARE, "arms", "cell_commands")
+@dataclass(frozen=True, kw_only=True)
+class Arms:
+    """List the built-in arms with their sources and assumed parameters."""
+
+
+@command(PREPARE, "init ur5e --out cell.yaml", "cell_commands")
+@dataclass(frozen=True, kw_only=True)
+class Init:
+    """Write a built-in cell as a job file to edit, with arm, limits, servo and comments.
+
+    Args:
+        cell: Built-in cell, by the name of its arm: see `armcontour arms`.
+        out: File for the cell (.yaml); by default CELL.yaml.
+        force: Replace a file of that name.
+    """
+
+    cell: Annotated[str, typer.Argument()] = "ur5e"
+    out: Annotated[File, typer.Option("--out", "-o")] = None
+    force: bool = False
+
+
+@command(JUDGE, "check motion.csv --arm ur5e --noise '0.05 mrad'", "check_command")
+@dataclass(frozen=True, kw_only=True)
+class Check(LogOptions, Json):
+    """Check a joint trajectory against limits.
+
+    Exit codes: 0 all limits kept, 1 a limit violated, 7 the samples cannot tell, 2 invalid input.
+
+    Args:
+        trajectory: Time-stamped joint trajectory: CSV, or YAML of ROS.
+        arm: Built-in arm, an arm file (.yaml, .urdf), or a job file or cell with the arm; by
+            default the job's.
+        limits: Limits file (YAML); by default the limits of the job, or of the arm.
+        path: Job file (YAML) with the required path of the tool.
+        run_name: Run of that job, if its runs differ in corners.
+        scene: Cell: check the clearance of the arm from it and from itself. A built-in cell such as
+            ur5e, or a job file, of which only the scene is required.
+        noise: Largest error of measured positions and, optionally, of velocities: '0.05 mrad, 2
+            mrad/s'.
+        controller: Also check the commands that a controller sends for these points: jtc,
+            jtc_spline, jtc_none, linuxcnc or hold.
+        rate: Rate of that controller: '500 Hz'.
+    """
+
+    trajectory: Argument
+    arm: Text = None
+    limits: File = None
+    path: File = None
+    run_name: Name = None
+    scene: Text = None
+    noise: Text = None
+    controller: Text = None
+    rate: Text = None
+
+
+@command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate", "certify_command")
+@dataclass(frozen=True, kw_only=True)
+class Certify(JobOptions, Results, Json):
+    """Find the fastest plan whose execution stays within a tolerance; exit code 4 without one.
+
+    Args:
+        run_name: Run of the job.
+    """
+
+    keys: Annotated[Keys, *DRAWING, POSITION, SPEED, "Certificate"] = field(default_factory=dict)
+    run_name: Name = None
+
+
+@command(ROBOT, "export gasket gasket.script", "export_command")
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """Export the set-points or the plan of an earlier result for a robot controller.
+
+    Args:
+        result: Folder of a result, of `run`, `certify` or `learn`.
+        file: File to write; its extension determines the format.
+        run_name: Run of the result.
+        reference: Export the plan, without compensation for the servo.
+        format: Format of the file: csv, ros-yaml, urscript, kuka, abb, or a .j2 file; by default
+            determined by its extension.
+        force: Replace a file of that name.
+    """
+
+    result: Argument
+    file: Argument
+    keys: Annotated[Keys, POINTS] = field(default_factory=dict)
+    run_name: Name = None
+    reference: bool = False
+    format: Text = None
+    force: bool = False
+
+
+@command(ROBOT, "identify shake.csv --out servo", "identify_command")
+@dataclass(frozen=True, kw_only=True)
+class Identify(ControllerOptions, WindowOptions, SetOptions, Results, Json):
+    """Identify servos from logs; with --on, from new motions.
+
+    Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good for one program only.
+
+    Args:
+        logs: Log of time, command and measured: CSV; several are joined. With --on, a job.
+        run_name: With --on, run of the job.
+        reserve: With --on, minimum reserve of this run.
+        arm: Arm with whose tool the errors are also reported: as for check.
+        drive_cycle: Cycle of the drives' loops; by default continuous.
+        model: Model of the servo: auto, second or first.
+        interpolation: Command between set-points: linear or step; by default determined from
+            the log.
+        validate: Log that is used only to validate the model; may be repeated.
+    """
+
+    logs: Annotated[list[FilePath], typer.Argument(metavar="LOG...")]
+    run_name: Name = None
+    reserve: str = "20 %"
+    arm: Text = None
+    drive_cycle: Annotated[Text, typer.Option("--drive-cycle")] = None
+    model: str = "auto"
+    interpolation: Text = None
+    validate: list[FilePath] | None = None
+
+
+@command(ROBOT, "learn job.yaml --set-points result --log robot.csv --out next", "learn_command")
+@dataclass(frozen=True, kw_only=True)
+class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
+    """Learn the set-points of the next run from logs; with --on, from runs on the robot.
+
+    With --on, earlier runs in the folder of --out are continued.
+
+    Args:
+        run_name: Run of the job.
+        runs: With --on, number of runs.
+        reserve: With --on, minimum reserve of the plan, because corrections need acceleration.
+        band: With --on, largest deviation of a joint from the plan before a motion is stopped, such
+            as '5 mrad'; by default 3 times the largest one of the best run, in the first run as
+            for play.
+        set_points: Executed set-points: set_points.csv of run or of the previous learn, or the
+            folder of that result.
+        log: Log of that run: CSV of positions over time.
+    """
+
+    run_name: Name = None
+    runs: Annotated[int, typer.Option("--runs", min=1)] = 4
+    reserve: str = "20 %"
+    band: Text = None
+    set_points: Annotated[File, typer.Option("--set-points")] = None
+    log: File = None
+
+    @property
+    def claims(self) -> bool:
+        """With --on, each run is written at once."""
+        return self.on is None
+
+
+@command(
+    ROBOT,
+    "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played",
+    "play_command",
+)
+@dataclass(frozen=True, kw_only=True)
+class Play(JobOptions, ControllerOptions, Results, Json):
+    """Play a run on a robot controller and record it; the robot moves only with --execute.
+
+    Args:
+        run_name: Run of the job.
+        speed_factor: Share of the job's speed.
+        band: Largest difference of a joint from its simulated position before the motion is
+            stopped, such as '5 mrad'; by default 2 mrad and the distance that it moves in 50 ms at
+            its largest speed.
+        set_points: Learned set-points: set_points.csv of learn, or its folder; with
+            --speed-factor '100 %'.
+    """
+
+    on: str = field()
+    run_name: Name = None
+    speed_factor: Annotated[str, typer.Option("--speed-factor")] = "10 %"
+    band: Text = None
+    set_points: Annotated[File, typer.Option("--set-points")] = None
+
+
+@command(INSTALLED, "compile usual", "installation_commands")
+@dataclass(frozen=True, kw_only=True)
+class Compile:
+    """Compile functions now that are otherwise compiled at first use, to avoid later waiting.
+
+    Args:
+        functions: Functions to compile: all, or those of usual runs in the plane, in space, or
+            both (usual).
+    """
+
+    functions: Annotated[Literal["all", "usual", "plane", "space"], typer.Argument()] = "all"
+
+
+@command(INSTALLED, "schema", "installation_commands")
+@dataclass(frozen=True, kw_only=True)
+class Schema:
+    """Print the JSON Schema of job files."""

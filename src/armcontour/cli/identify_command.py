@@ -1,172 +1,133 @@
-"""The command `identify`: identifies servos; prints and writes the result."""
+"""The command `identify`: identifies servos from logs, or from motions of a robot."""
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from armcontour.cli.console import print_json, print_lines, refuse_force, result_folder, show_data
-from armcontour.cli.inputs import read_option, read_window
-from armcontour.cli.options import IdentifyOptions
-from armcontour.cli.program import ROBOT, command
-from armcontour.cli.progress_bars import show_progress
-
-if TYPE_CHECKING:
-    from armcontour.control.identification import Identification
-    from armcontour.core.result import Data, Row
-    from armcontour.motion import Log
+from armcontour.cli.check_command import named_arm
+from armcontour.cli.commands import Identify
+from armcontour.cli.console import data_lines, print_lines
+from armcontour.cli.execution import REPORT, Outcome
+from armcontour.cli.inputs import open_job
+from armcontour.cli.play_command import (
+    DRY,
+    STOPPED,
+    confirmed,
+    controller_of,
+    refuse_without_controller,
+    refuse_without_terminal,
+)
+from armcontour.cli.progress_bars import ProgressDisplay
+from armcontour.cli.quantity_options import read_option, read_window
+from armcontour.control import identification
+from armcontour.control.identification import Identification, ServoFit
+from armcontour.controllers.player import Player
+from armcontour.controllers.robot_identification import (
+    play_identification,
+    prepare_identification,
+)
+from armcontour.core.checks import raise_if
+from armcontour.core.quantities import Interval, Reserve
+from armcontour.core.render import plain
+from armcontour.core.result import Data, Row
+from armcontour.files import ResultFolder
+from armcontour.files.log_file import log_text, read_log
+from armcontour.files.robot_file import servo_yaml
+from armcontour.motion import Log
+from armcontour.report.identification import render_identification
 
 # Exit codes. DONE: every joint has a valid model and the compensation is trusted. PROVISIONAL:
 # trusted for one program only. DOUBTFUL: otherwise. No error has the exit code 9.
 DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
-STOPPED_EARLY = "nothing was identified."
 
 
-@command(ROBOT, "identify shake.csv --out servo")
-def identify(
-    logs: Annotated[
-        list[FilePath],
-        typer.Argument(
-            metavar="LOG...",
-            help="Log of time, command and measured: CSV; several are joined. With --on, a job.",
-        ),
-    ],
-    options: IdentifyOptions,
-) -> int:
-    """Identify servos from logs; with --on, from new motions.
-
-    Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good for one program only.
-    """
-    from armcontour.cli.check_command import named_arm
-    from armcontour.cli.play_command import refuse_without_controller
-    from armcontour.control import identification
-    from armcontour.core.render import plain
-    from armcontour.core.result import Row
-    from armcontour.files.robot_file import servo_yaml
-
-    refuse_force(options)
+def identify(options: Identify, folder: ResultFolder | None, progress: ProgressDisplay) -> Outcome:
+    """Identify servos from logs; with --on, from motions."""
+    fitting = ServoFit(
+        model=options.model,
+        interpolation=options.interpolation,
+        drive_cycle=read_option("--drive-cycle", options.drive_cycle, Interval),
+    )
     if options.on is not None:
-        return _identify_robot(logs, options)
-    others = {"run_name": "--run", "sets": "--set"}
-    refuse_without_controller(options, others)
+        return _identify_robot(options, fitting, folder, progress)
+    refuse_without_controller(options, ("--run", options.run_name), ("--set", options.sets))
     arm = None if options.arm is None else named_arm(options.arm)
     unseen = [_read(log, options) for log in options.validate or []]
-    fitting = identification.ServoFit(
-        model=options.model, kinematics=arm, **_shared_options(options)
-    )
-    samples = [_read(log, options) for log in logs]
-    with show_progress("identifying") as progress:
-        fit = identification.identify(samples, fitting, progress=progress)
-    predictions = [fit.predict(log) for log in unseen]
-    printed = predictions or [fit.predict(log) for log in fit.logs if arm is not None]
-    rows = [Row("predictions", [plain(y.to_data()) for y in predictions])] if predictions else []
-    files = {"servo.yaml": servo_yaml(fit)} if any(y.written for y in fit.joints) else {}
-    _conclude(fit, options, files, rows, [y.to_data(arm) for y in printed])
-    return _verdict(fit)
+    samples = [_read(log, options) for log in options.logs]
+    fit = identification.identify(samples, replace(fitting, kinematics=arm), progress=progress)
+    validated = [fit.predict(log) for log in unseen]
+    printed = validated or [fit.predict(log) for log in fit.logs if arm is not None]
+    predictions = (Row("predictions", [plain(x.to_data()) for x in validated]),) * bool(validated)
+    return _outcome(fit, folder, {}, [x.to_data(arm) for x in printed], predictions)
 
 
-def _verdict(fit: Identification) -> int:
-    """Exit code of a servo identification."""
-    if not fit.trusted:
-        return DOUBTFUL
-    return PROVISIONAL if fit.judgement.programs == 1 else DONE
-
-
-def _identify_robot(jobs: list[FilePath], options: IdentifyOptions) -> int:
-    """Identify the servos of a robot from motions that it executes, and return the exit code."""
-    from armcontour.cli.play_command import DRY, STOPPED
-    from armcontour.cli.robot_commands import identify_robot
-    from armcontour.core.checks import raise_if
-    from armcontour.files.log_file import log_text
-    from armcontour.files.robot_file import servo_yaml
-
-    raise_if(len(jobs) != 1, f"--on requires exactly one job, but {len(jobs)} files are given.")
-    for name in ("arm", "validate", "columns", "start", "end"):
+def _identify_robot(
+    options: Identify, fitting: ServoFit, folder: ResultFolder | None, progress: ProgressDisplay
+) -> Outcome:
+    """Identify the servos of a robot from motions that it executes; a dry run without --execute."""
+    count = len(options.logs)
+    raise_if(count != 1, f"--on requires exactly one job, but {count} files are given.")
+    of_logs = ("arm", "validate", "columns", "start", "end")
+    for name in (x for x in of_logs if getattr(options, x) is not None):
         option = {"start": "from", "end": "to"}.get(name, name)
-        raise_if(
-            getattr(options, name) is not None,
-            f"--{option} applies only to logs. Remove --{option} or --on.",
-        )
-    result = identify_robot(jobs[0], options, _shared_options(options))
-    fit = result.fit
-    if fit is None:
-        if options.as_json:
-            print_json(result.to_data())
-        else:
-            show_data(result.to_data())
-            print_lines(f"Stopped: {STOPPED_EARLY}" if result.stopped else DRY)
-        return STOPPED if result.stopped else DONE
-    files = {f"{name}.csv": log_text(log) for name, log in result.logs.items()}
-    remark = ""
-    if any(y.written for y in fit.joints):
-        files = {"servo.yaml": servo_yaml(fit), **files}
-        remark = f". To use the identified servo, copy the key servo of servo.yaml to {jobs[0]}."
-    prediction = result.prediction
-    assert prediction is not None
-    arm = result.played["run"].job.arm
-    _conclude(fit, options, files, further=[prediction.to_data(arm)], remark=remark)
-    return _verdict(fit)
-
-
-def _shared_options(options: IdentifyOptions) -> dict[str, Any]:
-    """Specified options of the fit, by name."""
-    from armcontour.core.quantities import Interval
-
-    chosen = {
-        "interpolation": options.interpolation,
-        "drive_cycle": read_option("--drive-cycle", options.drive_cycle, Interval),
-    }
-    return {name: value for name, value in chosen.items() if value is not None}
-
-
-def _read(log: FilePath, options: IdentifyOptions) -> Log:
-    """Read a log, and print its notes."""
-    from armcontour.files.log_file import read_log
-
-    start, end = read_window(options.start, options.end)
-    content = read_log(
-        log,
-        start=start,
-        end=end,
-        columns=options.columns,
+        raise_if(True, f"--{option} applies only to logs. Remove --{option} or --on.")
+    raise_if(
+        options.execute and folder is None,
+        "--execute requires --out, the folder for servo.yaml and the logs.",
     )
+    refuse_without_terminal(options)
+    reserve = read_option("--reserve", options.reserve, Reserve)
+    assert options.on is not None and reserve is not None
+    job = open_job(options.logs[0], options, progress)
+    controller = controller_of(job, options.on, options)
+    motions = prepare_identification(job, controller, options.run_name, reserve, progress)
+    fitting, stop = replace(fitting, kinematics=job.arm), threading.Event()
+    result = play_identification(motions, Player(controller, progress=progress), fitting)
+    if options.execute:
+        player = Player(controller, True, stop.is_set, progress)
+        with confirmed(result.played["run"], stop, progress):
+            result = play_identification(motions, player, fitting)
+    if result.fit is None or result.prediction is None:
+        data, code = result.to_data(), STOPPED if result.stopped else DONE
+        end = "Stopped: nothing was identified." if result.stopped else DRY
+        return Outcome(lines=[*data_lines(data), end], page=plain(data), code=code)
+    prediction = result.prediction.to_data(result.played["run"].job.arm)
+    return _outcome(result.fit, folder, result.logs, [prediction])
+
+
+def _read(log: FilePath, options: Identify) -> Log:
+    """Read a log, and print its notes."""
+    start, end = read_window(options.start, options.end)
+    content = read_log(log, start=start, end=end, columns=options.columns)
     print_lines(*(f"Note: {x}" for x in content.notes), err=True)
     return content
 
 
-def _conclude(
-    fit: Any,
-    options: IdentifyOptions,
-    files: dict[str, str],
-    rows: list[Row] | None = None,
-    further: list[Data] | None = None,
-    remark: str = "",
-) -> None:
-    """Write an identification to the result folder, if any, and print it.
+def _outcome(
+    fit: Identification,
+    folder: ResultFolder | None,
+    logs: Mapping[str, Log],
+    further: Sequence[Data],
+    rows: tuple[Row, ...] = (),
+) -> Outcome:
+    """Write the servo, the logs and the report.
 
-    `rows`: further rows of the JSON output; `further`: further printed results; `remark`: end of
-    the last printed line.
+    `further`: further results to print; `rows`: further rows of the JSON output.
     """
-    from armcontour.core.result import Row
-    from armcontour.files.result_folder import data_json
-    from armcontour.report.identification import render_identification
-
-    data = fit.to_data()
-    page = replace(data, rows=(*data.rows, *(rows or [])))
-    with result_folder(options) as folder:
-        if folder is not None:
-            for name, text in files.items():
-                folder.write(name, text)
-            folder.write("report.html", render_identification(fit))
-            listed = Row("files", [*folder.files, "summary.json"])
-            folder.write("summary.json", data_json(replace(page, rows=(*page.rows, listed))))
-    if options.as_json:
-        print_json(page)
-    else:
-        for y in (data, *(further or [])):
-            show_data(y)
-        if options.out is not None:
-            print_lines(f"Written to {options.out}: {', '.join([*files, 'report.html'])}{remark}")
+    data, servo = fit.to_data(), []
+    if folder is not None:
+        if any(y.written for y in fit.joints):
+            folder.write("servo.yaml", servo_yaml(fit))
+            servo = [f"Servo: {folder.folder / 'servo.yaml'}. Copy its key servo to a job file."]
+        for name, log in logs.items():
+            folder.write(f"{name}.csv", log_text(log))
+        folder.write(REPORT, render_identification(fit))
+    code = PROVISIONAL if fit.judgement.programs == 1 else DONE
+    return Outcome(
+        lines=[*(y for x in (data, *further) for y in data_lines(x)), *servo],
+        page=plain(replace(data, rows=(*data.rows, *rows))),
+        code=code if fit.trusted else DOUBTFUL,
+    )

@@ -1,98 +1,171 @@
-"""The command `learn`: learns the set-points of the next run from the log of the last run."""
+"""The command `learn`: learns the set-points of the next run from logs, or from runs on a robot."""
 
 from __future__ import annotations
 
+import threading
+from dataclasses import replace
+from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
 
-from armcontour.cli.console import print_json, print_lines, print_report, show_data
-from armcontour.cli.inputs import open_job, read_window
-from armcontour.cli.options import JobOptions, JobOrDrawing, LearnOptions
-from armcontour.cli.program import ROBOT, command
-from armcontour.cli.progress_bars import show_progress
-from armcontour.cli.robot_commands import learn_robot, write_study
-from armcontour.core.progress import Progress, Step
+from armcontour.cli.commands import Learn
+from armcontour.cli.console import data_lines, print_lines
+from armcontour.cli.execution import REPORT, SUMMARY, Outcome, report_line
+from armcontour.cli.inputs import open_job
+from armcontour.cli.play_command import (
+    DONE,
+    DRY,
+    STOPPED,
+    confirmed,
+    controller_of,
+    refuse_without_controller,
+    refuse_without_terminal,
+)
+from armcontour.cli.progress_bars import ProgressDisplay
+from armcontour.cli.quantity_options import read_option, read_window
+from armcontour.cli.run_command import write_motions
+from armcontour.controllers.player import Player
+from armcontour.controllers.robot_learning import RobotLearning, learn_next, start_learning
+from armcontour.core.checks import raise_if
+from armcontour.core.errors import InvalidInput
+from armcontour.core.progress import Step
+from armcontour.core.quantities import AngularDistance, Reserve
+from armcontour.core.render import plain
+from armcontour.files import ResultFolder, to_json
+from armcontour.files.log_file import log_text, read_log, read_run_log
+from armcontour.files.result_folder import kind_of, verify_file
+from armcontour.files.set_point_file import LESSON, read_set_points, write_lesson
+from armcontour.jobs import Job
+from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
+from armcontour.motion import Log
+from armcontour.report import render_learning
 
-if TYPE_CHECKING:
-    from armcontour.jobs.run_learning import LearningStudy
+# Kind of a result folder with runs on a robot; later runs can continue such a folder.
+KIND = "learn --on"
+# File name of the log of a run, by number from 1.
+LOG = "logs/run_{}.csv"
 
 
-@command(ROBOT, "learn job.yaml --set-points result --log robot.csv --out next")
-def learn(job: JobOrDrawing, options: LearnOptions, job_options: JobOptions) -> int:
-    """Learn the set-points of the next run from logs; with --on, from runs on the robot."""
+def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay) -> Outcome:
+    """Learn the set-points of the next run from a log; with --on, from runs on the robot."""
     if options.on is not None:
-        return learn_robot(job, job_options, options)
-    from armcontour.files import ResultFolder
-
-    _refuse_missing(options)
-    window = read_window(options.start, options.end)
-    assert options.out is not None
-    with ResultFolder(options.out, force=options.force) as folder:
-        with show_progress("learning") as progress:
-            study = _learn_from_log(job, job_options, options, window, progress)
-        write_study(study, folder)
-    if options.as_json:
-        print_json(study.to_data())
-    else:
-        _print_study(study, options.out)
-    return 0
-
-
-def _refuse_missing(options: LearnOptions) -> None:
-    """Raise InvalidInput if required options are missing."""
-    from armcontour.cli.play_command import refuse_without_controller
-    from armcontour.core.errors import InvalidInput
-
+        return _learn_robot(options, progress)
     refuse_without_controller(options)
     if options.set_points is None or options.log is None:
         raise InvalidInput(
             "learn requires the executed set-points and the log. Specify them with --set-points "
             "and --log."
         )
-    if options.out is None:
+    if folder is None:
         raise InvalidInput(
             "learn requires --out, the folder to which the set-points of the next run are written."
         )
-
-
-def _learn_from_log(
-    file: FilePath,
-    job_options: JobOptions,
-    options: LearnOptions,
-    window: tuple[float, float],
-    progress: Progress,
-) -> LearningStudy:
-    """Read the job, plan its run, and learn from the log."""
-    from armcontour.files.log_file import read_run_log
-    from armcontour.files.set_point_file import read_set_points
-    from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
-
-    job = open_job(file, job_options, progress)
+    window = read_window(options.start, options.end)
+    job = open_job(options.job, options, progress)
     plan = plan_run(job, options.run_name, progress=progress)
-    assert options.log is not None and options.set_points is not None
     progress(Step(("reading the log",)))
     set_points = read_set_points(options.set_points, job, plan)
-    log = read_run_log(
-        options.log,
-        job.arm.joint_names,
-        window=window,
-        columns=options.columns,
-    )
+    names = job.arm.joint_names
+    log = read_run_log(options.log, names, window=window, columns=options.columns)
     print_lines(*(f"Note: {x}" for x in log.notes), err=True)
     lesson = learn_logs(job, plan, [log], set_points=set_points, progress=progress)
-    return LearningStudy(job=job, plan=plan, lesson=lesson)
-
-
-def _print_study(study: LearningStudy, out: FilePath) -> None:
-    """Print the errors of the runs, the next step, and the written files."""
-    name = study.plan.run.name
-    print_lines(f"{study.job.title}, run {name}: error of the tool")
-    show_data(study.result)
-    print_lines(*(f"Note: {x}" for x in study.job.arm.notes))
-    print_lines(f"Set-points of the next run: {out / name / 'set_points.csv'}")
-    if not study.lesson.finished:
-        print_lines(
+    study, name = LearningStudy(job=job, plan=plan, lesson=lesson), plan.run.name
+    _write_study(study, folder)
+    lines = [
+        f"{job.title}, run {name}: error of the tool",
+        *data_lines(study.result),
+        *(f"Note: {x}" for x in job.arm.notes),
+        f"Set-points of the next run: {folder.folder / name / 'set_points.csv'}",
+    ]
+    if not lesson.finished:
+        lines.append(
             "Next: execute these set-points, then use learn with the new log and --set-points "
-            f"{out}."
+            f"{folder.folder}."
         )
-    print_report(out)
+    return Outcome(lines=lines, page=plain(study.to_data()))
+
+
+def _learn_robot(options: Learn, progress: ProgressDisplay) -> Outcome:
+    """Play runs and learn after each; the folder is written after each run."""
+    out = options.out
+    raise_if(
+        options.execute and out is None,
+        "--execute requires --out, the folder for logs, set-points and report.",
+    )
+    refuse_without_terminal(options)
+    reserve = read_option("--reserve", options.reserve, Reserve)
+    band = read_option("--band", options.band, AngularDistance)
+    assert options.on is not None and reserve is not None
+    job = open_job(options.job, options, progress)
+    logs = _earlier_logs(out, job) if out is not None and not options.force else []
+    player = Player(controller_of(job, options.on, options), progress=progress)
+    result = start_learning(job, player, options.run_name, reserve, logs)
+    if result.continues(options.runs):
+        rehearsed, stop = learn_next(result, player, band), threading.Event()
+        if out is None or not options.execute or rehearsed.played is None:
+            result = rehearsed
+        else:
+            player = replace(player, execute=True, stop_requested=stop.is_set)
+            with confirmed(rehearsed.played, stop, progress):
+                while result.continues(options.runs):
+                    # `ResultFolder` checks that the folder is writable before the robot moves.
+                    with ResultFolder(out, force=options.force, replaces=KIND) as folder:
+                        result = learn_next(result, player, band)
+                        if result.study is not None:
+                            _write_runs(result, result.study, folder)
+    code = STOPPED if result.stopped else DONE
+    return Outcome(lines=_robot_lines(result, options), page=plain(result.to_data()), code=code)
+
+
+def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
+    """Logs of earlier runs in a folder, in order; empty if the folder has another kind."""
+    logs: list[Log] = []
+    while kind_of(out) == KIND and (out / LOG.format(len(logs) + 1)).exists():
+        log = read_log(verify_file(out, LOG.format(len(logs) + 1)))
+        source = f"run {len(logs) + 1}"
+        logs.append(replace(log, source=source, joint_names=job.arm.joint_names))
+    return logs
+
+
+def _write_runs(result: RobotLearning, study: LearningStudy, folder: ResultFolder) -> None:
+    """Write logs, learned set-points, report and summary."""
+    for k, log in enumerate(result.logs, 1):
+        folder.write(LOG.format(k), log_text(log))
+    _write_study(study, folder)
+    page = plain(study.to_data()) | {"files": [*folder.files, SUMMARY]}
+    folder.write(SUMMARY, to_json(page))
+
+
+def _write_study(study: LearningStudy, folder: ResultFolder) -> None:
+    """Write the set-points of the next run and the report."""
+    name = study.plan.run.name
+    write_motions(folder, study.job, {name: replace(study.plan, set_points=study.lesson)})
+    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
+    folder.write(REPORT, render_learning(study))
+
+
+def _robot_lines(result: RobotLearning, options: Learn) -> list[str]:
+    """Results of the runs, and the command that plays the best set-points."""
+    if result.study is None:
+        end = DRY if not options.execute else "Stopped before anything was learned."
+        return [*data_lines(result.to_data()), end]
+    lines = data_lines(result.study.result)
+    if not options.execute:
+        lines.append(DRY)
+    elif result.ended:
+        lines.append(f"Ended: {result.ended}.")
+    if options.out is None:
+        return lines
+    run = result.plan.run
+    robot = "".join(
+        f" --{name} {value}"
+        for name in ("address", "hal", "drives")
+        if (value := getattr(options, name)) is not None
+    )
+    reserve = f"runs.{run.name}.timing.reserve='{run.timing.reserve * 100:g} %'"
+    return [
+        *lines,
+        f"Set-points of the best run: {options.out / run.name / 'set_points.csv'}",
+        f"Play them: armcontour play {options.job} --on {options.on}{robot} --speed-factor '100 %' "
+        f"--run {run.name} --set {reserve} --set-points {options.out}",
+        report_line(options.out),
+    ]

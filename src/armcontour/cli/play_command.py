@@ -4,96 +4,81 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import typer
 
-from armcontour.cli.console import print_json, print_lines, result_folder, show_data
-from armcontour.cli.inputs import open_job, read_option
+from armcontour.cli.commands import ControllerOptions, Play
+from armcontour.cli.console import data_lines
+from armcontour.cli.execution import Outcome
+from armcontour.cli.inputs import open_job
 from armcontour.cli.interrupts import on_interrupt
-from armcontour.cli.options import ControllerOptions, JobOptions, JobOrDrawing, PlayOptions
-from armcontour.cli.program import ROBOT, command
-from armcontour.cli.progress_bars import show_progress
+from armcontour.cli.progress_bars import ProgressDisplay
+from armcontour.cli.quantity_options import read_option
+from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur
+from armcontour.controllers.player import (
+    Player,
+    SpeedFactor,
+    judge_motion,
+    plan_kept,
+    prepare_motion,
+)
+from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerRefused, InvalidInput
-
-if TYPE_CHECKING:
-    from armcontour.controllers import Controller, Played
-    from armcontour.files import ResultFolder
-    from armcontour.jobs import Job
+from armcontour.core.quantities import AngularDistance
+from armcontour.core.render import number, plain
+from armcontour.files import ResultFolder
+from armcontour.files.log_file import log_text
+from armcontour.files.robot_file import read_servo
+from armcontour.files.set_point_file import read_set_points
+from armcontour.jobs import Job
 
 # Exit codes. DONE: the motion was as simulated, or dry run. STOPPED: it was stopped or differs.
 DONE, STOPPED = 0, 1
 DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
-# Options that require --on, by field of `ControllerOptions`.
-OF_CONTROLLER = {x: f"--{x}" for x in ("execute", "drives", "hal", "address")}
 
 
-@command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")
-def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> int:
-    """Play a run on a robot controller and record it; the robot moves only with --execute."""
-    from armcontour.controllers.player import (
-        Player,
-        SpeedFactor,
-        judge_motion,
-        plan_kept,
-        prepare_motion,
-    )
-    from armcontour.core.quantities import AngularDistance
-    from armcontour.files.set_point_file import read_set_points
-
-    if options.out is not None and not options.execute:
+def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) -> Outcome:
+    """Compare a run with a controller, and with --execute play it."""
+    execute = options.execute
+    if folder is not None and not execute:
         raise InvalidInput("--out requires --execute too, because only a motion has a log.")
     refuse_without_terminal(options)
     speed_factor = read_option("--speed-factor", options.speed_factor, SpeedFactor)
     band = read_option("--band", options.band, AngularDistance)
     assert speed_factor is not None
-    stop = threading.Event()
-    with result_folder(options) as folder:
-        with show_progress("playing") as progress:
-            opened = open_job(job, job_options, progress)
-            controller = controller_of(opened, options.on, options)
-            opened, plan = plan_kept(
-                opened,
-                options.run_name,
-                speed_factor,
-                learned=options.set_points is not None,
-                progress=progress,
-            )
-            set_points = None
-            if options.set_points is not None:
-                set_points = read_set_points(options.set_points, opened, plan)
-            ready = prepare_motion(
-                opened,
-                plan,
-                controller,
-                set_points=set_points,
-                speed_factor=speed_factor,
-                band=band,
-            )
-            played = Player(controller, progress=progress).play(ready)
-        if options.execute:
-            confirm(played)
-            with on_interrupt(stop.set), show_progress("playing") as progress:
-                played = Player(controller, True, stop.is_set, progress).play(ready)
-            played = judge_motion(played, controller.cycle, band)
-        if folder is not None:
-            _write(played, folder)
-    if options.as_json:
-        print_json(played.to_data())
-    else:
-        show_data(played.to_data())
-        _print_end(played, options)
-    return DONE if played.kept or not options.execute else STOPPED
+    job = open_job(options.job, options, progress)
+    controller = controller_of(job, options.on, options)
+    learned, name = options.set_points, options.run_name
+    is_learned = learned is not None
+    job, plan = plan_kept(job, name, speed_factor, learned=is_learned, progress=progress)
+    ready = prepare_motion(
+        job,
+        plan,
+        controller,
+        set_points=None if learned is None else read_set_points(learned, job, plan),
+        speed_factor=speed_factor,
+        band=band,
+    )
+    played = Player(controller, progress=progress).play(ready)
+    end, stop = [DRY], threading.Event()
+    if execute:
+        with confirmed(played, stop, progress):
+            played = Player(controller, True, stop.is_set, progress).play(ready)
+        played = judge_motion(played, controller.cycle, band)
+        moved = played.record is not None
+        end = [] if moved or played.approach else ["Stopped before the motion."]
+        if folder is not None and moved:
+            folder.write("log.csv", log_text(played.log))
+            end = [f"Log: {folder.folder / 'log.csv'}"]
+    data = played.to_data()
+    code = DONE if played.kept or not execute else STOPPED
+    return Outcome(lines=[*data_lines(data), *end], page=plain(data), code=code)
 
 
 def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller:
     """Controller with the name of `--on`; joints of linuxcnc are simulated without `--hal`."""
-    from armcontour.controllers import Franka, LinuxCNC, Ur
-    from armcontour.core.checks import check_choice, raise_if
-    from armcontour.files.robot_file import read_servo
-
     check_choice("--on", name, ("linuxcnc", "franka", "ur"))
     hal, address, drives = options.hal, options.address, options.drives
     if name == "linuxcnc":
@@ -112,15 +97,11 @@ def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller
     return Franka(address)
 
 
-def refuse_without_controller(
-    options: ControllerOptions, others: Mapping[str, str] = MappingProxyType({})
-) -> None:
-    """Raise InvalidInput for options that require --on; `others`: further such options by field."""
-    from armcontour.core.checks import raise_if
-
-    for name, option in {**OF_CONTROLLER, **others}.items():
-        message = f"{option} requires --on. Specify a controller with --on too."
-        raise_if(bool(getattr(options, name)), message)
+def refuse_without_controller(options: ControllerOptions, *others: tuple[str, object]) -> None:
+    """Raise InvalidInput for options that require --on; `others`: further ones with values."""
+    named = [(f"--{x}", getattr(options, x)) for x in ("execute", "drives", "hal", "address")]
+    for option, value in (*named, *others):
+        raise_if(bool(value), f"{option} requires --on. Specify a controller with --on too.")
 
 
 def refuse_without_terminal(options: ControllerOptions) -> None:
@@ -132,11 +113,11 @@ def refuse_without_terminal(options: ControllerOptions) -> None:
         )
 
 
-def confirm(dry: Played) -> None:
-    """Raise ControllerRefused unless the user confirms the motion by typing the arm's name."""
-    from armcontour.core.render import number
-
+@contextmanager
+def confirmed(dry: Played, stop: threading.Event, progress: ProgressDisplay) -> Iterator[None]:
+    """Context of a motion, which a signal stops, after the user has typed the name of the arm."""
     name = dry.job.arm.name
+    progress.hide()
     answer = typer.prompt(
         f"{name} will move on {dry.controller}, first by up to {number(dry.distance, 'rad')} to "
         f"the start. Type {name} to continue",
@@ -146,23 +127,5 @@ def confirm(dry: Played) -> None:
         raise ControllerRefused(
             f"The confirmation must be {name}, but is {answer.strip()!r}. The robot has not moved."
         )
-
-
-def _write(played: Played, folder: ResultFolder) -> None:
-    """Write the log and the summary of a played run."""
-    from armcontour.files.log_file import log_text
-    from armcontour.files.result_folder import data_json
-
-    if played.record is not None:
-        folder.write("log.csv", log_text(played.log))
-    folder.write("summary.json", data_json(played.to_data()))
-
-
-def _print_end(played: Played, options: PlayOptions) -> None:
-    """Print whether the robot moved, and the file of the log."""
-    if not options.execute:
-        print_lines(DRY)
-    elif played.record is None and not played.approach:
-        print_lines("Stopped before the motion.")
-    elif options.out is not None:
-        print_lines(f"Log: {options.out / 'log.csv'}")
+    with on_interrupt(stop.set):
+        yield

@@ -1,18 +1,74 @@
-"""The program `armcontour`: its help, and the decorator that registers a command."""
+"""The program `armcontour`: its help, and the decorator that makes a command of a dataclass."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any
+import json
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from dataclasses import MISSING, fields
+from importlib import import_module
+from inspect import Parameter, Signature, cleandoc
+from pathlib import Path as FilePath
+from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
 
 import typer
+from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from armcontour._version import __version__
-from armcontour.cli.options import Command, CommandGroup, grouped
+from armcontour.cli.execution import execute
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import describe_fields
 
+T = TypeVar("T")
 # Topics under which the help lists the commands.
 RUN, PREPARE, JUDGE = "Plan and run", "Look, place, prepare", "Check and certify"
 ROBOT, INSTALLED = "With the robot", "About this installation"
+# Options that set job keys, by name; `python -m tests.cli.test_options` writes the file.
+SHORT: dict[str, dict[str, Any]] = {
+    x["option"].split("/")[0].strip("-").replace("-", "_"): x
+    for x in json.loads(FilePath(__file__).with_name("job_options.json").read_text("utf-8"))
+}
+KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
+
+
+def _write_panels(self: Any, ctx: Any, formatter: Any) -> None:
+    """Write arguments, options and commands of a help text in panels."""
+    # Typer itself writes panels only with the library `rich`, which doubles the time of the help,
+    # truncates long options in narrow terminals and removes units in square brackets as markup.
+    panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+    for x in self.get_params(ctx):
+        if (record := x.get_help_record(ctx)) is not None:
+            panel = "Arguments" if isinstance(x, TyperArgument) else x.rich_help_panel or "Options"
+            panels.setdefault(panel, []).append(record)
+    for name, called in getattr(self, "commands", {}).items():
+        row = f"{name:<8}", called.get_short_help_str(200)
+        panels.setdefault(called.rich_help_panel, []).append(row)
+    for title, rows in panels.items():
+        if rows:
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
+
+class CommandGroup(TyperGroup):
+    """Group of commands whose help has panels."""
+
+    format_options = _write_panels
+
+
+class Command(TyperCommand):
+    """Command whose help has panels, and that refuses repeated options."""
+
+    format_options = _write_panels
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments; refuse an option with one value that is specified several times."""
+        *_, parameters = self.make_parser(ctx).parse_args(list(args))
+        for x in parameters:
+            single = isinstance(x, TyperOption) and not (x.multiple or x.is_flag)
+            if single and (times := parameters.count(x)) > 1:
+                name = max(x.opts, key=len)
+                raise InvalidInput(f"{name} has one value, but is specified {times} times.")
+        return super().parse_args(ctx, args)
 
 
 program = typer.Typer(
@@ -33,24 +89,87 @@ program = typer.Typer(
 )
 
 
-def command(topic: str, example: str, name: str | None = None) -> Callable[[Any], Any]:
-    """Decorator that registers a command, which returns its exit code; None means 0."""
+# Functions that register the commands, by name in the order of the help.
+_REGISTER: dict[str, Callable[[], None]] = {}
 
-    def register(function: Callable[..., int | None]) -> Callable[..., int | None]:
-        call = grouped(function)
 
-        def call_and_exit(**options: Any) -> None:
-            raise typer.Exit(call(**options) or 0)
+def program_for(arguments: Sequence[str] = ()) -> typer.Typer:
+    """Program with the called command only, because reading the options of all takes time.
 
-        call_and_exit.__signature__ = call.__signature__  # type: ignore[attr-defined]
-        called, text = name or function.__name__, f"\b\nExample:\n  armcontour {example}"
-        add = program.command(
-            called, cls=Command, help=function.__doc__, rich_help_panel=topic, epilog=text
+    Args:
+        arguments: Arguments of the program. If the first is not a command, all commands are
+            registered.
+    """
+    program.registered_commands.clear()
+    for name in [x for x in arguments[:1] if x in _REGISTER] or _REGISTER:
+        _REGISTER[name]()
+    return program
+
+
+def command(topic: str, example: str, module: str) -> Callable[[type[T]], type[T]]:
+    """Decorator that makes a command of a dataclass: its fields are arguments and options.
+
+    The docstring of the dataclass is the help. The command calls the function with the name of the
+    command in a module, which is imported only then.
+    """
+
+    def declare(options: type[T]) -> type[T]:
+        name = options.__name__.lower()
+
+        def call(**values: Any) -> None:
+            keys = {x: values.pop(x) for x in SHORT if x in values}
+            work = getattr(import_module(f"armcontour.cli.{module}"), name)
+            raise typer.Exit(execute(work, options(**values, **({"keys": keys} if keys else {}))))
+
+        def register() -> None:
+            call.__signature__ = Signature(list(_parameters(options)))  # type: ignore[attr-defined]
+            program.command(
+                name,
+                cls=Command,
+                help=cleandoc(options.__doc__ or "").partition("\nArgs:\n")[0],
+                rich_help_panel=topic,
+                epilog=f"\b\nExample:\n  armcontour {example}",
+            )(call)
+
+        _REGISTER[name] = register
+        return options
+
+    return declare
+
+
+def _parameters(options: Any) -> Iterator[Parameter]:
+    """Arguments and options of a dataclass, as parameters that typer reads.
+
+    The help of an option is its entry in a docstring. Its panel is the first sentence of the
+    docstring of the base class that declares it.
+    """
+    hints, texts = get_type_hints(options, include_extras=True), describe_fields(options)
+    panels = {
+        name: (base.__doc__ or "").partition(".")[0]
+        for base in reversed(options.__mro__[1:])
+        for name in vars(base).get("__annotations__", ())
+    }
+
+    def parameter(name: str, hint: Any, option: Any, default: Any = None) -> Parameter:
+        kind = Parameter.KEYWORD_ONLY
+        return Parameter(name, kind, annotation=Annotated[hint, option], default=default)
+
+    for x in fields(options):
+        hint = hints[x.name]
+        if x.name == "keys":
+            for name, row in SHORT.items():
+                if row["topic"] in hint.__metadata__:
+                    option = typer.Option(row["option"], help=row["help"], min=row["least"])
+                    option.rich_help_panel = row["topic"]
+                    yield parameter(name, KINDS[row["kind"]] | None, option)
+            continue
+        option = typer.Option(f"--{x.name}")
+        if get_origin(hint) is Annotated:
+            hint, option = hint.__origin__, copy(hint.__metadata__[0])
+        option.help, option.rich_help_panel = texts[x.name], panels.get(x.name)
+        yield parameter(
+            x.name, hint, option, Parameter.empty if x.default is MISSING else x.default
         )
-        add(call_and_exit)
-        return function
-
-    return register
 
 
 def _version(value: bool) -> None:

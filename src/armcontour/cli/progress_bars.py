@@ -2,51 +2,79 @@
 
 from __future__ import annotations
 
+import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from armcontour.cli.console import print_lines
-from armcontour.core.progress import COMPILING, Progress, Step, listen_to_compilation
+from armcontour.core.progress import COMPILING, Step, listen_to_compilation
 from armcontour.core.text import to_line
 
 # Minimum time between progress lines, and before the first line, without a terminal [s].
 EVERY = 10.0
 
 
-@contextmanager
-def show_progress(title: str = "") -> Iterator[Progress]:
-    """Context that shows the current step and its completed fraction; yields its update function.
+class ProgressDisplay:
+    """Display of the current step and its completed fraction, from the first step on.
 
-    A bar is removed at the end.
+    Call it with each step. A bar is removed at the end.
     """
-    from rich import progress as bars
-    from rich.console import Console
 
-    console, last = Console(stderr=True), time.monotonic()
-    bar = bars.Progress(
-        bars.SpinnerColumn(),
-        bars.TextColumn("{task.description}", markup=False),
-        bars.BarColumn(),
-        bars.TaskProgressColumn(),
-        bars.TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
+    def __init__(self, title: str) -> None:
+        self._title, self._last = title, time.monotonic()
+        self._bar: Any = None
+        # Steps can come from the thread that compiles.
+        self._lock = threading.Lock()
+        self._listening = listen_to_compilation(lambda name: self(Step((COMPILING, name))))
 
-    def show(step: Step) -> None:
-        nonlocal last
-        text = to_line(f"{title}: {step}".removeprefix(": "))
-        total = None if step.done is None else 1.0
-        bar.update(task, description=text, completed=step.done or 0.0, total=total)
-        if bar.disable and time.monotonic() >= last + EVERY:
-            last = time.monotonic()
+    def __call__(self, step: Step) -> None:
+        """Show a step."""
+        text, now = to_line(f"{self._title}: {step}"), time.monotonic()
+        if sys.stderr.isatty():
+            with self._lock:
+                bar = self._bar = self._bar or _start_bar()
+            total = None if step.done is None else 1.0
+            bar.update(bar.task_ids[0], description=text, completed=step.done or 0.0, total=total)
+        elif now >= self._last + EVERY:
+            self._last = now
             print_lines(text if step.done is None else f"{text}, {step.done:.0%}", err=True)
 
-    task = bar.add_task(title, total=None)
-    with bar, listen_to_compilation(lambda name: show(Step((COMPILING, name)))):
-        yield show
+    def hide(self) -> None:
+        """Remove the bar until the next step, for a question on the terminal."""
+        with self._lock:
+            if self._bar is not None:
+                self._bar.stop()
+            self._bar = None
+
+    def __enter__(self) -> ProgressDisplay:
+        self._listening.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._listening.__exit__(None, None, None)
+        self.hide()
+
+
+def _start_bar() -> Any:
+    """Bar of `rich` on the standard error."""
+    from rich import progress
+    from rich.console import Console
+
+    bar = progress.Progress(
+        progress.SpinnerColumn(),
+        progress.TextColumn("{task.description}", markup=False),
+        progress.BarColumn(),
+        progress.TaskProgressColumn(),
+        progress.TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    bar.add_task("", total=None)
+    bar.start()
+    return bar
 
 
 @contextmanager

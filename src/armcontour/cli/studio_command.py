@@ -2,45 +2,33 @@
 
 from __future__ import annotations
 
+import threading
+import webbrowser
 from collections.abc import Callable
-from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
+from armcontour.cli.commands import Studio
 from armcontour.cli.console import print_lines
+from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import find_file, is_job
 from armcontour.cli.interrupts import before_interrupt
-from armcontour.cli.options import StudioOptions
-from armcontour.cli.program import RUN, command
+from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import LARGE, read_bytes
+from armcontour.core.progress import Progress
+from armcontour.studio.connection import SessionHost, open_session
+from armcontour.studio.server import require_server, serve
 
 if TYPE_CHECKING:
-    from armcontour.studio.connection import SessionHost
     from armcontour.studio.session import Session
 
 
-@command(RUN, "studio gasket.dxf --cell ur5e")
-def studio(
-    options: StudioOptions,
-    job: Annotated[
-        FilePath | None,
-        typer.Argument(
-            help="Job file (.yaml), or a drawing, G-code or waypoints with --cell; by default the "
-            "start page."
-        ),
-    ] = None,
-) -> None:
-    """Open a web page on which you edit the path and see the resulting robot motion at once."""
-    from armcontour.studio.server import require_server, serve
-
+def studio(options: Studio, _: None, progress: Progress) -> Outcome:
+    """Serve the page until a signal ends it."""
     require_server()
-    _check(job, options)
+    _check(options)
 
     def open_job(say: Callable[[bytes], None]) -> Session:
-        # This loads the numerical libraries.
-        from armcontour.studio.connection import open_session
-
-        return open_session(job, cell=options.cell, send=say)
+        return open_session(options.job, cell=options.cell, send=say)
 
     session_hosts: list[SessionHost] = []
     with (
@@ -53,13 +41,12 @@ def studio(
             announce=lambda address: _announce(address, options.open_page),
             opened=session_hosts.append,
         )
+    return Outcome()
 
 
-def _check(file: FilePath | None, options: StudioOptions) -> None:
+def _check(options: Studio) -> None:
     """Raise InvalidInput for invalid files and options, before slow imports."""
-    from armcontour.core.errors import InvalidInput
-    from armcontour.core.file_access import LARGE, read_bytes
-
+    file = options.job
     if file is not None:
         kind = "job file" if is_job(file) else "drawing"
         read_bytes(find_file(file, options.cell), kind, maximum=LARGE)
@@ -72,9 +59,6 @@ def _announce(address: str, open_page: bool) -> None:
     print_lines(f"Studio: {address}")
     print_lines("Do not share the address, because it contains a key. Ctrl+C ends the Studio.")
     if open_page:
-        import threading
-        import webbrowser
-
         # The call is in a thread, because some browsers return only when they are closed.
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 

@@ -4,13 +4,13 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "exports.table": "write_planned write_set_points write_torque",
-    "cell": "read_job",
+    "cell": "cell_text read_job",
     "job_file": "json_schema parse_job",
     "robot_file": "read_limits",
     "mesh_file": "read_mesh",
     "patch": "parse_set",
-    "study_files": ("certificate_json placed_job_text placement_csv"),
-    "result_folder": "ResultFolder",
+    "study_files": "certificate_page placed_job_text placement_csv",
+    "result_folder": "ResultFolder to_json",
     "trajectory_file": "parse_trajectory read_trajectory",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,3 +1,4 @@
+from armcontour.files.cell import cell_text as cell_text
 from armcontour.files.cell import read_job as read_job
 from armcontour.files.exports.table import write_planned as write_planned
 from armcontour.files.exports.table import write_set_points as write_set_points
@@ -7,8 +8,9 @@ from armcontour.files.job_file import parse_job as parse_job
 from armcontour.files.mesh_file import read_mesh as read_mesh
 from armcontour.files.patch import parse_set as parse_set
 from armcontour.files.result_folder import ResultFolder as ResultFolder
+from armcontour.files.result_folder import to_json as to_json
 from armcontour.files.robot_file import read_limits as read_limits
-from armcontour.files.study_files import certificate_json as certificate_json
+from armcontour.files.study_files import certificate_page as certificate_page
 from armcontour.files.study_files import placed_job_text as placed_job_text
 from armcontour.files.study_files import placement_csv as placement_csv
 from armcontour.files.trajectory_file import parse_trajectory as parse_trajectory

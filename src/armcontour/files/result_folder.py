@@ -44,7 +44,7 @@ MAX_NAMED = 3
 class ResultFolder:
     """Writer of a result folder, which collects files in a hidden folder and moves them at the end.
 
-    Use it as a context manager; the files are moved only if no error occurs.
+    Use it as a context manager; the files, if any, are moved only if no error occurs.
 
     Args:
         folder: The destination.
@@ -106,7 +106,7 @@ class ResultFolder:
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
-            if kind is None:
+            if kind is None and self.files:
                 self._move_to_destination()
         except OSError as error:
             raise self._unwritable(error) from None

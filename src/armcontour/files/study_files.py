@@ -4,30 +4,24 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
 from pathlib import Path as FilePath
+from typing import Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import plain, units
 from armcontour.files.job_text_edits import move_files
 from armcontour.files.patch import Patch, write_patch
-from armcontour.files.result_folder import to_json
 from armcontour.robot import SerialArm
 from armcontour.robot.scene import BASE
 from armcontour.studies.certification import Certificate
 from armcontour.studies.placement import AXES, Placement
 
 
-def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str:
-    """JSON text of a certificate: requirements, results and model.
-
-    Args:
-        certificate: The certificate.
-        files: The files of the result, relative to its folder.
-    """
-    data, page = certificate.to_data(), plain(certificate.study.to_data(files))
-    return to_json(page | {"units": page["units"] | units([data]), "certificate": plain(data)})
+def certificate_page(certificate: Certificate) -> dict[str, Any]:
+    """Data of a certificate for JSON: requirements, results and model."""
+    data, page = certificate.to_data(), plain(certificate.study.to_data())
+    return page | {"units": page["units"] | units([data]), "certificate": plain(data)}
 
 
 def placement_csv(placement: Placement) -> str:

@@ -54,10 +54,8 @@ OTHERS_LABELS = {SERVO: "servo model: ", BODIES: "on rigid bodies: "}
 SHOWN_OF_OTHERS = ("contour_error", "torque")
 
 
-def job_data(
-    study: JobResult, warnings: Sequence[str], files: Sequence[str], parts: Mapping[str, Data]
-) -> Data:
-    """Data of a job, its arm and its runs, with the files of the result and further parts."""
+def job_data(study: JobResult, warnings: Sequence[str], parts: Mapping[str, Data]) -> Data:
+    """Data of a job, its arm and its runs, with further parts."""
     job, arm, runs = study.job, study.job.arm, study.figures
     suffix = f", {count_noun(len(warnings), 'warning')}" if warnings else ""
     return Data(
@@ -74,7 +72,6 @@ def job_data(
             Row("arm.notes", arm.notes),
             Row("simulated", study.simulated),
             Row("units", units([*runs.values(), *parts.values()])),
-            Row("files", list(files)),
         ),
         parts={"runs": Data("Runs", parts=runs), **parts},
         warnings=tuple(warnings),

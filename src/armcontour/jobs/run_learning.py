@@ -31,10 +31,10 @@ class LearningStudy:
     lesson: LearningResult  # Result of learning, with the set-points of the next run
 
     @checked
-    def to_data(self, files: Sequence[str] = ()) -> Data:
+    def to_data(self) -> Data:
         """Data of the plan and of learning, for the summary of a result."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
-        return study.to_data(files, {"learning": self.result})
+        return study.to_data({"learning": self.result})
 
     @property
     def result(self) -> Data:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from types import MappingProxyType
@@ -292,16 +292,13 @@ class JobResult:
         return {name: rows.run_data(x, self.job) for name, x in self.runs.items()}
 
     @checked
-    def to_data(
-        self, files: Sequence[str] = (), parts: Mapping[str, Data] = MappingProxyType({})
-    ) -> Data:
+    def to_data(self, parts: Mapping[str, Data] = MappingProxyType({})) -> Data:
         """Data of the job, its arm and its runs, for the summary of a result.
 
         Args:
-            files: The files of the result, relative to its folder.
             parts: Further parts of the summary by key.
         """
-        return rows.job_data(self, run_notes.warnings_of(self.runs.values()), files, parts)
+        return rows.job_data(self, run_notes.warnings_of(self.runs.values()), parts)
 
     def __str__(self) -> str:
         """Table with a row for every run."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -116,12 +116,8 @@ class Placement(Result):
         return place_job(self.job, displacement(chosen.values, self.about), self.moved)
 
     @checked
-    def to_data(self, files: Sequence[str] = ()) -> Data:
-        """Data of the best place and the job's own place, and the numbers of refusals.
-
-        Args:
-            files: Files of the result, relative to its folder.
-        """
+    def to_data(self) -> Data:
+        """Data of the best place and the job's own place, and the numbers of refusals."""
         best, rows = self.best, list[Row]()
         compared = {"best": ("best place", best), "own_place": ("the job's own place", self.own)}
         for key, (label, x) in compared.items():
@@ -142,7 +138,6 @@ class Placement(Result):
             Row("run", self.run.name),
             Row("moved", self.moved),
             *(Row(f"axes.{name}", x, AXES[name]) for name, x in self.axes.items()),
-            Row("files", list(files)),
         ]
         notes = ("No place of the grid is feasible.",) * (best is None)
         title = f"Places of the {self.moved}: {self.job.title}, run {self.run.name}"

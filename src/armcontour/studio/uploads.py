@@ -11,8 +11,8 @@ from typing import Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
-from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names, drawing_text
-from armcontour.files.drawings.endings import READERS
+from armcontour.files.cell import GEOMETRY_KEYS, cell_names, drawing_text
+from armcontour.files.drawings.endings import READERS, YAML
 from armcontour.files.job_text_edits import Change
 from armcontour.files.patch import Patch, write_patch
 from armcontour.studio.document import Document

@@ -12,8 +12,9 @@ import yaml
 from soak.identification import move, multisine
 from tests.files.tables import parse_log
 
+from armcontour.cli.commands import Identify
+from armcontour.cli.execution import execute
 from armcontour.cli.identify_command import identify as identify_logs
-from armcontour.cli.options import IdentifyOptions
 from armcontour.control.identification import Log, identify
 from armcontour.core.errors import InvalidInput
 from armcontour.files.log_file import read_log
@@ -104,7 +105,7 @@ def test_refusals(refuses, tmp_path):
         ({"force": True}, "--out"),
     ):
         refuses(
-            partial(identify_logs, [file], IdentifyOptions(**options)),
+            partial(execute, identify_logs, Identify(logs=[file], **options)),
             InvalidInput,
             words,
         )
@@ -167,16 +168,21 @@ def _write(file, t, u, q, names):
 def test_the_command(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
-    assert identify_logs([file], IdentifyOptions(out=out, validate=[file])) == 9
+    assert execute(identify_logs, Identify(logs=[file], out=out, validate=[file])) == 9
     printed = capsys.readouterr().out
     assert "Prediction of log.csv" in printed and "judged on only one program" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
-    part = IdentifyOptions(
-        as_json=True, validate=[file], start="0 s", end="2000 ms", drive_cycle="2 ms"
+    part = Identify(
+        logs=[file, file],
+        as_json=True,
+        validate=[file],
+        start="0 s",
+        end="2000 ms",
+        drive_cycle="2 ms",
     )
     # The same program again is one program.
-    assert identify_logs([file, file], part) == 9
+    assert execute(identify_logs, part) == 9
     data = json.loads(capsys.readouterr().out)
     assert data["samples"] == 2 * 1001 and data["drive_cycle"] == 2e-3
     (prediction,) = data["predictions"]
@@ -190,7 +196,7 @@ def test_the_command_where_no_servo_is_known(tmp_path, capsys, refuses):
     y = move(t, u, kp=25.0, kv=150.0) + 1e-4 * np.random.default_rng(0).normal(size=2000)
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, t, u, y, "t,u1,q1")
-    assert identify_logs([file], IdentifyOptions(out=out)) == 1
+    assert execute(identify_logs, Identify(logs=[file], out=out)) == 1
     assert "the velocity is uniform" in capsys.readouterr().out
     assert {x.name for x in out.iterdir()} == {"report.html", "summary.json", ".armcontour.json"}
-    refuses(lambda: identify_logs([file], IdentifyOptions(out=out)), InvalidInput, "--force")
+    refuses(lambda: execute(identify_logs, Identify(logs=[file], out=out)), InvalidInput, "--force")

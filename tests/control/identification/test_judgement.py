@@ -8,8 +8,9 @@ import pytest
 import yaml
 
 import armcontour as ac
+from armcontour.cli.commands import Identify
+from armcontour.cli.execution import execute
 from armcontour.cli.identify_command import identify as identify_logs
-from armcontour.cli.options import IdentifyOptions
 from armcontour.control.compensation import METHODS
 from armcontour.files import parse_job
 from armcontour.files.robot_file import read_servo
@@ -143,9 +144,10 @@ def test_a_fit_of_one_program_is_marked_provisional_in_the_file(good, tmp_path, 
         table = np.column_stack([log.t, log.command, log.measured])
         header = "t,u1,u2,q1,q2"
         np.savetxt(files[-1], table, delimiter=",", fmt="%.9f", header=header, comments="")
-    assert identify_logs(files[:2], IdentifyOptions(out=tmp_path / "two")) == 0
+    assert execute(identify_logs, Identify(logs=files[:2], out=tmp_path / "two")) == 0
     # A program that is recorded twice is one program.
-    assert identify_logs([files[0], files[2]], IdentifyOptions(out=tmp_path / "one")) == 9
+    again = Identify(logs=[files[0], files[2]], out=tmp_path / "one")
+    assert execute(identify_logs, again) == 9
     assert "provisional" in capsys.readouterr().out
     servo, trusted = (read_servo(tmp_path / x / "servo.yaml", 2) for x in ("one", "two"))
     assert servo.programs == 1 and servo.doubt

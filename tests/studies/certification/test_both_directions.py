@@ -1,6 +1,5 @@
 """Certificates keep the velocity of every segment, and reach every part of the path."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
-from armcontour.files import certificate_json, parse_job
+from armcontour.files import certificate_page, parse_job
 
 JOB = """
 name: own
@@ -43,7 +42,7 @@ def executed(certificate):
 
 
 def written(certificate):
-    return json.loads(certificate_json(certificate))["certificate"]["contours"][0]
+    return certificate_page(certificate)["certificate"]["contours"][0]
 
 
 @pytest.mark.parametrize("method", ["none", "pole_placement"])

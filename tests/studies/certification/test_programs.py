@@ -1,6 +1,5 @@
 """Certificates of programs: every contour holds its goal in the execution of the whole."""
 
-import json
 from dataclasses import replace
 from functools import partial
 
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.files import certificate_json, parse_job
+from armcontour.files import certificate_page, parse_job
 from armcontour.jobs import Uncertainty
 from armcontour.program import Contour, Dwell, Event, Lead, Process, Program
 from armcontour.report import render_report
@@ -116,7 +115,7 @@ def test_a_refusal_names_the_contour(refuses):
 
 
 def test_what_is_written_has_every_contour(certified):
-    data = json.loads(certificate_json(certified))["certificate"]
+    data = certificate_page(certified)["certificate"]
     assert [x["name"] for x in data["contours"]] == ["contour bend", "contour line"]
     assert data["contours"][1]["budget"]["executed"] == certified.contours[1].budget.executed
     page = render_report(certified.study, certificate=certified)
@@ -135,7 +134,7 @@ def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
     assert 0.99 * row.value < largest <= row.value == max(x.total for x in parts)
     assert row.value == pytest.approx(max(x.rounding for x in parts) + parts[0].executed)
     assert data["kept"].value is certified.kept is True
-    page = json.loads(certificate_json(certified))
+    page = certificate_page(certified)
     assert page["certificate"]["off_drawing"] == row.value >= page["runs"]["only"]["off_drawing"]
     assert page["units"]["budget.left"] == page["units"]["off_drawing"] == "m"
 

@@ -1,13 +1,12 @@
 """Certificates of the shape free: shape and servo share the tolerance; arcs are never faster."""
 
-import json
 from dataclasses import replace
 
 import pytest
 
 import armcontour as ac
 from armcontour.core.render import number
-from armcontour.files import certificate_json, parse_job
+from armcontour.files import certificate_page, parse_job
 from armcontour.report import render_report
 
 JOB = """
@@ -73,7 +72,7 @@ def test_a_note_reports_that_arcs_are_not_faster(job, certified):
     shape = certified.contours[0].shape
     assert certified.result.run.rounding.shape == shape
     assert certified.shapes[shape] == certified.duration == min(certified.shapes.values())
-    data = json.loads(certificate_json(certified))["certificate"]
+    data = certificate_page(certified)["certificate"]
     assert data["contours"][0]["shape"] == shape
     assert data["shapes"] == certified.shapes
     row, shown = certified.to_data()["shape"], number(certified.shapes["arc"], "s")

@@ -6,6 +6,8 @@ from pathlib import Path as FilePath
 
 from armcontour.core.errors import InvalidInput
 
+# Extensions of job files.
+YAML = (".yaml", ".yml")
 # Module and function of the reader for each extension.
 READERS = {
     ".dxf": ("dxf", "read_dxf"),

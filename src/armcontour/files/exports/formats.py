@@ -64,12 +64,16 @@ class ExportFormat(Checked):
 
     @checked
     def describe(self, table: SetPointTable) -> list[str]:
-        """Warnings about a file: outputs that are not set, rounding, and too many points.
+        """Warnings about a file: outputs that are missing, rounding, and too many points.
 
         Args:
             table: The table of the file.
         """
-        return describe_program(table, self.label, outputs_of(self), self.digit_of(table))
+        sentences = describe_program(table, self.label, outputs_of(self), self.digit_of(table))
+        if table.analog and not isinstance(self, WITH_ANALOG):
+            names = ", ".join(table.analog)
+            sentences.append(f"the format does not support analog outputs ({names}).")
+        return sentences
 
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:

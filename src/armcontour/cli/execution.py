@@ -1,0 +1,105 @@
+"""The skeleton of all commands: claim the result folder, work with progress, write, print, end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Annotated, Any, ClassVar, TypeAlias
+
+import typer
+
+from armcontour import files
+from armcontour.cli.console import print_lines
+from armcontour.cli.progress_bars import ProgressDisplay
+from armcontour.core.errors import InvalidInput
+
+REPORT, SUMMARY = "report.html", "summary.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """Results.
+
+    Args:
+        out: Folder for the results; by default none is written.
+        force: Replace an earlier result in that folder.
+    """
+
+    out: Annotated[FilePath | None, typer.Option("--out", "-o")] = None
+    force: bool = False
+    # Kind of a result that a repeated command replaces without --force.
+    kind: ClassVar[str] = ""
+
+    @property
+    def claims(self) -> bool:
+        """Whether the command locks the folder before its work."""
+        return True
+
+    def claim(self) -> files.ResultFolder | None:
+        """Folder of --out, locked until the command ends; None without --out."""
+        if self.force and self.out is None:
+            raise InvalidInput("--force requires --out, the folder for the results.")
+        if self.out is None or not self.claims:
+            return None
+        return files.ResultFolder(self.out, force=self.force, replaces=self.kind)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Json:
+    """Results.
+
+    Args:
+        as_json: Print JSON instead of a table.
+    """
+
+    as_json: Annotated[bool, typer.Option("--json")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Result of the work of a command.
+
+    Args:
+        lines: Lines to print.
+        page: Data for --json, and for summary.json if the work has written files.
+        code: Exit code.
+    """
+
+    lines: Sequence[str] = ()
+    page: Mapping[str, Any] | None = None
+    code: int = 0
+
+
+Work: TypeAlias = Callable[[Any, Any, ProgressDisplay], Outcome]
+
+
+def execute(work: Work, options: Any) -> int:
+    """Run a command and return its exit code; an error in the work leaves nothing written.
+
+    Args:
+        work: Called with the options, the folder of --out (None without it) and the progress.
+        options: The options; `Results` and `Json` are for this function.
+    """
+    with ExitStack() as stack:
+        folder = options.claim() if isinstance(options, Results) else None
+        if folder is not None:
+            stack.enter_context(folder)
+        progress = stack.enter_context(ProgressDisplay(type(options).__name__.lower()))
+        outcome = work(options, folder, progress)
+        if folder is not None and folder.files and outcome.page is not None:
+            page = {**outcome.page, "files": [*folder.files, SUMMARY]}
+            folder.write(SUMMARY, files.to_json(page))
+    if outcome.page is not None and isinstance(options, Json) and options.as_json:
+        print(files.to_json(outcome.page), end="")
+        return outcome.code
+    print_lines(*outcome.lines)
+    if folder is not None and REPORT in folder.files:
+        print_lines(report_line(folder.folder))
+    return outcome.code
+
+
+def report_line(folder: FilePath) -> str:
+    """Line with the address of the report in a folder."""
+    return f"Report: {(folder / REPORT).resolve().as_uri()}"
