@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import make_printable, show, suggest
+from armcontour.core.text import capitalise, make_printable, show, suggest
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -187,6 +187,31 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         # The first sentence of numpy's message is the reason.
         reason = str(error).split(". ")[0].rstrip(".")
         raise InvalidInput(f"{needed}: {reason}.") from None
+
+
+def clip_within(
+    name: str, values: npt.ArrayLike, low: float, high: float, unit: str, range_name: str
+) -> FloatArray:
+    """Return values clipped to a range, outside of which only rounding errors are allowed."""
+    array = floats(name, values, unit)
+    slack = 1e-12 * max(high - low, 1e-3)
+    outside = ~((array >= low - slack) & (array <= high + slack))
+    if outside.any():
+        value = float(array[outside].flat[0])
+        raise InvalidInput(
+            f"{capitalise(name)} {value:g} {unit} lies outside {range_name}, which runs from "
+            f"{low:g} to {high:.9g} {unit}.",
+            t=value if unit == "s" else None,
+            s=None if unit == "s" else value,
+            allowed=high,
+        )
+    return np.asarray(np.clip(array, low, high))
+
+
+def locate(breaks: FloatArray, values: npt.ArrayLike, side: str) -> IntArray:
+    """Return the index of the interval between `breaks` that contains each arc length."""
+    index = np.searchsorted(breaks, floats("arc lengths", values, "m"), side=check_side(side)) - 1
+    return np.clip(index, 0, len(breaks) - 2)
 
 
 def shaped(

@@ -175,9 +175,7 @@ class Orientation(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        arc_lengths = checks.floats("arc lengths", s, "m")
-        index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
-        return np.clip(index, 0, len(self) - 1)
+        return checks.locate(self.breaks, s, side)
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:
         """Rotation matrices at distance `u` after the start of piece `i`.

@@ -461,7 +461,7 @@ class Path(Checked):
         Raises:
             InvalidInput: An arc length is no number or outside the path, or the order is invalid.
         """
-        arc_lengths = check_arc_length(s, self.length)
+        arc_lengths = checks.clip_within("arc length", s, 0.0, self.length, "m", "the path")
         i = self.locate(arc_lengths, side=side)
         return self.segments.evaluate(i, arc_lengths - self.breaks[i], checks.derivative(order))
 
@@ -472,9 +472,7 @@ class Path(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the segment after a vertex, "left" for the segment before the vertex.
         """
-        arc_lengths = checks.floats("arc lengths", s, "m")
-        index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
-        return np.clip(index, 0, len(self) - 1)
+        return checks.locate(self.breaks, s, side)
 
     @checked
     def assigned_speeds(
@@ -624,22 +622,6 @@ def _describe_range(values: FloatArray, unit: str) -> str:
     low, high = digits(assigned.min()), digits(assigned.max())
     suffix = "" if len(assigned) == len(values) else f", on {count_noun(len(assigned), 'segment')}"
     return f"{low} {unit}{suffix}" if low == high else f"{low} to {high} {unit}{suffix}"
-
-
-def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
-    """Arc lengths clipped to the path [m]; raise InvalidInput if one is outside the path."""
-    # Rounding errors at both ends are allowed.
-    arc_lengths = checks.floats("arc lengths", s, "m")
-    slack = 1e-12 * max(length, 1e-3)
-    outside = ~((arc_lengths >= -slack) & (arc_lengths <= length + slack))
-    if outside.any():
-        value = float(arc_lengths[outside].flat[0])
-        raise InvalidInput(
-            f"Arc length {value:g} m lies outside the path, which runs from 0 to {length:.9g} m.",
-            s=value,
-            allowed=length,
-        )
-    return np.asarray(np.clip(arc_lengths, 0.0, length))
 
 
 def _find_missing(count: int, remaining: IntArray) -> tuple[int, ...]:

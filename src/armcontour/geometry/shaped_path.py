@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import evaluate
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, short_repr
-from armcontour.geometry.path import Path, check_arc_length
+from armcontour.geometry.path import Path
 
 # Key of the duration of the shaped path in `ShapingOutcome.durations`.
 SHAPED = "shaped"
@@ -137,7 +137,7 @@ class ShapedPath(Path):
         """Point or derivative of the curve that the tool follows."""
         if self.curve is None:
             return super().__call__(s, order, side=side)
-        arc_lengths = check_arc_length(s, self.length)
+        arc_lengths = checks.clip_within("arc length", s, 0.0, self.length, "m", "the path")
         i = self.locate(arc_lengths, side=side)
         return self.on_segment(i, arc_lengths - self.breaks[i], checks.derivative(order))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -76,7 +76,11 @@ class JointPath(Checked):
         if not sound:
             raise InvalidInput("A joint path must be finite and its breaks must increase.")
         if jump > LARGEST_JUMP:
-            self._raise_jump()
+            raise InvalidInput(
+                f"A joint path must be continuous, but a position jumps by {jump:.3g} rad.",
+                needed=jump,
+                allowed=LARGEST_JUMP,
+            )
         if len(self.stops) or kinks.any():
             object.__setattr__(self, "stops", checks.frozen_array(self._all_stops(kinks)))
 
@@ -90,20 +94,6 @@ class JointPath(Checked):
         )
 
     __repr__ = short_repr
-
-    def _raise_jump(self) -> NoReturn:
-        """Raise InvalidInput for the largest jump of a joint position at a break."""
-        jumps = np.abs(self.coefficients[:-1].sum(axis=1) - self.coefficients[1:, 0])
-        i, j = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
-        s = float(self.breaks[i + 1])
-        raise InvalidInput(
-            f"Joint {j + 1} jumps by {jumps[i, j]:.3g} rad at s = {s:g}. A joint path must be "
-            "continuous.",
-            s=s,
-            joint=int(j),
-            needed=float(jumps[i, j]),
-            allowed=LARGEST_JUMP,
-        )
 
     def _all_stops(self, kinks: BoolArray) -> FloatArray:
         """The specified stops, and the inner breaks at which dq_ds jumps."""
@@ -215,17 +205,8 @@ class JointPath(Checked):
         Raises:
             InvalidInput: An arc length is no number or outside the path, or the order is invalid.
         """
-        arc_lengths = checks.floats("arc lengths", s, "m")
         low, high = float(self.breaks[0]), float(self.breaks[-1])
-        slack = 1e-12 * (high - low)
-        outside = ~((arc_lengths >= low - slack) & (arc_lengths <= high + slack))
-        if outside.any():
-            value = float(arc_lengths[outside].flat[0])
-            raise InvalidInput(
-                f"Arc length {value:g} m lies outside the joint path, which runs from {low:g} "
-                f"to {high:.9g} m.",
-                s=value,
-            )
+        arc_lengths = checks.clip_within("arc length", s, low, high, "m", "the joint path")
         return self.on_interval(
             self.locate(arc_lengths, side=side), arc_lengths, checks.derivative(order)
         )
@@ -237,9 +218,7 @@ class JointPath(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the interval after a break, "left" for the interval before the break.
         """
-        arc_lengths = checks.floats("arc lengths", s, "m")
-        index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
-        return np.clip(index, 0, len(self.breaks) - 2)
+        return checks.locate(self.breaks, s, side)
 
     def on_interval(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
         """The polynomial of interval `i`, or a derivative, at arc length `s`.

@@ -29,8 +29,6 @@ from armcontour.robot import Arm, Limits
 DEFAULT_CYCLE = 4e-3
 # Largest number of times that are computed together, which limits the memory.
 AT_ONCE = 50_000
-# Arc lengths and times may be outside by this fraction of the range, due to rounding errors.
-SLACK = 1e-12
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.
 COMMAND_SLACK = 1e-9
@@ -548,37 +546,15 @@ class Trajectory(Checked):
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Times clipped to the trajectory [s]; raise InvalidInput for times outside."""
-        # Rounding errors at both ends are allowed. An invalid order also raises InvalidInput.
-        times = checks.floats("t", t, "s")
+        # An invalid order also raises InvalidInput.
         checks.derivative(order, 3)
-        slack = SLACK * self.duration
-        outside = ~((times >= -slack) & (times <= self.duration + slack))
-        if outside.any():
-            value = float(times[outside].flat[0])
-            raise InvalidInput(
-                f"Time {value:g} s lies outside the trajectory, which runs from 0 to "
-                f"{self.duration:.9g} s.",
-                t=value,
-                allowed=self.duration,
-            )
-        return np.asarray(np.clip(times, 0, self.duration))
+        return checks.clip_within("time", t, 0.0, self.duration, "s", "the trajectory")
 
     def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths clipped to the motion [m]; raise InvalidInput for arc lengths outside."""
         self._check_arc_length()
-        arc_lengths = checks.check_numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
-        slack = SLACK * max(high - low, 1e-3)
-        outside = ~((arc_lengths >= low - slack) & (arc_lengths <= high + slack))
-        if outside.any():
-            value = float(arc_lengths[outside].flat[0])
-            raise InvalidInput(
-                f"Arc length {value:g} m lies outside the motion, which runs from {low:g} to "
-                f"{high:.9g} m.",
-                s=value,
-                allowed=high,
-            )
-        return np.asarray(np.clip(arc_lengths, low, high))
+        return checks.clip_within("arc length", s, low, high, "m", "the motion")
 
     def _by_length(
         self, s: FloatArray, side: str

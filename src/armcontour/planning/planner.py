@@ -115,7 +115,13 @@ def plan(
         from armcontour.planning.given_duration import slow_down
 
         trajectory = slow_down(trajectory, options.duration, traced, timing)
-    _refuse_endless_motion(trajectory)
+    if not trajectory.duration <= LONGEST_MOTION:
+        raise NotRealizable(
+            f"The motion would take {trajectory.duration:.3g} s, but it may last "
+            f"at most {LONGEST_MOTION:g} s: raise the active limits.",
+            needed=trajectory.duration,
+            allowed=LONGEST_MOTION,
+        )
     trajectory = trajectory.limited(
         bounds, options.reserve, None if isinstance(arm, _JointSpace) else arm
     )
@@ -215,16 +221,6 @@ def assigned_time(program: Program, limits: Limits) -> float:
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
     paths = [x.path for x in program.contours]
     return dwells + sum(float((x.lengths / x.assigned_speeds(limits.speed)).sum()) for x in paths)
-
-
-def _refuse_endless_motion(trajectory: Trajectory) -> None:
-    if not trajectory.duration <= LONGEST_MOTION:
-        raise NotRealizable(
-            f"The motion would take {trajectory.duration:.3g} s, but it may last "
-            f"at most {LONGEST_MOTION:g} s: raise the active limits.",
-            needed=trajectory.duration,
-            allowed=LONGEST_MOTION,
-        )
 
 
 def _check_traced(

@@ -397,17 +397,16 @@ def _by_duration(
             del durations[i]
 
 
-def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:
+def find_starts(path: Path, arm: SerialArm) -> list[FloatArray]:
     """Joint positions at the start of a path, one for each configuration [rad], (dof,) each."""
     # A long path is checked at a few points only, so a configuration may not complete it.
-    # `limits`: limits with the joint ranges; by default the limits of the arm.
     if len(path) > LONG_PATH:
         try:
-            return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
+            return [x[0] for x in sketch_all(path, arm)[1]]
         except Unreachable:
             # `trace_all` raises the error.
             pass
-    return [x(0.0) for x in trace_all(path, arm, limits=limits)]
+    return [x(0.0) for x in trace_all(path, arm)]
 
 
 def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:

@@ -273,7 +273,7 @@ class _Marks:
     def from_path(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
         s_corners = np.interp(tube.objective.breaks[tube.vertex], matches[:, 0], matches[:, 1])
         stops = np.concatenate([[0.0], path.stops, [path.length]])
-        turns = path_turns(tube)
+        turns = tube.objective.turns[tube.vertex - 1]
         gaps = np.diff(np.concatenate([[0.0], s_corners, [path.length]]))
         tolerances = _tolerance_at(tube, tube.objective.breaks[tube.vertex])
         dense = (turns < SHALLOW) & (np.minimum(gaps[1:], gaps[:-1]) < DENSE * tolerances)
@@ -303,11 +303,6 @@ def _smallest_of_neighbours(values: FloatArray) -> FloatArray:
     smallest[1:] = np.minimum(smallest[1:], values[:-1])
     smallest[:-1] = np.minimum(smallest[:-1], values[1:])
     return smallest
-
-
-def path_turns(tube: Tube) -> FloatArray:
-    """Turns of the objective at its corners [rad], (k,)."""
-    return np.asarray(tube.objective.turns[tube.vertex - 1])
 
 
 def _equals_any(s: FloatArray, others: FloatArray) -> BoolArray:

@@ -52,7 +52,6 @@ def solve_in_chunks(
     bounds: FloatArray,
     weight: FloatArray,
     cuts: IntArray,  # First of both fixed nodes between chunks, (m,)
-    threads: int | None = None,  # Number of threads; by default the number of processors
 ) -> FloatArray:
     """Solve the quadratic programs of all chunks independently; returns the unknowns, (n, k)."""
     # The unknowns of other chunks are zero in each program.
@@ -72,7 +71,7 @@ def solve_in_chunks(
         # A chunk without a solution does not change.
         return x if np.isfinite(x).all() else np.zeros_like(x)
 
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         return np.concatenate(list(pool.map(solve, begins.tolist(), ends.tolist())))
 
 

@@ -25,7 +25,7 @@ from armcontour.planning.options import Optimal, Shaped
 from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
 from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
 from armcontour.planning.shaping.search import explain_unshaped, make_searches
-from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tube_of
+from armcontour.planning.shaping.starts import Candidate, Timer, make_starts
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 
@@ -214,7 +214,10 @@ class Shaping:
             return arcs, arcs
 
         def least_duration(traced: Tracing) -> float:
-            tube, timer = tube_of(program.path, self.options), self._timer(traced.joint_paths[0])
+            tube, timer = (
+                Tube.around(program.path, self.options.tolerance),
+                self._timer(traced.joint_paths[0]),
+            )
             candidates = _time_starts(program.path, tube, timer, self.options)
             return min((x.duration for x in candidates), default=np.inf)
 
@@ -225,7 +228,9 @@ class Shaping:
         moves = list(program.moves)
         for i, move in enumerate(moves):
             if isinstance(move, Contour):
-                starts = make_starts(move.path, tube_of(move.path, self.options), self.options)
+                starts = make_starts(
+                    move.path, Tube.around(move.path, self.options.tolerance), self.options
+                )
                 name = ARCS if ARCS in starts else STOPS
                 path, matches = starts[name]
                 outcome = ShapingOutcome(start=name, durations={})
@@ -308,7 +313,7 @@ def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
 def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
     """Shape one contour; `report` is called with the share done."""
     objective, timer, options = task.objective, task.timer, task.options
-    tube = tube_of(objective, options)
+    tube = Tube.around(objective, options.tolerance)
     candidates = _time_starts(objective, tube, timer, options)
     if not candidates:
         # Planning along the objective raises its error.

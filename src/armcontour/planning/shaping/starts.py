@@ -121,11 +121,6 @@ class Timer:
         )
 
 
-def tube_of(objective: Path, options: Shaped) -> Tube:
-    """Tube of the tolerance around an objective path."""
-    return Tube.around(objective, options.tolerance)
-
-
 def make_starts(
     objective: Path, tube: Tube, options: Shaped, share: float = 1.0
 ) -> dict[str, tuple[Path, FloatArray]]:
