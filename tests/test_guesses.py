@@ -106,6 +106,17 @@ def test_a_format_is_given_by_name(tmp_path: Path) -> None:
     assert (tmp_path / "named.txt").read_text() == (tmp_path / "ending.csv").read_text()
 
 
+def test_guessed_attributes_are_refused_with_their_form() -> None:
+    for value, name, form in (
+        (PLANNED, "positions", "use q"),
+        (PLANNED, "at", r"use trajectory\(t\)"),
+        (ROUNDED, "tangent", r"use path\(s, 1\)"),
+        (ROUNDED, "nothing", "no attribute 'nothing'$"),
+    ):
+        with pytest.raises(AttributeError, match=form):
+            getattr(value, name)
+
+
 def test_the_distance_from_the_drawing_covers_both_directions() -> None:
     executed = ac.simulate(ac.compensate(PLANNED, SERVO), ac.ServoPlant(ARM, SERVO))
     evaluated = ac.evaluate(executed, ROUNDED, objective=CORNER)
@@ -134,11 +145,19 @@ def test_a_path_is_certified_with_an_arm_a_servo_and_a_goal() -> None:
 @pytest.mark.parametrize(
     ("call", "form"),
     [
-        (lambda: ac.plan(ROUNDED, ARM, speed=0.1), "plan: there is no argument 'speed'"),
+        (lambda: ac.plan(ROUNDED, ARM, speed=0.1), "limits=Limits(speed=...)"),
+        (lambda: ac.plan(ROUNDED, ARM, reserve=0.1), "options=Optimal(reserve=...)"),
+        (lambda: ac.compensate(PLANNED, kp=25.0), "servo=ServoModel(kp=...)"),
+        (lambda: ac.plan(ROUNDED, ARM, method="paper"), "options=Optimal()"),
+        (lambda: ac.compensate(PLANNED, SERVO, method="inverse"), "options=Inverse()"),
         (lambda: ac.ServoModel(25.0, 150.0, delay=0.004), "did you mean dead_time?"),
-        (lambda: ac.PlanarTwoLink(0.3, 0.2), "it takes name, links, base, limits"),
+        (lambda: ac.PlanarTwoLink(0.3, 0.2), "PlanarTwoLink(name=..., links=..., limits=...)"),
+        (
+            lambda: ac.certify(CORNER, ARM, SERVO, tolerance=1e-3),
+            "goal=CertificateGoal(tolerance=...)",
+        ),
     ],
 )
-def test_a_wrong_argument_is_refused_with_the_names(call: object, form: str) -> None:
+def test_a_value_of_an_argument_is_refused_with_its_form(call: object, form: str) -> None:
     with pytest.raises(ac.InvalidInput, match=re.escape(form)):
         call()  # type: ignore[operator]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import FrozenInstanceError, fields, is_dataclass
 from functools import cache, wraps
-from inspect import signature
+from inspect import Parameter, signature
 from os import PathLike
 from pathlib import Path as FilePath
 from types import UnionType
@@ -18,6 +18,7 @@ from typing import (
     Union,
     get_args,
     get_origin,
+    get_type_hints,
 )
 
 import numpy as np
@@ -28,6 +29,7 @@ from armcontour.core.text import capitalise, make_printable, show, suggest
 
 P = ParamSpec("P")
 R = TypeVar("R")
+C = TypeVar("C")
 # Longest name [characters]; names appear in lines of robot programs, tables and terminals.
 LONGEST_NAME = 80
 # Fields are checked by these annotations. They name the class, because `npt.NDArray` is an alias
@@ -431,12 +433,47 @@ def raise_call_error(
     try:
         called.bind(*args, **keywords)
     except TypeError as error:
-        names = [x for x in called.parameters if x not in ("self", "cls")]
-        reason, hint = str(error), f"it takes {', '.join(names)}"
-        for name in (x for x in keywords if x not in names):
-            reason, hint = f"there is no argument {show(name)}", suggest(name, names, hint)
-        user = function.__qualname__.removesuffix(".__init__")
+        slots = {k: x for k, x in called.parameters.items() if k not in ("self", "cls")}
+        user, takes = (
+            function.__qualname__.removesuffix(".__init__"),
+            f"it takes {', '.join(slots)}",
+        )
+        needed = ", ".join(f"{k}=..." for k, x in slots.items() if x.default is x.empty)
+        reason, hint = str(error), f"write {user}({needed}); {takes}"
+        for name in (x for x in keywords if x not in slots):
+            reason = f"there is no argument {show(name)}"
+            given = {*[*called.parameters][: len(args)], *keywords}
+            left = {k: x for k, x in slots.items() if k not in given}
+            hint = _form_of_value(function, left, name) or suggest(name, slots, takes)
         raise InvalidInput(f"{user}: {reason} ({hint}).") from None
+
+
+def _form_of_value(function: Callable[..., Any], slots: Mapping[str, Parameter], name: str) -> str:
+    """Form of the argument that contains a value of this name; empty if there is none."""
+    hints = {} if function.__name__ == "__init__" else get_type_hints(function)
+    for argument, slot in slots.items():
+        kinds: Any = [type(slot.default), hints.get(argument), *get_args(hints.get(argument))]
+        for kind in (x for x in kinds if is_dataclass(x) and isinstance(x, type)):
+            if name in _field_names(kind):
+                return f"write {argument}={kind.__name__}({name}=...)"
+            if name == "method" and hasattr(kind, name):
+                return f"write {argument}={kind.__name__}()"
+    return ""
+
+
+def hint_attributes(**forms: str) -> Callable[[type[C]], type[C]]:
+    """Decorate a class so that errors about attributes that users guess state the right form."""
+
+    def get(self: Any, name: str) -> Any:
+        words = f"{type(self).__name__!r} object has no attribute {name!r}"
+        form = f": use {forms[name]}" if name in forms else ""
+        raise AttributeError(words + form, name=name, obj=self)
+
+    def decorate(kind: type[C]) -> type[C]:
+        kind.__getattr__ = get  # type: ignore[attr-defined]
+        return kind
+
+    return decorate
 
 
 def kinds_of(annotation: Any) -> tuple[type, ...]:
