@@ -196,7 +196,7 @@ class _StopSender(threading.Thread):
         self.channel, self.motion, self.ahead, self.cycle = channel, motion, ahead, cycle
         self.played = 0
         self.sent: dict[int, FloatArray] = {}
-        self.error: ArmContourError | None = None
+        self.error = ""
         self.lead = LEAD
         self._ended = threading.Event()
 
@@ -245,7 +245,7 @@ class _StopSender(threading.Thread):
                     if self._ended.wait(PAUSE):
                         return
         except ArmContourError as error:
-            self.error = error
+            self.error = f"No further stop can be computed: {error}"
 
     def end(self) -> None:
         """Send no more stops."""
@@ -331,10 +331,8 @@ class Controller:
     def position(self) -> FloatArray:
         """The commanded joint positions [rad], (dof,)."""
         channel = self._connected()
-        if not channel.samples:
-            return np.array(channel.positions)
-        row = channel.samples[-1]
-        return np.array(row[2 : 2 + len(channel.positions)])
+        row = channel.samples[-1][2:] if channel.samples else channel.positions
+        return np.array(row[: len(channel.positions)])
 
     def stream(
         self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
@@ -376,9 +374,8 @@ class Controller:
                 # After a stop by the feeder itself, joints deviate from their predictions.
                 stopping = stopping or "X" in channel.events
                 if not stopping:
-                    reason = deviation = _deviation(rows, motion)
-                    if not reason and stops.error is not None:
-                        reason = f"No further stop can be computed: {stops.error}"
+                    deviation = _deviation(rows, motion)
+                    reason = deviation or stops.error
                     if reason or stop_requested():
                         channel.send(["S"])
                         stopping = True

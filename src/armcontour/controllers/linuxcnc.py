@@ -104,9 +104,7 @@ class LinuxCNC(Controller):
 
 def _own_ipc() -> list[str]:
     """Prefix that runs a program with separate shared memory; empty if unavailable."""
-    if os.geteuid() == 0:
-        return ["unshare", "--ipc"]
-    command = ["unshare", "--map-current-user", "--ipc"]
+    command = ["unshare", "--ipc", *(["--map-current-user"] if os.geteuid() else [])]
     failed = subprocess.run([*command, "true"], capture_output=True, check=False).returncode
     return [] if failed else command
 

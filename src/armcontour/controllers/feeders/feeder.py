@@ -308,9 +308,9 @@ class Guard(Feeder):
 
     device: GuardedDevice
 
-    def __init__(self, child: int, pipe: int, *of_feeder: Any) -> None:
+    def __init__(self, child: int, pipe: Pipe, *of_feeder: Any) -> None:
         super().__init__(*of_feeder)
-        self.child, self.pipe, self.waiting = child, pipe, b""
+        self.child, self.pipe = child, pipe
 
     def obey(self, words: list[str]) -> None:
         """Store rows and the latest stops, as the feeder does."""
@@ -323,14 +323,13 @@ class Guard(Feeder):
         """Forward lines until the feeder ends."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGPIPE, signal.SIG_IGN)
-        os.set_blocking(self.pipe, False)
         loops, moved = -1, 0.0
         while True:
             if select.select([] if self.orphaned else [0], [], [], PAUSE)[0]:
                 data = os.read(0, BLOCK)
                 self.orphaned = not data
                 self.take(data)
-                self.waiting += data
+                self.pipe.unsent += data
             self.pass_on()
             if loops != self.state[0] or not self.state[1]:
                 loops, moved = self.state[0], time.monotonic()
@@ -348,16 +347,11 @@ class Guard(Feeder):
 
     def pass_on(self) -> None:
         """Send as much to the feeder as it accepts without waiting."""
-        try:
-            while self.waiting:
-                self.waiting = self.waiting[os.write(self.pipe, self.waiting) :]
-        except BlockingIOError:
-            return
-        except OSError:
-            self.waiting = b""
-        if self.orphaned and self.pipe >= 0:
-            os.close(self.pipe)
-            self.pipe = -1
+        # A feeder that has failed has closed its end.
+        with suppress(OSError):
+            self.pipe.flush()
+            if self.orphaned and not self.pipe.unsent:
+                self.pipe.close()
 
     def stop(self) -> None:
         """Stop the motion in place of the failed feeder, and disconnect."""
@@ -398,7 +392,7 @@ def main_guarded(device: GuardedDevice) -> None:
     child = os.fork()
     if child:
         os.close(lines)
-        Guard(child, pipe, device, sys.argv[1], out, state).run()
+        Guard(child, Pipe(pipe), device, sys.argv[1], out, state).run()
     os.dup2(lines, 0)
     os.close(lines)
     os.close(pipe)
