@@ -5,6 +5,7 @@
 
 import html
 import json
+import pickle
 import re
 from importlib import resources
 
@@ -16,7 +17,7 @@ import armcontour as ac
 from armcontour.core.result import nest
 from armcontour.studio.handles import handles_of
 from armcontour.studio.picture import picture_frame
-from armcontour.studio.preview import CoarsePlanner, Tier
+from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tasks.dispatch import do
 from armcontour.studio.view import View
 
@@ -127,7 +128,7 @@ def studio(text, folder, run):
     previewer = CoarsePlanner(folder)
     data = yaml.safe_load(text)
     handles = handles_of(previewer.job(data, run), data)
-    planned = previewer.plan(data, run, tier=Tier.EXACT)
+    planned = previewer.exact(data, pickle.loads(frame.arrays["plan"]))
     picture = picture_frame(planned, View(handles.plane, handles.centre))
     assert frame.header["time"] == picture.header["time"]
     return nest([(x["name"], x["value"]) for x in frame.header["rows"]]), frame.header["time"]

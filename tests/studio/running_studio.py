@@ -43,7 +43,7 @@ class Running:
             for name, value in headers_of_page.items():
                 if value is not None:
                     connection.putheader(name, value)
-            if body:
+            if method == "POST" and "Content_Length" not in headers:
                 connection.putheader("Content-Length", str(len(body)))
             connection.endheaders(body or None)
             answer = connection.getresponse()

@@ -15,7 +15,8 @@ from armcontour.files.job_text_edits import Change, change_data
 from armcontour.studio.document import Document
 from armcontour.studio.edits import changes_of
 from armcontour.studio.handles import EditState, handles_of
-from armcontour.studio.uploads import Uploads
+from armcontour.studio.opening import Uploads
+from armcontour.studio.recent import all_recent
 
 TEXT = """\
 # Not to be lost.
@@ -159,7 +160,7 @@ def test_a_drawing_becomes_a_job_beside_it_with_the_comments_of_its_cell(tmp_pat
 
 
 def test_a_job_without_a_file_is_not_saved(tmp_path):
-    document = Document.of_text(TEXT, tmp_path, "upload.yaml")
+    document = Document(TEXT, source="upload.yaml", folder=tmp_path)
     assert document.on_disk() == "none" and not document.dirty
     with pytest.raises(InvalidInput):
         document.save()
@@ -186,25 +187,26 @@ def faster(file):
 
 
 def drafts(home):
-    return list((home / "armcontour" / "studio" / "drafts").glob("*.json"))
+    return [x.text for x in all_recent() if x.text is not None]
 
 
 def test_a_draft_survives_until_the_job_is_saved(file, home):
     document = faster(file)
-    assert Document.open(file).earlier == document.text != TEXT
+    again = Document.open(file)
+    assert again.earlier.text == document.text != TEXT
     document.undo()
     assert Document.open(file).earlier is None and not drafts(home)
     document.redo()
     # A draft that is older than the file is not offered.
-    (draft,) = drafts(home)
+    (draft,) = (home / "armcontour" / "studio" / "recent").glob(f"{document.id}.json")
     os.utime(draft, (1, 1))
     assert Document.open(file).earlier is None
     document.undo()
     document.redo()
     again = Document.open(file)
-    again.replace(again.earlier or "", "draft")
-    assert again.text == document.text
-    again.earlier = None
+    again.replace(again.earlier.text, "draft")
+    assert again.text == document.text and drafts(home) == [again.text] * 2
+    again.drop_earlier()
     again.save()
     assert Document.open(file).earlier is None and not drafts(home)
     assert not (file.parent / ".armcontour").exists()
@@ -213,38 +215,31 @@ def test_a_draft_survives_until_the_job_is_saved(file, home):
 def test_every_document_has_a_draft_of_its_own(tmp_path, home):
     drawing = tmp_path / "part.dxf"
     shutil.copy(DRAWINGS / "gasket.dxf", drawing)
-    uploads, beside = Uploads(), Document.of_text(TEXT, tmp_path, "job.yaml")
-    job, dxf = TEXT.encode(), (DRAWINGS / "gasket.dxf").read_bytes()
+    uploads, job, dxf = Uploads(), TEXT.encode(), (DRAWINGS / "gasket.dxf").read_bytes()
     openings = [
         lambda: Document.of_drawing(drawing, "ur5e"),
         lambda: Document.of_drawing(drawing, "ur10e"),
-        lambda: Document.of_text(TEXT, tmp_path, "paper.yaml", key="built-in"),
-        lambda: uploads.open("job.yaml", job, None, beside),
-        lambda: uploads.open("other.yaml", job + b"# more\n", None, beside),
-        lambda: uploads.open("plate.dxf", dxf, "ur5e", beside),
-        lambda: uploads.open("plate.dxf", dxf, "ur10e", beside),
+        lambda: uploads.open("job.yaml", job, None, tmp_path),
+        lambda: uploads.open("plate.dxf", dxf, "ur5e", tmp_path),
+        lambda: uploads.open("plate.dxf", dxf, "ur10e", tmp_path),
     ]
     texts = []
     for k, opening in enumerate(openings):
         document = opening()
         assert document.earlier is None, k
         # A drawing that was only looked at leaves no draft.
-        assert not document.write_draft() and len(drafts(home)) == k
+        assert not document.write_draft() and drafts(home) == texts[::-1]
         document.apply(
             change_data(document.data, [Change(("limits", "speed"), f"{k + 1} mm/s")]), "speed"
         )
         texts.append(document.text)
-    assert [opening().earlier for opening in openings] == texts
+    assert [opening().earlier.text for opening in openings[:2]] == texts[:2]
     # The drawings that drafts name outlive the session.
     uploads.close()
     for text in texts[-2:]:
         assert (tmp_path / load(text, "draft")["path"]["file"]).read_bytes() == dxf
-    document = openings[-1]()
-    document.apply(change_data(document.data, [Change(("limits", "speed"), "1 mm/s")]), "speed")
     document.undo()
-    document.earlier = None
-    document.write_draft()
-    assert openings[-1]().earlier is None and openings[-2]().earlier == texts[-2]
+    assert drafts(home) == texts[-2::-1]
 
 
 def test_a_job_is_saved_through_a_link_only_where_it_may_be_read(file, tmp_path_factory):

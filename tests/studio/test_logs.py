@@ -14,9 +14,9 @@ from armcontour.core.render import cells
 from armcontour.files import parse_job
 from armcontour.files.log_file import read_log, read_run_log
 from armcontour.jobs.run_learning import learn_logs
-from armcontour.studio.drafts import state_folder
+from armcontour.studio.opening import MAX_LOGS
+from armcontour.studio.recent import state_folder
 from armcontour.studio.tasks.dispatch import do
-from armcontour.studio.uploads import MAX_LOGS
 
 
 def quiet(step):
@@ -51,21 +51,21 @@ def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
     identification = ac.identify(logged, ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
     tables = {x["title"]: x["cells"] for x in frame.header["tables"]}
     assert tables == {x.name: cells(x) for x in identification.to_data().tables}
-    (edit,) = frame.header["edits"]
-    assert frame.header["label"] == "Use this servo" and frame.header["kept"]
+    ((label, (edit,)),) = (x.values() for x in frame.header["changes"])
+    assert label == "Use this servo" and frame.header["kept"]
     before = file.read_text()
     session = session_of(file)
     session.begin()
     tab = SessionPage(session)
     tab.edit(edit)
-    text = session.document.text
+    text = session.editor.document.text
     servo = parse_job(text).servo
     np.testing.assert_allclose(servo.kp, TRUE.kp, rtol=0.01)
     np.testing.assert_allclose(servo.kv, TRUE.kv, rtol=0.01)
     np.testing.assert_allclose(servo.kp, identification.servo_model().kp, rtol=1e-5)
     assert tab.last("document")["undo_label"] == "set servo"
     tab.say("undo")
-    assert session.document.text == before
+    assert session.editor.document.text == before
     session.close()
 
 
@@ -145,7 +145,7 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     session.open_upload("run.csv", b"t,q2\n", None, log=True)
     names = tab.last("document")["logs"]
     assert len(names) == 2 and names[0] == "run.csv" and names[1].endswith("run.csv")
-    assert not session.document.undo_label
+    assert not session.editor.document.undo_label
     assert all(x.is_relative_to(state_folder()) for x in uploads.logs.values())
     assert all(x.parent.stat().st_mode & 0o077 == 0 for x in uploads.logs.values())
     tab.say("task", id="t1", task="learn", options={"logs": names[::-1]})
@@ -178,5 +178,5 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     log_files = list(uploads.logs.values())
     assert sorted(log_files[0].parent.iterdir()) == sorted(log_files)
     session.close()
-    assert not any(x.is_file() for x in (home / "armcontour").rglob("*"))
+    assert not any(x.is_file() for x in (home / "armcontour" / "studio" / "uploads").rglob("*"))
     assert sorted(file.parent.rglob("*")) == before

@@ -1,5 +1,7 @@
 """The machine of tiers: what pages see while somebody edits, and when nothing moves."""
 
+import dataclasses
+import pickle
 from importlib import resources
 
 import numpy as np
@@ -24,9 +26,10 @@ from armcontour.core.progress import Step
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_text_edits import Change
+from armcontour.jobs.run_plan import plan_one
 from armcontour.studio import scheduler
-from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.preview import CoarsePlanner, Tier
+from armcontour.studio.page_frame import PageFrame, bytes_array
+from armcontour.studio.preview import CoarsePlanner
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
 FAR = {**MOVE, "to": [2.0, 0.15]}
@@ -59,18 +62,10 @@ def tiers(frames):
     return [f"{x.kind} {x.header['tier']}" for x in frames if x.kind in shown]
 
 
-def answer(lane, **header):
-    """The other process gives the figures that it was asked for last; there is no change."""
-    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}))
-    if lane.given[-1][1] == "changes":
-        advance(lane, share=1.0)
-
-
-def advance(lane, **header):
-    """The other process gives the next step of what to change."""
-    id, task, _ = lane.given[-1]
-    assert task == "changes"
-    lane.deliver(PageFrame("changes", {"id": id, **header}))
+def answer(lane, plan=None, **header):
+    """The other process gives the figures that it was asked for last."""
+    arrays = {} if plan is None else {"plan": bytes_array(pickle.dumps(plan))}
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}, arrays))
 
 
 def figures_asked(lane):
@@ -82,32 +77,23 @@ def figures_asked(lane):
 def test_at_rest_the_picture_is_that_of_a_full_run(opened, run):
     others = [Change(("runs", x)) for x in load(PAPER, "job")["runs"] if x != run]
     text = change_text(PAPER, [*others, Change(("experiment",))])
-    want = ac.run(parse_job(text)).runs[run].evaluation
-    _, tab, _ = opened(text)
+    result = ac.run(parse_job(text)).runs[run]
+    want = result.evaluation
+    _, tab, lane = opened(text, preview_worker=RestingWorker)
+    assert tab.last("picture")["tier"] == tab.last("executed")["tier"] == "preview"
     assert figure(tab.last("executed"), "contour_error.rms") != want.contour_error.rms
-    _, tab, _ = opened(text, preview_worker=RestingWorker)
+    coarse = figure(tab.last("picture"), "duration")
+    assert coarse != want.duration
+    assert run == "shaped" or coarse == pytest.approx(want.duration, rel=1e-3)
+    answer(lane, result)
     assert tab.last("picture")["tier"] == tab.last("executed")["tier"] == "exact"
     assert figure(tab.last("picture"), "duration") == want.duration
     assert figure(tab.last("executed"), "contour_error.rms") == want.contour_error.rms
 
 
-def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests(opened):
-    _, tab, _ = opened(PAPER.replace("cycle: 0.2 ms", "cycle: 4 ms"))
-    fine = figure(tab.last("picture"), "duration")
-    same = {"do": "set", "key": "servo.kp", "value": "25 1/s"}
-    frames = tab.edit(same, final=False)
-    assert tiers(frames) == ["picture moving", "executed moving"]
-    coarse = figure(frames[0].header, "duration")
-    assert coarse == pytest.approx(fine, rel=1e-3) and coarse != fine
-    assert any("600 intervals" in x for x in frames[0].header["notes"])
-    frames = tab.edit(same)
-    assert tiers(frames) == ["picture preview", "executed preview"]
-    assert figure(frames[1].header, "duration") == fine and not frames[1].header["notes"]
-
-
 def test_older_answers_never_come_after_newer_ones(opened):
     session, tab, _ = opened()
-    session.display.scheduler._preview_worker = lane = ManualWorker(None)
+    session.scheduler._preview_worker = lane = ManualWorker(None)
     tab.edit(MOVE)
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     old, new = lane.works
@@ -135,68 +121,23 @@ def test_exact_figures_come_when_nothing_moves(opened):
     lane.deliver(PageFrame("figures", {"id": last_id}))
     assert kinds(tab.frames).count("figures") == before, "out of date"
     requests = figures_asked(lane)
-    assert len(requests) == 3 and requests[2][2]["text"] == session.document.text
+    assert len(requests) == 3 and requests[2][2]["text"] == session.editor.document.text
     # What is known is not computed again.
     answer(lane, duration=13.5)
     tab.say("select", run="slow")
     assert len(figures_asked(lane)) == 3 and tab.last("figures")["duration"] == 13.5
-    assert tab.frames[-1].kind == "changes"
 
 
-def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
-    session, tab, lane = opened(preview_worker=RestingWorker)
-    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
-    for share in (0.0, 0.5):
-        advance(lane, share=share)
-        assert tab.last("changes")["share"] == share
-        assert tab.last("changes")["rev"] == session.editor.rev
-    tab.edit(MOVE)
-    assert lane.cancelled == [], "a step is short"
-    # The step at work is the last one of the document before, and pages do not get it.
-    before = kinds(tab.frames).count("changes")
-    advance(lane, share=0.75)
-    assert kinds(tab.frames).count("changes") == before
-    assert lane.given[-1][1] == "figures"
-    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
-    advance(lane, share=0.5)
-    # Without another change of the document it goes on where it was.
-    tab.say("select", run="slow")
-    assert lane.given[-1][1] == "changes"
-    steps = len(lane.given)
-    advance(lane, share=1.0, changes=["faster"])
-    assert tab.last("changes")["changes"] == ["faster"] and len(lane.given) == steps
-    # A step that fails is no loss.
-    tab.edit(MOVE | {"to": [0.38, 0.15]}, gesture=2)
-    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
-    lane.deliver(PageFrame("failed", {"id": lane.given[-1][0], "sentence": "too bad"}))
-    assert "failed" not in kinds(tab.frames) and len(figures_asked(lane)) == 3
-
-
-def test_another_configuration_of_the_full_run_is_announced(opened):
+def test_previews_follow_the_configuration_of_the_full_run(opened):
     session, tab, lane = opened(SQUARE, preview_worker=RestingWorker)
-    # Nothing exact was shown before the first full run: it changes nothing.
+    planned = session.scheduler.planned
+    job = dataclasses.replace(planned.job, seed=planned.start + [0, 0, 0, 0, 0, np.pi / 2])
+    other = plan_one(job, job.runs[0], clear=False)
+    answer(lane, other)
+    assert session.scheduler.planned.start == pytest.approx(other.trajectory(0.0))
     tab.edit({"do": "set", "key": "limits.speed", "value": 0.09}, gesture=9)
-    answer(lane)
-    before = session.display.scheduler.planned.start
-    answer(lane, start=before + [0, 0, 0, 0, 0, np.pi / 2])
-    assert session.display.scheduler.planned.start == pytest.approx(
-        before + [0, 0, 0, 0, 0, np.pi / 2]
-    )
-    assert "notice" not in kinds(tab.frames)
-    for k, turn in enumerate((0.0, np.pi / 2), 1):
-        tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
-        assert "notice" not in kinds(tab.frames)
-        requests = figures_asked(lane)
-        assert len(requests) == k + 2 and requests[-1][2]["text"] == session.document.text
-        before = session.display.scheduler.planned.start
-        answer(lane, start=before + [0, 0, 0, 0, 0, turn])
-    assert kinds(tab.frames).count("notice") == 1
-    sentence = tab.last("notice")["sentence"]
-    after = session.display.scheduler.planned.start
-    assert (
-        all(f"{np.degrees(q[5]):.1f}" in sentence for q in (before, after))
-        and "joint 6" in sentence
-    )
+    assert session.scheduler.planned.start == pytest.approx(other.trajectory(0.0), abs=1e-6)
+    assert abs(session.scheduler.planned.start - planned.start).max() > 1
 
 
 class Nested(RestingWorker):
@@ -219,19 +160,19 @@ class Nested(RestingWorker):
 
 @pytest.fixture
 def during(monkeypatch):
-    """Has something done within the next plan of a tier, whose progress is then told."""
+    """Has something done within the next plan, whose progress is then told."""
     acts, plan = [], CoarsePlanner.plan
 
-    def planning(self, data, run=None, *, tier=Tier.PREVIEW, progress=None):
-        if acts and acts[0][0] == tier:
-            acts.pop(0)[1]()
+    def planning(self, data, run=None, progress=None, **how):
+        if acts:
+            acts.pop(0)()
             progress(Step(("tracing",), 0.5))
-        return plan(self, data, run, tier=tier, progress=progress)
+        return plan(self, data, run, progress, **how)
 
     monkeypatch.setattr(CoarsePlanner, "plan", planning)
     monkeypatch.setattr(scheduler, "MAX_OBSOLETE_PLAN", -1.0)
     monkeypatch.setattr(scheduler, "PROGRESS_DELAY", -1.0)
-    return lambda tier, act: acts.append((Tier(tier), act))
+    return acts.append
 
 
 def moved(k):
@@ -240,9 +181,9 @@ def moved(k):
 
 def test_a_refusal_during_a_preview_is_of_the_newest_state_and_goes_with_it(opened, during):
     _, tab, _ = opened(preview_worker=Nested)
-    during("preview", lambda: tab.edit(FAR, gesture=2))
+    during(lambda: tab.edit(FAR, gesture=2))
     frames = tab.edit(moved(1), gesture=1)
-    (refusal,) = (x.header for x in frames if x.kind == "refusal")
+    *_, refusal = (x.header for x in frames if x.kind == "refusal")
     assert refusal["seq"] == tab.seq and refusal["error"] == "Unreachable" and refusal["tier"] == 1
     assert not tiers(frames), "the plan before is given up"
     frames = tab.say("undo")
@@ -259,7 +200,7 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
 ):
     _, tab, lane = opened(preview_worker=Nested)
     monkeypatch.setattr(scheduler, "SLOW_PLAN", -1.0)
-    during("preview", lambda: tab.say("cancel", id="#"))
+    during(lambda: tab.say("cancel", id="#"))
     frames = tab.edit(moved(1), gesture=1)
     assert tiers(frames) == ["picture outline"]
     assert progress(frames)[-2:] == ["working", "stopped"]
@@ -272,7 +213,7 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     answer(lane)
     assert progress(tab.frames)[-1] == "done"
     # Progress of a state that is not shown any more goes.
-    during("preview", lambda: tab.edit(moved(3), gesture=3))
+    during(lambda: tab.edit(moved(3), gesture=3))
     assert "done" in progress(tab.edit(moved(2), gesture=2))
 
 

@@ -1,11 +1,8 @@
-"""The start page: jobs to begin with, arms by picture, files opened before, and drafts."""
+"""The start page: jobs to begin with, files opened before, and drafts."""
 
-import os
 import re
 import shutil
-import sys
 from pathlib import Path
-from subprocess import PIPE, Popen
 
 import numpy as np
 import pytest
@@ -17,10 +14,8 @@ import armcontour as ac
 from armcontour.files.cell import cell_names
 from armcontour.files.job_text_edits import Change, change_data
 from armcontour.studio.connection import open_session
-from armcontour.studio.document import Document
-from armcontour.studio.start_page import DRAWINGS as CARDS
-from armcontour.studio.start_page import new_document
-from armcontour.studio.uploads import Uploads
+from armcontour.studio.opening import DRAWINGS as CARDS
+from armcontour.studio.opening import Uploads, new_document
 
 FASTER = [Change(("limits", "speed"), "0.1 m/s")]
 
@@ -52,24 +47,23 @@ def start(tab):
 
 @pytest.mark.parametrize("arm", mark_all_but(cell_names(), ["pmk3s"]))
 def test_each_card_is_a_job_that_each_arm_can_do(arm, tmp_path):
-    before = Document.of_text(JOB, tmp_path, "job.yaml")
     for card in CARDS:
-        document = new_document(card, arm, Uploads(), before)
+        document = new_document(card, arm, Uploads(), tmp_path)
         (tmp_path / "job.yaml").write_text(document.text)
         job = ac.read_job(tmp_path / "job.yaml")
         result = ac.run(job, simulate=False)
         (run,) = result.runs.values()
         assert job.arm.name == ac.load_arm(arm).name and run.trajectory.duration > 1
-    paper = new_document("paper", arm, Uploads(), before)
+    paper = new_document("paper", arm, Uploads(), tmp_path)
     assert "PMK-3s" in paper.text
     with pytest.raises(ac.InvalidInput, match="card"):
-        new_document("table", arm, Uploads(), before)
+        new_document("table", arm, Uploads(), tmp_path)
 
 
 def test_an_empty_plane_is_drawn_on_and_undone(opened):
     session, tab = opened()
     tab.say("new", card="empty", arm="ur10e")
-    blank, text = tab.last("document"), session.document.text
+    blank, text = tab.last("document"), session.editor.document.text
     assert blank["path"]["kind"] == "blank" and not blank["start"] and "ur10e" in text
     assert tab.last("picture")["tier"] == "outline"
     a, b = np.array(tab.last("picture")["centre"]) + [[0, 0], [0.05, 0.02]]
@@ -77,10 +71,10 @@ def test_an_empty_plane_is_drawn_on_and_undone(opened):
     edit = {"do": "draw", "start": a.tolist()}
     edit["segments"] = [{"to": np.asarray(x["to"]).tolist()} for x in lines]
     tab.edit(edit, gesture=1)
-    session.display.scheduler.wait()
+    session.scheduler.wait()
     assert tab.last("document")["path"]["kind"] == "segments"
     tab.say("undo")
-    assert session.document.text == text and tab.last("document")["path"]["kind"] == "blank"
+    assert session.editor.document.text == text and tab.last("document")["path"]["kind"] == "blank"
     tab.say("redo")
     assert len(tab.last("document")["waypoints"]) == 5
 
@@ -98,7 +92,7 @@ def test_files_opened_before_are_offered_and_vanished_ones_are_not(opened, tmp_p
     assert [x["name"] for x in recent] == ["gasket.dxf", "job.yaml"]
     assert all(str(folder) in x["where"] for x in recent) and "ur5e" in recent[0]["where"]
     tab.say("open_recent", id=recent[1]["id"])
-    assert session.document.file == job and tab.last("document")["text"] == JOB
+    assert session.editor.document.file == job and tab.last("document")["text"] == JOB
     tab.say("open_recent", id=recent[0]["id"])
     assert tab.last("document")["path"]["file"] == "gasket.dxf"
     drawing.unlink()
@@ -119,7 +113,7 @@ def test_a_file_opened_before_opens_no_other_folder(opened, tmp_path):
     frames = tab.edit({"do": "text", "text": re.sub(r"points:.*", f"file: {outside}", JOB)})
 
     assert frames[-1].kind == "refusal" and "may be read" in frames[-1].header["sentence"]
-    assert session.document.text == JOB
+    assert session.editor.document.text == JOB
 
 
 def test_a_new_job_does_not_lose_what_is_not_saved(opened):
@@ -127,54 +121,16 @@ def test_a_new_job_does_not_lose_what_is_not_saved(opened):
     texts = []
     for arm in ("ur5e", "panda"):
         tab.say("new", card="drawing", arm=arm)
-        session.document.apply(change_data(session.document.data, FASTER), "speed")
-        texts.append(session.document.text)
+        session.editor.document.apply(change_data(session.editor.document.data, FASTER), "speed")
+        texts.append(session.editor.document.text)
     frames = tab.say("new", card="empty", arm="ur5e")
     assert any(x.kind == "notice" and "stored as a draft" in x.header["sentence"] for x in frames)
     drafts = start(tab)["recent"]
     assert [x["where"] for x in drafts] == ["not saved"] * 2
+    # The server is killed, and started again.
+    session, tab = opened()
+    assert start(tab)["recent"] == drafts
     for x, text in zip(drafts, reversed(texts), strict=True):
         tab.say("open_recent", id=x["id"])
-        assert session.document.text == text
-    # The server is killed, and started again.
-    _, again = opened()
-    assert len(start(again)["recent"]) == 2
-
-
-OTHER_STUDIO = """
-import sys
-from armcontour.files.job_text_edits import Change, change_data
-from armcontour.studio.document import Document
-from armcontour.studio.drafts import running_studio
-
-with running_studio():
-    document = Document.open(sys.argv[1])
-    slower = Change(("limits", "speed"), "0.1 m/s")
-    document.apply(change_data(document.data, [slower]), "speed")
-    print("edited", flush=True)
-    sys.stdin.read()
-"""
-
-
-def test_a_draft_of_another_running_studio_is_left_alone(opened, tmp_path, home):
-    file = tmp_path / "job.yaml"
-    file.write_text(JOB)
-    arguments = [sys.executable, "-c", OTHER_STUDIO, str(file)]
-    with Popen(arguments, stdin=PIPE, stdout=PIPE, text=True) as other:
-        assert other.stdout.readline() == "edited\n"
-        session, tab = opened(file)
-        assert tab.last("document")["draft"] is None
-        assert all(x["where"] != "not saved" for x in start(tab)["recent"])
-        tab.say("discard_draft")
-        # Edits, undone edits and a saved file do not touch it.
-        tab.edit({"do": "set", "key": "limits.speed", "value": "0.12 m/s"})
-        assert len(list((home / "armcontour" / "studio" / "drafts").iterdir())) == 2
-        tab.say("undo")
-        before = file.stat()
-        tab.say("save")
-        os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
-        assert Document.open(file).earlier is None
-    _, again = opened(file)
-    assert again.last("document")["draft"] == "job.yaml"
-    again.say("restore_draft")
-    assert "0.1 m/s" in again.last("document")["text"]
+        assert session.editor.document.text == text
+    assert len(start(tab)["recent"]) == 1

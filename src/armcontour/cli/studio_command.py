@@ -73,4 +73,4 @@ def _leave(session_hosts: list[SessionHost]) -> None:
 def _unsaved(session_hosts: list[SessionHost]) -> str | None:
     """Message about unsaved changes of the document; None without any."""
     session = session_hosts[0].session if session_hosts else None
-    return None if session is None else session.document.unsaved()
+    return None if session is None else session.editor.document.unsaved()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import floor, inf, log10
 from types import MappingProxyType
@@ -69,17 +69,7 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
 
     Each change is planned and simulated.
     """
-    report, steps = subprogress(progress), advice_steps(job, result)
-    while True:
-        try:
-            report(Step((STEP,), done=next(steps)))
-        except StopIteration as end:
-            advice: Advice = end.value
-            return advice
-
-
-def advice_steps(job: Job, result: RunResult) -> Generator[float, None, Advice]:
-    """Compute the advice in steps of one change; yields the completed share, returns the advice."""
+    report = subprogress(progress)
     helpful = list[Improvement]()
     repairs = result.kept is False
     if repairs:
@@ -98,7 +88,7 @@ def advice_steps(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     smallest = -inf if repairs else MIN_SAVING * result.trajectory.duration
     for k, group in enumerate(groups):
         for candidate in group:
-            yield k / len(groups)
+            report(Step((STEP,), done=k / len(groups)))
             tried = _plan_change(candidate, result)
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
@@ -116,10 +106,10 @@ def with_advice(study: JobResult, progress: Progress | None = None) -> JobResult
     return replace(study, runs=MappingProxyType(runs))
 
 
-def is_small(job: Job, maximum: int = SMALL) -> bool:
+def is_small(job: Job) -> bool:
     """True if changes of a job can be planned within a few seconds."""
     segments = sum(len(x.path) for x in job.program.contours)
-    return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
+    return segments * len(job.runs) <= SMALL and not any(x.is_shaped for x in job.runs)
 
 
 def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None:

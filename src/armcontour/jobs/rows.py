@@ -259,7 +259,9 @@ def judging_rows(result: RunResult, rows: tuple[Row, ...]) -> tuple[Row, ...]:
         return rows
     named: dict[str, Row] = {}
     for x in rows:
-        if (name := x.name.removeprefix(PREFIXES[BODIES])) == x.name or x.value is not None:
+        name = x.name.removeprefix(PREFIXES[BODIES])
+        is_known = name == "duration" and name in named  # the row of the verdict
+        if not is_known and (name == x.name or x.value is not None):
             named[name] = replace(x, name=name)
     return tuple(named.values())
 

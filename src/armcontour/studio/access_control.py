@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import secrets
-import time
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
@@ -22,9 +21,6 @@ TOKEN_BYTES = 16
 # Maximum size of an upload, and of a message from a page [bytes].
 MAX_UPLOAD = 64 * MEGABYTE
 MAX_MESSAGE = 16 * MEGABYTE
-# Maximum rate [messages/s] and burst [messages] of a page, which sends one message per screen
-# frame.
-RATE, BURST = 500.0, 1000.0
 # Required header of POST requests. Pages of other servers can send it only after a CORS preflight
 # request, which this server refuses.
 PAGE_HEADER = b"x-armcontour"
@@ -110,7 +106,7 @@ class AccessControl:
 
         try:
             self._check(scope)
-            await self.app(scope, _bounded(receive), answer)
+            await self.app(scope, receive, answer)
         except RefusedRequest as refusal:
             if scope["type"] == "websocket":
                 # A websocket that is closed before it is accepted results in status 403.
@@ -152,31 +148,19 @@ class AccessControl:
                 "The token is missing or wrong. Open the address that armcontour studio has "
                 "printed.",
             )
-        length = b"".join(_header_values(headers, b"content-length"))
-        if length.isdigit() and int(length) > MAX_UPLOAD:
-            raise _too_large()
+        length = b"".join(_header_values(headers, b"content-length")).decode("latin-1")
+        if method == "POST" and (not length.isdecimal() or int(length) > MAX_UPLOAD):
+            raise RefusedRequest(
+                413,
+                "A file that is opened in the Studio must not exceed "
+                f"{MAX_UPLOAD // MEGABYTE} MB. Specify a larger file in the job file, or use "
+                "armcontour identify or armcontour learn for a larger log.",
+            )
 
 
 def is_public(path: str) -> bool:
     """True for the files of the page, which need no token because they contain no user data."""
     return path == "/" or path.startswith("/static/")
-
-
-class RateLimit:
-    """Limit of the message rate that permits short bursts (token bucket)."""
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock, self._remaining, self._last = clock, BURST, clock()
-
-    def allow(self) -> bool:
-        """Count one message; returns False if the message exceeds the limit."""
-        now = self._clock()
-        self._remaining = min(BURST, self._remaining + RATE * (now - self._last))
-        self._last = now
-        if self._remaining < 1.0:
-            return False
-        self._remaining -= 1.0
-        return True
 
 
 async def respond(
@@ -194,31 +178,6 @@ async def respond(
         {"type": "http.response.start", "status": status, "headers": [*own_headers, *headers]}
     )
     await send({"type": "http.response.body", "body": body})
-
-
-def _bounded(receive: Receive) -> Receive:
-    """Wrap `receive` so that a request body larger than MAX_UPLOAD is refused."""
-    size = 0
-
-    async def bounded() -> Message:
-        nonlocal size
-        message = await receive()
-        if message["type"] == "http.request":
-            size += len(message.get("body", b""))
-            if size > MAX_UPLOAD:
-                raise _too_large()
-        return message
-
-    return bounded
-
-
-def _too_large() -> RefusedRequest:
-    return RefusedRequest(
-        413,
-        f"A file that is opened in the Studio must not exceed {MAX_UPLOAD // MEGABYTE} MB. Specify "
-        "a larger file in the job file, or use armcontour identify or armcontour learn for a "
-        "larger log.",
-    )
 
 
 def _header_values(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[bytes]:

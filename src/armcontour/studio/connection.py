@@ -18,12 +18,6 @@ if TYPE_CHECKING:
     from armcontour.studio.session import Session
 
 
-# Maximum number of messages queued for a page. A page that reads too slowly is disconnected.
-MAX_QUEUED = 1000
-# Maximum number of messages of a page that are queued until the session exists. A user causes
-# fewer messages.
-MAX_EARLY = 100
-
 # Task name in the progress frames during the start.
 START = "start"
 # Built-in cell of the empty plane that the Studio shows if it is started without a file.
@@ -39,9 +33,6 @@ class OpenPage:
         self._lock = threading.Lock()
         # Queued messages for the page by replacement key, oldest first.
         self._waiting: dict[object, bytes] = {}
-        self.is_slow = False
-        # Messages from the page that wait for the session; None after the page has joined it.
-        self.early: list[PageMessage] | None = []
 
     def send(self, data: bytes, replaces: str | None = None) -> None:
         """Queue a message; it replaces a queued message with the same `replaces`."""
@@ -49,14 +40,13 @@ class OpenPage:
             key = object() if replaces is None else replaces
             self._waiting.pop(key, None)
             self._waiting[key] = data
-            self.is_slow = len(self._waiting) > MAX_QUEUED
         # The event loop is closed when the server shuts down.
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._news.set)
 
     async def write(self, send: Send) -> None:
-        """Send queued messages until the task is cancelled or the page reads too slowly."""
-        while not self.is_slow:
+        """Send queued messages until the task is cancelled."""
+        while True:
             await self._news.wait()
             self._news.clear()
             while (data := self._pop()) is not None:
@@ -69,7 +59,7 @@ class OpenPage:
 
 
 class SessionHost:
-    """Creates the session; queues pages and their messages until the session exists."""
+    """Creates the session; pages that open earlier join it later."""
 
     def __init__(self, make: Callable[[Callable[[bytes], None]], Session]) -> None:
         self._make = make
@@ -88,7 +78,7 @@ class SessionHost:
             with self._lock:
                 self.session = session
                 for page in self.pages:
-                    self._admit(page, session)
+                    session.join(page)
             session.begin()
         except BaseException as error:
             self.failure = error
@@ -99,20 +89,14 @@ class SessionHost:
         with self._lock:
             self.pages.append(page)
             if self.session is not None:
-                self._admit(page, self.session)
+                self.session.join(page)
             elif self._progress is not None:
                 page.send(self._progress)
 
-    def receive(self, page: OpenPage, message: PageMessage) -> bool:
-        """Pass a message to the session or queue it; returns False if the queue is full."""
-        with self._lock:
-            if page.early is not None:
-                page.early.append(message)
-                return len(page.early) <= MAX_EARLY
-            session = self.session
-        if session is not None:
-            session.receive(page, message)
-        return True
+    def receive(self, page: OpenPage, message: PageMessage) -> None:
+        """Pass a message to the session; a page has no commands before the session exists."""
+        if self.session is not None:
+            self.session.receive(page, message)
 
     def leave(self, page: OpenPage) -> None:
         """Remove a page."""
@@ -120,13 +104,6 @@ class SessionHost:
             self.pages.remove(page)
             if self.session is not None:
                 self.session.leave(page)
-
-    def _admit(self, page: OpenPage, session: Session) -> None:
-        """Add a page to the session, then process the queued messages of the page."""
-        session.join(page)
-        early, page.early = page.early or (), None
-        for message in early:
-            session.receive(page, message)
 
     def _broadcast(self, data: bytes) -> None:
         """Send the progress of the start to all pages, also to those that join later."""
@@ -152,7 +129,7 @@ def open_session(
     from armcontour.studio.page_frame import PageFrame
 
     report(Step(("loading armcontour",)))
-    from armcontour.studio import drafts, start_page
+    from armcontour.studio.opening import blank_document, open_file
     from armcontour.studio.preview import CoarsePlanner
     from armcontour.studio.scheduler import SchedulerOptions
     from armcontour.studio.session import Session
@@ -163,9 +140,9 @@ def open_session(
     # the job file can be a symbolic link to another folder.
     with listen_to_reading(lambda place, content: named.append(place)):
         if file is None:
-            document = start_page.blank_document(DEFAULT_CELL, FilePath.cwd(), drafts.START)
+            document = blank_document(DEFAULT_CELL, FilePath.cwd(), is_start=True)
         else:
-            document = start_page.open_file(file, cell)
+            document = open_file(file, cell)
     previewer = CoarsePlanner(document.folder)
     report(Step(("reading the job",)))
     with listen_to_reading(lambda place, content: named.append(place)):

@@ -23,7 +23,6 @@ from armcontour.files.patch import full_key, locate_key
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
 from armcontour.studio.document import Document
-from armcontour.studio.drafts import START
 from armcontour.studio.edits.conversion import is_convertible
 from armcontour.studio.edits.keys import run_of, value_of
 from armcontour.studio.edits.layout import tilt_of
@@ -149,7 +148,7 @@ def document_frame(document: Document, state: JobState, run: str) -> PageFrame:
         "text": document.text,
         # Name of the document if it has a draft of an earlier session.
         "draft": None if document.earlier is None else document.source,
-        "start": document.key == START,
+        "start": document.is_start,
         "sentence": None if state.error is None else str(state.error),
         "line": None if state.error is None else line_of(document.text, state.error.key),
     }

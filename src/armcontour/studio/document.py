@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
+import os
 import secrets
+import shutil
 from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_bytes
+from armcontour.core.staging import write_atomically
 from armcontour.files.cell import drawing_text
 from armcontour.files.job_file import read_data
 from armcontour.files.job_text_edits import write_data
-from armcontour.studio.drafts import BOM, Draft, decode_text, drop_draft, find_draft, write_file
+from armcontour.studio.recent import Recent, drop_recent, find_draft
 
+BOM = "\ufeff"
 # States of the file on disk, see `Document.on_disk`.
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
 # Maximum number of characters in the undo history; the last text always stays.
@@ -40,37 +43,36 @@ class Document:
         folder: FilePath,
         file: FilePath | None = None,
         saved: bytes | None = None,
-        key: str = "",
-        upload: bool = False,
+        opens: tuple[FilePath, str | None] | None = None,
+        is_start: bool = False,
     ) -> None:
         self.source, self.file, self.folder = source, file, folder
-        self.id = secrets.token_hex(4)
+        # Job file, or drawing and cell, that opens the document again.
+        self._opens = opens
+        # Whether the Studio shows the document because it was started without a file.
+        self.is_start = is_start
+        self.id = secrets.token_hex(8)
         self._has_bom = text.startswith(BOM)
         self._saved = saved
-        self.key, self._upload = key or f"file {file}", upload
         self.text = self._opened = text.removeprefix(BOM)
         self.saved_text = self.text if saved is not None or file is None else ""
         self._data = read_data(self.text, source)
         self._past: list[HistoryEntry] = []
         self._future: list[HistoryEntry] = []
-        draft = find_draft(self.key, file)
-        self.earlier = None if draft is None or draft.text == self._opened else draft.text
+        # Draft of an earlier session.
+        self.earlier = None if opens is None else find_draft(*opens, self.text)
+        self.write_draft()
 
     @classmethod
     def open(cls, file: str | FilePath) -> Document:
         """Open a job file; changes are saved to it."""
         path = FilePath(file).absolute()
         content = read_bytes(path, "job file")
-        text = decode_text(content, path)
-        return cls(text, source=path.name, file=path, folder=path.parent, saved=content)
-
-    @classmethod
-    def of_text(
-        cls, text: str, folder: FilePath, name: str, key: str = "", upload: bool = False
-    ) -> Document:
-        """Create a job without a file, such as an upload."""
-        key = key or f"text {name} {text}"
-        return cls(text, source=name, folder=folder, key=key, upload=upload)
+        text = _decode(content, path)
+        opens = path, None
+        return cls(
+            text, source=path.name, file=path, folder=path.parent, saved=content, opens=opens
+        )
 
     @classmethod
     def of_drawing(cls, file: str | FilePath, cell: str) -> Document:
@@ -80,9 +82,10 @@ class Document:
             raise InvalidInput(f"The drawing {drawing} does not exist.")
         file_next = drawing.with_suffix(".yaml")
         text = drawing_text(cell, drawing, file_next.parent)
-        cell_key = FilePath(cell).absolute() if FilePath(cell).suffix else cell
-        key = f"drawing {drawing} on {cell_key}"
-        return cls(text, source=file_next.name, file=file_next, folder=file_next.parent, key=key)
+        opens = drawing, str(FilePath(cell).absolute()) if FilePath(cell).suffix else cell
+        return cls(
+            text, source=file_next.name, file=file_next, folder=file_next.parent, opens=opens
+        )
 
     @property
     def data(self) -> Mapping[str, Any]:
@@ -137,7 +140,7 @@ class Document:
         return self.on_disk() == CHANGED
 
     def save(self, *, force: bool = False) -> None:
-        """Write the file atomically and delete the draft.
+        """Write the file atomically, and drop the draft.
 
         A file that another program has changed is overwritten only with `force`.
         """
@@ -151,8 +154,8 @@ class Document:
                 "the file."
             )
         content = ((BOM if self._has_bom else "") + self.text).encode()
-        write_file(self.file, content)
-        self._saved, self.saved_text = content, self.text
+        _write_file(self.file, content)
+        self._saved, self.saved_text, self._opens = content, self.text, (self.file, None)
         self.write_draft()
 
     def reload(self) -> None:
@@ -160,47 +163,43 @@ class Document:
         if self.file is None:
             raise InvalidInput(f"{self.source} cannot be reloaded because it has no file.")
         content = self._read_file()
-        text = decode_text(content, self.file)
+        text = _decode(content, self.file)
         body = text.removeprefix(BOM)
         data = read_data(body, self.source)
         self._saved, self.saved_text, self._has_bom = content, body, text.startswith(BOM)
         self._set_text(body, data, "reload")
 
     def write_draft(self) -> bool:
-        """Write the draft, or delete it if nothing is unsaved; returns True if a draft exists."""
+        """Store the document among the recent ones; returns True if it has a draft."""
         # An unchanged job of a drawing needs no draft, because it can be generated again.
         is_generated = self._saved is None and self.text == self._opened
-        if self.dirty and not is_generated:
-            named = (self.source, str(self.folder), self._opened)
-            if self.earlier not in (None, self.text):
-                # An earlier draft that is neither restored nor discarded gets its own key.
-                Draft(self._earlier_key, *named, self.earlier or "", upload=True).write()
-            if Draft.is_foreign(self.key):
-                # Another running Studio edits the same file, and keeps its own draft.
-                self.key = f"{self.key}, {self.id}"
-                self._upload = True
-            return Draft(self.key, *named, self.text, self._upload).write()
-        # The earlier draft stays, so that the page offers it again.
-        if self.earlier is not None:
-            return True
-        drop_draft(self.key)
-        return False
+        unsaved = self.text if self.dirty and not is_generated else None
+        if unsaved is None and self._opens is None:
+            drop_recent(self.id)
+            return False
+        file, cell = self._opens or (None, None)
+        entry = Recent(
+            id=self.id,
+            name=self.source if file is None else file.name,
+            folder=str(self.folder),
+            file=None if file is None else str(file),
+            cell=cell,
+            opened=self._opened,
+            text=unsaved,
+        )
+        return entry.write() and unsaved is not None
 
     def unsaved(self) -> str | None:
         """Message that unsaved changes are in the draft; None without unsaved changes."""
-        if not (self.dirty and self.write_draft()):
+        if not self.write_draft():
             return None
         return f"The unsaved changes of {self.source} are stored as a draft."
 
     def drop_earlier(self) -> None:
         """Delete the draft of an earlier session after it was restored or discarded."""
-        drop_draft(self._earlier_key)
+        if self.earlier is not None:
+            drop_recent(self.earlier.id)
         self.earlier = None
-
-    @property
-    def _earlier_key(self) -> str:
-        """Key for the earlier draft if a newer draft has the key of the document."""
-        return f"{self.key}, before {hashlib.sha256((self.earlier or '').encode()).hexdigest()}"
 
     def _set_text(self, text: str, data: dict[str, Any], label: str) -> None:
         """Replace text and data as one step of undo."""
@@ -227,3 +226,25 @@ class Document:
     def _read_file(self) -> bytes:
         assert self.file is not None
         return read_bytes(self.file, "job file")
+
+
+def _decode(content: bytes, file: FilePath) -> str:
+    """Decode the content of a UTF-8 file; line breaks are not converted."""
+    try:
+        return content.decode()
+    except UnicodeDecodeError:
+        raise InvalidInput(f"{file} cannot be read because it is not UTF-8 text.") from None
+
+
+def _write_file(file: FilePath, content: bytes) -> None:
+    """Write a file atomically; if the file is a symbolic link, write its target."""
+    if file.is_symlink():
+        read_bytes(file, "job file")
+    target = FilePath(os.path.realpath(file))
+
+    def write(fresh: FilePath) -> None:
+        fresh.write_bytes(content)
+        if target.exists():
+            shutil.copymode(target, fresh)
+
+    write_atomically(target, write)

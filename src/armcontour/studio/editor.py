@@ -14,11 +14,10 @@ from armcontour.files.job_text_edits import Change, change_data, write_data
 from armcontour.jobs import Job
 from armcontour.studio.description import JobState, runs_of
 from armcontour.studio.document import Document
-from armcontour.studio.drafts import Draft
 from armcontour.studio.edits import changes_of
 from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
+from armcontour.studio.opening import Uploads
 from armcontour.studio.preview import CoarsePlanner, path_only
-from armcontour.studio.uploads import Uploads
 
 # Timing method of the run that is shown first.
 FASTEST = "optimal"
@@ -74,20 +73,13 @@ class Editor:
         handles = self.state.handles
         return f"{self.document.id} {'' if handles is None else handles.file}"
 
-    def restore(self, draft: Draft | None = None) -> None:
-        """Restore a draft; default: draft of the document."""
-        if draft is not None:
-            folder = FilePath(draft.folder)
-            self.open(Document.of_text(draft.opened, folder, draft.name, draft.key, upload=True))
-        if self.document.earlier is None:
+    def restore(self) -> None:
+        """Restore the draft of an earlier session."""
+        draft = self.document.earlier
+        if draft is None:
             raise InvalidInput("There is no draft that can be restored.")
-        self.commit(self.revise_text(self.document.earlier), "restore the draft")
+        self.commit(self.revise_text(draft.text), "restore the draft")
         self.document.drop_earlier()
-
-    def discard(self) -> None:
-        """Delete the draft of an earlier session."""
-        self.document.drop_earlier()
-        self.document.write_draft()
 
     def select(self, run: str) -> None:
         """Show another run."""

@@ -15,7 +15,15 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import PreviewExecution
-from armcontour.studio.view import Detail, View, in_space, sample_times, select_points, to_float32
+from armcontour.studio.view import (
+    View,
+    drawing_error,
+    essential_points,
+    in_space,
+    sample_times,
+    select_points,
+    to_float32,
+)
 from armcontour.verification.error_profile import error_rows
 from armcontour.verification.evaluation import (
     demand_ratio,
@@ -41,32 +49,26 @@ def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
         "centre": view.centre,
         "tier": planned.tier,
     }
-    arrays = {**execution_lines(executed, view), **_poses(executed.execution)}
+    arrays = {**_execution_lines(executed, view), **_poses(executed.execution)}
     return PageFrame("executed", header, arrays)
 
 
-def execution_lines(
-    executed: PreviewExecution, view: View, detail: Detail | None = None
-) -> dict[str, Any]:
-    """Arrays of tool deviation and demand (share of acceleration limit) on the visible path.
+def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
+    """Arrays of tool deviation and demand (share of acceleration limit) on the path.
 
     Deviations are computed with 64 bits, because the page magnifies them.
     """
-    limits, commanded_acceleration = executed.planned.run.limits, executed.execution.demand
-    commanded_acceleration = signed_shares("joint_acceleration", limits, commanded_acceleration)
-    pieces = executed.pieces
-    base = np.concatenate([x.on_path for x in pieces])
-    detail = detail or Detail.for_points(view.uv(base))
+    pieces, limits = executed.pieces, executed.planned.run.limits
+    base, tool = (np.concatenate([getattr(x, y) for x in pieces]) for y in ("on_path", "tool"))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
-    visible, ends = detail.visible_ends(view.screen_points(base), ends)
-    samples = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[visible]
-    base, tool = base[visible], np.concatenate([x.tool for x in pieces])[visible]
-    distance = np.concatenate([x.followed.distance for x in pieces])[visible]
-    demand = commanded_acceleration[samples]
+    samples = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])
+    distance = np.concatenate([x.followed.distance for x in pieces])
+    demand = signed_shares("joint_acceleration", limits, executed.execution.demand)[samples]
     offset = view.screen_vectors(tool - base)
     indices = np.arange(len(samples))
     if len(indices) > MAX_SAMPLES:
-        weight = np.where(detail.essential_points(base, ends), np.inf, 0.0)
+        error = drawing_error(view.uv(base))
+        weight = np.where(essential_points(base, ends, error), np.inf, 0.0)
         weight[np.argmax(distance)] = np.inf
         shown = [*offset.T.astype(np.float64), distance, *demand.T]
         indices = select_points(weight, shown, MAX_SAMPLES)
@@ -74,7 +76,7 @@ def execution_lines(
         "base": view.screen_points(base[indices]),
         "offset": offset[indices],
         "breaks": np.searchsorted(indices, ends[:-1]).astype(np.uint32),
-        "t": to_float32(np.concatenate([x.t for x in pieces])[visible][indices]),
+        "t": to_float32(np.concatenate([x.t for x in pieces])[indices]),
         "error": to_float32(distance[indices]),
         "demand": to_float32(demand[indices]),
     }

@@ -54,7 +54,7 @@ class PageFrame:
         """Create a frame `result` with the bytes of a file as array `content`."""
         kind = FILE_TYPES.get(PurePath(name).suffix, "application/octet-stream")
         facts = {**header, "name": name, "type": kind, "bytes": len(content)}
-        return cls("result", facts, {"content": np.frombuffer(content, np.uint8)})
+        return cls("result", facts, {"content": bytes_array(content)})
 
     def stamped(self, **facts: Any) -> PageFrame:
         """Copy of the frame with additional values in the header."""
@@ -94,6 +94,11 @@ class PageFrame:
             values = np.frombuffer(data, f"<{layout['type']}", size, begin + layout["at"])
             arrays[name] = values.reshape(layout["shape"])
         return cls(header.pop("kind"), header, arrays)
+
+
+def bytes_array(content: bytes) -> npt.NDArray[np.uint8]:
+    """Array of a frame with the given bytes."""
+    return np.frombuffer(content, np.uint8)
 
 
 def _to_json(header: Mapping[str, Any]) -> str:

@@ -19,10 +19,18 @@ from armcontour.jobs.rows import verdict_rows
 from armcontour.motion import LawAlongPath
 from armcontour.planning import Explanation
 from armcontour.program import Program, cut_parts
-from armcontour.studio.execution_picture import execution_lines, joint_usage
+from armcontour.studio.execution_picture import joint_usage
 from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.preview import Preview, PreviewExecution, Tier
-from armcontour.studio.view import Detail, View, in_space, select_points, to_float32
+from armcontour.studio.preview import Preview, Tier
+from armcontour.studio.view import (
+    View,
+    drawing_error,
+    drawn_arc_lengths,
+    essential_points,
+    in_space,
+    select_points,
+    to_float32,
+)
 
 # Approximate maximum number of drawn points: of any path, and of simple paths.
 MAX_POINTS, MIN_POINTS = 20_000, 1_200
@@ -58,18 +66,16 @@ class PlanCurve:
     ends: IntArray
 
     @classmethod
-    def from_plan(cls, planned: Preview, view: View, detail: Detail) -> PlanCurve:
-        """Sample the visible part of a plan: at points of curves and grid points of its timing."""
+    def from_plan(cls, planned: Preview, error: float) -> PlanCurve:
+        """Sample a plan at points of curves and grid points of its timing."""
         rows: list[tuple[FloatArray, ...]] = []
         for contour, span in zip(
             planned.path.contours, planned.trajectory.contour_spans, strict=True
         ):
             path = contour.path
-            if not detail.may_show(view.box, path):
-                continue
             assert span.trajectory is not None
             laws = [x.s for x in span.trajectory.laws if isinstance(x, LawAlongPath)]
-            arc_lengths = np.unique(np.concatenate([detail.arc_lengths(path), *laws]))
+            arc_lengths = np.unique(np.concatenate([drawn_arc_lengths(path, error), *laws]))
             s = np.clip(arc_lengths, 0.0, path.length)
             rows.append(
                 (
@@ -81,20 +87,17 @@ class PlanCurve:
                 )
             )
         ends = np.cumsum([0, *(len(x[0]) for x in rows)])
-        if not rows:
-            rows = [(np.empty((0, planned.path.dimension)), *[np.empty(0)] * 4)]
         points, s, t, speed, assigned = (np.concatenate(x) for x in zip(*rows, strict=True))
-        k, ends = detail.visible_ends(view.screen_points(points), ends)
-        return cls(points[k], s[k], t[k], speed[k], assigned[k], ends)
+        return cls(points, s, t, speed, assigned, ends)
 
-    def drawn_indices(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
+    def drawn_indices(self, binding: npt.NDArray[np.uint8], error: float) -> IntArray:
         """Indices of drawn points: shape, changes of the active limit, and extreme speeds."""
-        shape = detail.essential_points(self.points, self.ends)
+        shape = essential_points(self.points, self.ends, error)
         weight = np.where(shape, np.inf, 0.0)
         changes = np.flatnonzero(np.diff(binding)) + 1
         # The weight of a change of the active limit is the arc length to the next change.
         lengths = np.diff(self.s[np.append(changes, len(self.s) - 1)])
-        lengths[lengths > VISIBLE_STRETCH * detail.error] = np.inf
+        lengths[lengths > VISIBLE_STRETCH * error] = np.inf
         weight[changes] = np.maximum(weight[changes], lengths)
         return select_points(weight, [self.speed], min(MAX_POINTS, MIN_POINTS + 2 * shape.sum()))
 
@@ -157,8 +160,7 @@ def refusal_header(
 
 def picture_frame(planned: Preview, view: View) -> PageFrame:
     """Message frame with the picture and the values of a plan."""
-    detail, flat = _whole_detail(planned.path, view)
-    header, arrays = _line_arrays(planned, view, detail)
+    header, arrays, flat = _line_arrays(planned, planned.path, view)
     header |= {
         "run": planned.run.name,
         "rows": frame(Data("Plan", tuple(verdict_rows(planned, None)))),
@@ -177,15 +179,14 @@ def picture_frame(planned: Preview, view: View) -> PageFrame:
 
 def drawing_frame(program: Program | None, view: View, *, run: str = "") -> PageFrame:
     """Message frame with the picture of a program without a plan; `program` None: empty path."""
-    header: dict[str, Any] = {"error": 0.0, "limits": [], "kerfs": []}
+    header: dict[str, Any] = {"limits": [], "kerfs": []}
     arrays: dict[str, Any] = {
         "objective": to_float32(np.empty(0)),
         "objective_breaks": np.zeros(1, np.uint32),
     }
     flat = True
     if program is not None:
-        detail, flat = _whole_detail(program, view)
-        header, arrays = _line_arrays(program, view, detail)
+        header, arrays, flat = _line_arrays(None, program, view)
     lists = ("rows", "shortfalls", "corners", "warnings")
     header |= {name: [] for name in lists} | view.header | time_header(None)
     notes = () if program is None else program.notes
@@ -194,42 +195,29 @@ def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Page
     return PageFrame("picture", header, arrays)
 
 
-def detail_frame(
-    made: Preview | Program, executed: PreviewExecution | None, view: View, detail: Detail
-) -> PageFrame:
-    """Message frame with the visible part of plan or program and execution, in full resolution."""
-    header, arrays = _line_arrays(made, view, detail)
-    if executed is not None:
-        arrays |= execution_lines(executed, view, detail)
-    return PageFrame("detail", {**header, "box": detail.box}, arrays)
-
-
-def _whole_detail(program: Program, view: View) -> tuple[Detail, bool]:
-    """Drawing detail for the whole program, and True if the program is in the plane of the view."""
-    smooth = Detail(np.inf)
-    points = np.concatenate([x.path(smooth.arc_lengths(x.path)) for x in program.contours])
-    return Detail.for_points(view.uv(points)), view.is_flat(points)
-
-
 def _line_arrays(
-    made: Preview | Program, view: View, detail: Detail
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Header and arrays of all lines: objective, kerf, and plan with speed and active limit."""
-    planned = made if isinstance(made, Preview) else None
-    objective = made if isinstance(made, Program) else made.objective
-    header: dict[str, Any] = {"error": detail.error, "limits": [], "kerfs": []}
-    paths = [x.path for x in objective.contours if detail.may_show(view.box, x.path)]
-    arrays, _ = _lines("objective", [x(detail.arc_lengths(x)) for x in paths], view, detail)
+    planned: Preview | None, program: Program, view: View
+) -> tuple[dict[str, Any], dict[str, Any], bool]:
+    """Header and arrays of all lines, and True if the program is in the plane of the view.
+
+    The lines are the objective, and with a plan the kerf, and the path with speed and active limit.
+    """
+    paths = [x.path for x in program.contours]
+    points = np.concatenate([x(drawn_arc_lengths(x, np.inf)) for x in paths])
+    error, flat = drawing_error(view.uv(points)), view.is_flat(points)
+    header: dict[str, Any] = {"limits": [], "kerfs": []}
+    if planned is not None:
+        paths = [x.path for x in planned.objective.contours]
+    arrays = _lines("objective", [x(drawn_arc_lengths(x, error)) for x in paths], view, error)
     if planned is None:
-        return header, arrays
+        return header, arrays, flat
     header["limits"] = limits = _limits(planned.explanation)
-    header["kerfs"], kerf = _kerf(planned, view, detail)
-    line = PlanCurve.from_plan(planned, view, detail)
+    header["kerfs"], kerf = _kerf(planned, view, error)
+    line = PlanCurve.from_plan(planned, error)
     binding = line.binding(planned.explanation, limits)
-    indices = line.drawn_indices(binding, detail)
+    indices = line.drawn_indices(binding, error)
     points, s = line.points[indices], line.s[indices]
-    return header, {
-        **arrays,
+    arrays |= {
         **kerf,
         "path": view.screen_points(points),
         "path_breaks": np.searchsorted(indices, line.ends).astype(np.uint32),
@@ -240,39 +228,35 @@ def _line_arrays(
         "binding": binding[indices],
         "xyz": to_float32(in_space(points)),
     }
+    return header, arrays, flat
 
 
-def _lines(
-    name: str, parts: Sequence[FloatArray], view: View, detail: Detail
-) -> tuple[dict[str, Any], IntArray]:
-    """Arrays of the visible lines of `parts` (points [m]), and index of the part of each line."""
-    points = np.concatenate(parts) if parts else np.empty((0, 2))
-    starts = np.cumsum([0, *map(len, parts)])
-    visible, ends = detail.visible_ends(view.screen_points(points), starts)
-    indices = np.arange(len(visible))
+def _lines(name: str, parts: Sequence[FloatArray], view: View, error: float) -> dict[str, Any]:
+    """Arrays of lines through points [m]."""
+    points, ends = np.concatenate(parts), np.cumsum([0, *map(len, parts)])
+    indices = np.arange(len(points))
     if len(indices) > MAX_POINTS:
-        indices = np.flatnonzero(detail.essential_points(points[visible], ends))
-    arrays = {
-        name: view.screen_points(points[visible[indices]]),
+        indices = np.flatnonzero(essential_points(points, ends, error))
+    return {
+        name: view.screen_points(points[indices]),
         f"{name}_breaks": np.searchsorted(indices, ends).astype(np.uint32),
     }
-    return arrays, np.searchsorted(starts, visible[ends[:-1]], side="right") - 1
 
 
-def _kerf(planned: Preview, view: View, detail: Detail) -> tuple[list[float], dict[str, Any]]:
-    """Kerf of each visible cut line [m], and arrays of cut lines and of drawn contours."""
+def _kerf(planned: Preview, view: View, error: float) -> tuple[list[float], dict[str, Any]]:
+    """Kerf of each cut line [m], and arrays of cut lines and of drawn contours."""
     process = planned.job.process
-    parts = [x for x in cut_parts(planned.path, process) if detail.may_show(view.box, x[0])]
+    parts = cut_parts(planned.path, process)
     if not parts:
         return [], {}
     cut = []
     for path, begin, end, _ in parts:
-        s = detail.arc_lengths(path)
+        s = drawn_arc_lengths(path, error)
         cut.append(path(np.concatenate([[begin], s[(s > begin) & (s < end)], [end]])))
     uncut = [x.path for x in planned.job.program.contours if process.of_layer(x.layer).kerf]
-    drawn = [x(detail.arc_lengths(x)) for x in uncut if detail.may_show(view.box, x)]
-    arrays, owners = _lines("cut", cut, view, detail)
-    return [parts[k][3] for k in owners], arrays | _lines("drawn", drawn, view, detail)[0]
+    drawn = [x(drawn_arc_lengths(x, error)) for x in uncut]
+    lines = _lines("cut", cut, view, error) | _lines("drawn", drawn, view, error)
+    return [x[3] for x in parts], lines
 
 
 def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
@@ -350,7 +334,7 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
 
 def _notes(planned: Preview) -> list[str]:
     """Notes about the accuracy and the completeness of the picture."""
-    notes = [*planned.differs, *planned.remarks]
+    notes = list(planned.remarks)
     explanation = planned.explanation
     if explanation is not None and (hidden := len(explanation.shortfalls) - MAX_SHORTFALLS) > 0:
         notes.append(

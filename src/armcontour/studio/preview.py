@@ -1,12 +1,12 @@
 """Previews: fast plans and executions of an edited document, without collision checks.
 
-A preview differs from `run` where this saves much time: see `coarser_run` and `Preview.differs`.
+A preview differs from `run` where this saves much time, see `coarser_run`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
@@ -26,7 +26,14 @@ from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
-from armcontour.jobs.rows import EXPECTED, SERVO, Errors, judging_executions
+from armcontour.jobs.rows import (
+    BODIES,
+    SERVO,
+    Errors,
+    errors_of,
+    judging,
+    judging_executions,
+)
 from armcontour.jobs.run_plan import (
     explain_plan,
     explained_reach,
@@ -35,19 +42,17 @@ from armcontour.jobs.run_plan import (
     time_run,
     trace_run,
 )
-from armcontour.jobs.run_result import ExpectedErrors, RunResult
-from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
+from armcontour.jobs.run_result import RunResult
+from armcontour.jobs.study import compute_set_points, simulate_experiment
 from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
 from armcontour.studio.step_cache import LARGE_RESULTS, StepCache
-from armcontour.verification import ErrorProfile, evaluate
+from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, pieces_of, settling_time
 
-# Maximum number of set-points of an exact preview.
-MAX_SET_POINTS = 200_000
 # Maximum duration of a simulated motion times the number of joints [s], so that the simulation
 # takes seconds and 150 MB.
 MAX_SIMULATED = 2400.0
@@ -55,32 +60,23 @@ MAX_SIMULATED = 2400.0
 LONG_PROGRAM = 5_000
 # Minimum cycle of a preview [s].
 MIN_CYCLE = 4e-3
-# Number of grid intervals per contour while a handle moves (4000 or more in a full run). The
-# coarser grid changes the duration by less than 0.1 %.
-MOVING_INTERVALS = 600
-# Minimum number of samples of an execution while a handle moves.
-MOVING_SAMPLES = 1500
-# Minimum drive cycle of the rigid-body simulation while a handle moves [s].
-MOVING_STEP = 1e-3
-ARCS_NOTE = (
-    "the preview shows arcs of the same tolerance instead of corners of shape free, because their "
-    "shape is computed only after the last edit."
-)
-CONFIGURATION_NOTE = (
-    "the preview uses the arm configuration of the last plan; exact figures are for the fastest "
-    "configuration."
-)
+# Number of grid intervals per contour of a preview (4000 or more in a full run). The coarser grid
+# changes the duration by less than 0.1 %.
+INTERVALS = 600
+# Minimum number of samples of the execution of a preview.
+MIN_SAMPLES = 1500
+# Minimum drive cycle of the rigid-body simulation of a preview [s].
+MIN_STEP = 1e-3
 
 
 class Tier(StrEnum):
-    """Accuracy of a picture, from fast to exact."""
+    """Accuracy of a picture."""
 
     # Path without a plan.
     OUTLINE = "outline"
-    # Coarse plan while a handle moves.
-    MOVING = "moving"
+    # Coarse plan without collision checks.
     PREVIEW = "preview"
-    # Equal to a full run.
+    # Plan of a full run.
     EXACT = "exact"
 
 
@@ -89,13 +85,14 @@ class Preview(RunResult):
     """Plan of one run of a document, with the accuracy `tier`."""
 
     job: Job
-    # Joint positions at the start of the motion [rad], (dof,).
-    start: FloatArray
     tier: Tier = Tier.PREVIEW
-    # Differences from the plan of a full run.
-    differs: tuple[str, ...] = ()
     # Warning if links move below the base; otherwise None.
     below_base: str | None = None
+
+    @property
+    def start(self) -> FloatArray:
+        """Joint positions at the start of the motion [rad], (dof,)."""
+        return self.trajectory(0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -113,6 +110,19 @@ class PreviewExecution:
     # Largest error of each contour [m] in all executions that judge the run.
     contour_errors: Errors
 
+    @classmethod
+    def of(cls, planned: Preview, execution: Execution, contour_errors: Errors) -> PreviewExecution:
+        """Compute the contour errors of an execution over time."""
+        pieces = tuple(pieces_of(execution, planned.path, None, planned.run.end_time))
+        return cls(
+            planned=planned,
+            execution=execution,
+            pieces=pieces,
+            errors=ErrorProfile.join([x.contour_error for x in pieces]),
+            settled=settling_time(execution, execution.tool_speed),
+            contour_errors=contour_errors,
+        )
+
 
 class CoarsePlanner:
     """Planner with a cache for the states of a document; not thread-safe.
@@ -122,31 +132,18 @@ class CoarsePlanner:
 
     def __init__(self, folder: FilePath | None = None) -> None:
         self.folder = folder or FilePath()
+        self.forget()
+
+    def forget(self) -> None:
+        """Clear the cache, because files of the job may have changed."""
         self._cache = StepCache()
         # Arm and start configuration of the last plan.
         self._arm: Arm | None = None
         self._start: FloatArray | None = None
 
-    def forget(self) -> None:
-        """Clear the cache, because files of the job may have changed."""
-        self._cache = StepCache()
-        self._arm = self._start = None
-
-    def may_be_exact(self, planned: Preview) -> bool:
-        """True if the exact plan differs from a preview but takes only about a second."""
-        job = planned.job
-        (run,) = job.runs
-        searches = isinstance(job.arm, SerialArm) and job.seed is None
-        few = planned.trajectory.duration <= MAX_SET_POINTS * run.cycle
-        return bool(planned.differs) and not searches and few and self.may_execute(planned)
-
     def may_execute(self, planned: Preview) -> bool:
         """True if the motion is short enough to be simulated within seconds."""
         return planned.trajectory.duration * planned.job.arm.dof <= MAX_SIMULATED
-
-    def keep_start(self, job: Job, start: FloatArray) -> None:
-        """Use the configuration of a start position [rad], (dof,), for the next previews."""
-        self._arm, self._start = job.arm, start
 
     def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:
         """The job with only one run, by default the first."""
@@ -174,47 +171,81 @@ class CoarsePlanner:
         self,
         data: Mapping[str, Any],
         run: str | None = None,
-        *,
-        tier: Tier = Tier.PREVIEW,
         progress: Progress | None = None,
+        *,
+        explain: bool = False,
     ) -> Preview:
-        """Plan a run, by default the first; with the tier EXACT, the plan equals that of `run`."""
+        """Plan a run, by default the first, on a coarse grid and without a check of collisions.
+
+        The plan has the configuration of the last plan if possible, else the fastest. With
+        `explain`, an error of reach names the farthest point, which takes up to seconds.
+        """
         job = self.job(data, run)
         (job_run,) = job.runs
         with error_context(f"Run {job_run.name}"):
-            run_of_tier, differs = coarser_run(job, job_run, tier)
-            plan, notes = self._plan(job, run_of_tier, tier, progress)
+            coarse, planned = coarser_run(job, job_run), None
+            if job.seed is None and isinstance(job.arm, SerialArm) and self._arm is job.arm:
+                seeded_job = dataclasses.replace(job, seed=self._start)
+                try:
+                    planned = self._plan_steps(seeded_job, coarse, progress)
+                except Unreachable:
+                    # Another configuration may reach the path. If no configuration does, the
+                    # search below raises the error.
+                    pass
+            with explained_reach(job) if explain else nullcontext():
+                planned = planned or self._plan_steps(job, coarse, progress)
+            trajectory = planned.trajectory
             explanation = self._cache.get(
-                "explanation", plan.trajectory, lambda: explain_plan(job, plan.trajectory)
+                "explanation", trajectory, lambda: explain_plan(job, trajectory)
             )
-        return Preview.of(
-            plan,
-            run=run_of_tier,
-            job=job,
-            explanation=explanation,
-            below_base=below_base(job, plan.trajectory),
-            start=plan.trajectory(0.0),
-            tier=tier,
-            differs=(*differs, *notes),
+        below = below_base(job, trajectory)
+        preview = Preview.of(
+            planned, run=coarse, job=job, explanation=explanation, below_base=below
         )
+        self._arm, self._start = job.arm, preview.start
+        return preview
+
+    def exact(self, data: Mapping[str, Any], planned: RunResult) -> Preview:
+        """Plan of a full run by the task process; the next previews have its configuration."""
+        job = self.job(data, planned.run.name)
+        below = None if planned.clearance else below_base(job, planned.trajectory)
+        preview = Preview.of(planned, job=job, tier=Tier.EXACT, below_base=below)
+        self._arm, self._start = job.arm, preview.start
+        return preview
 
     def execute(self, planned: Preview) -> PreviewExecution:
-        """Compute set-points of a plan, simulate their execution, and compute contour errors."""
+        """Execution and contour errors of a plan; those of a full run are already simulated."""
+        if planned.execution is not None:
+            executions, errors = {SERVO: planned.execution}, errors_of(planned)
+            if planned.experiment is not None:
+                executions[BODIES] = planned.experiment.execution
+            judges = judging(planned.run, planned.evaluations)
+            worst_name = max(judges, key=lambda x: judges[x].contour_error.max)
+            assert errors is not None
+            return PreviewExecution.of(planned, executions[worst_name], errors)
+        executed = [PreviewExecution.of(planned, x, {}) for x in self._simulate(planned).values()]
+        errors = {
+            name: [x.contour_error.max for x in each.pieces]
+            for name, each in zip(judging_executions(planned.run), executed, strict=True)
+        }
+        worst = max(executed, key=lambda x: x.errors.max)
+        return dataclasses.replace(worst, contour_errors=errors)
+
+    def _simulate(self, planned: Preview) -> dict[str, Execution]:
+        """Simulate the set-points of a plan in each way that judges the run."""
         job, run, get = planned.job, planned.run, self._cache.get
-        moving = planned.tier == Tier.MOVING
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
         with error_context(f"Run {run.name}"):
-            inputs = (comparable(run.compensation), run.cycle, servos[0])
             set_points = get(
                 "compensation",
-                (planned.trajectory, *inputs),
+                (planned.trajectory, comparable(run.compensation), run.cycle, servos[0]),
                 lambda: compute_set_points(job, run, planned.trajectory),
                 samples=lambda x: len(x.q),
             )
-            outcomes = {}
+            executions = {}
             for name, experiment in judging_executions(run).items():
-                if moving and experiment is not None:
-                    step = max(experiment.step, MOVING_STEP)
+                if experiment is not None:
+                    step = max(experiment.step, MIN_STEP)
                     experiment = dataclasses.replace(experiment, step=step)
                 execution = get(
                     f"execution, {name}",
@@ -223,37 +254,10 @@ class CoarsePlanner:
                     maximum=LARGE_RESULTS,
                     samples=lambda x: len(x.t),
                 )
-                if moving and planned.path.single_path is not None:
+                if planned.path.single_path is not None:
                     execution = _with_fewer_samples(execution)
-                evaluated = get(
-                    f"evaluation, {name}",
-                    (execution, planned.path, run.end_time),
-                    partial(_contour_errors, execution, planned.path, run.end_time),
-                    maximum=LARGE_RESULTS,
-                    samples=lambda x: len(x[1].t),
-                )
-                outcomes[name] = execution, *evaluated
-        contour_errors: dict[str, Sequence[float]] = {
-            name: [x.contour_error.max for x in each] for name, (_, each, *_) in outcomes.items()
-        }
-        if not moving and SERVO in outcomes and job.servo.contour_ratio is not None:
-            executed = outcomes[SERVO][0]
-            expected = get(
-                "expected",
-                (executed, planned.path, run.end_time, *inputs),
-                lambda: _expect_errors(job, run, executed, planned.path),
-            )
-            if expected is not None:
-                contour_errors[EXPECTED] = expected.contours
-        execution, pieces, errors, settled = max(outcomes.values(), key=lambda x: x[2].max)
-        return PreviewExecution(
-            planned=planned,
-            execution=execution,
-            pieces=pieces,
-            errors=errors,
-            settled=settled,
-            contour_errors=contour_errors,
-        )
+                executions[name] = execution
+        return executions
 
     def _make_job(self, data: Mapping[str, Any], run: str | None) -> Job:
         model = _with_one_run(self._model(data), run)
@@ -289,26 +293,6 @@ class CoarsePlanner:
         )
         return arm, path
 
-    def _plan(
-        self, job: Job, run: Run, tier: Tier, progress: Progress | None
-    ) -> tuple[RunResult, tuple[str, ...]]:
-        """Plan and notes; uses the configuration of the last plan if possible, else the fastest."""
-        searches = tier != Tier.EXACT and job.seed is None
-        if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
-            seeded_job = dataclasses.replace(job, seed=self._start)
-            try:
-                return self._plan_steps(seeded_job, run, progress), (CONFIGURATION_NOTE,)
-            except Unreachable:
-                # Another configuration may reach the path. If no configuration does, the search
-                # below raises the error.
-                pass
-        # While a handle moves, the search ends at the first unreachable point.
-        with nullcontext() if tier == Tier.MOVING else explained_reach(job):
-            plan = self._plan_steps(job, run, progress)
-        if searches:
-            self.keep_start(job, plan.trajectory(0.0))
-        return plan, ()
-
     def _plan_steps(self, job: Job, run: Run, progress: Progress | None) -> RunResult:
         """Plan as `plan_one` does, but without a check of collisions and with cached steps."""
         get, report = self._cache.get, subprogress(progress)
@@ -320,18 +304,12 @@ class CoarsePlanner:
             *(run.rounding, run.continuity, run.transition_tolerance),
             run.limits.centripetal_acceleration,
         )
-        by_limits: Any = None
-        if job.process.automatic or run.is_shaped:
-            timing = run.timing
-            if isinstance(timing, Optimal):
-                timing = dataclasses.replace(timing, duration=None)
-            by_limits = arm_inputs, limits, timing
-        leads = (corners, by_limits) if job.process.automatic else ()
+        leads = (corners, arm_inputs, limits, run.timing) if job.process.automatic else ()
         made_of = drawn, comparable(job.process), run.end_time, leads
         objective = get("preparing", made_of, lambda: prepare_program(job, run, report))
         path = get(
             "rounding",
-            (objective, corners, by_limits),
+            (objective, corners),
             lambda: round_program(job, run, objective, report),
         )
         ranges = limits if job.seed is None else comparable(run.limits.joint_range(job.arm.dof))
@@ -364,21 +342,6 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
     return model
 
 
-def _expect_errors(job: Job, run: Run, executed: Execution, path: Program) -> ExpectedErrors | None:
-    """Contour errors to expect of a robot with an identified servo."""
-    evaluation = evaluate(executed, path, end_time=run.end_time)
-    return expect_errors(job, run, executed, path, evaluation)
-
-
-def _contour_errors(
-    execution: Execution, path: Program, end_time: float | None
-) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
-    """Execution along each contour, contour errors, and time when the tool comes to rest [s]."""
-    settled = settling_time(execution, execution.tool_speed)
-    pieces = tuple(pieces_of(execution, path, None, end_time))
-    return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled
-
-
 def _part(data: Mapping[str, Any]) -> Any:
     """Part frame as written in the job; obstacles of the scene can be fixed to the part."""
     return data["path"].get("frame")
@@ -396,37 +359,25 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
     )
 
 
-def coarser_run(job: Job, job_run: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
-    """Run of a preview with lower accuracy, and sentences about its differences from `job_run`."""
-    if tier == Tier.EXACT:
-        return job_run, ()
-    run, differs, cycle = job_run, [], max(job_run.cycle, MIN_CYCLE)
+def coarser_run(job: Job, run: Run) -> Run:
+    """Run of a preview: with a cycle of at least MIN_CYCLE, arcs at corners, and a coarse grid."""
+    cycle = max(run.cycle, MIN_CYCLE)
     try:
         for servo in (job.servo, job.plant_servo):
             servo.check_gains(cycle)
     except InvalidInput:
         # Because the gains are large, the servo requires the shorter cycle of the run.
-        cycle = job_run.cycle
-    if cycle != job_run.cycle:
-        run = dataclasses.replace(run, cycle=cycle)
-        differs.append(
-            f"the preview has a cycle of {cycle * 1e3:g} ms; "
-            f"the full run has {job_run.cycle * 1e3:g} ms."
-        )
-    if run.rounding is not None and run.rounding.free:
-        run = dataclasses.replace(run, rounding=run.rounding.with_arcs)
-        differs.append(ARCS_NOTE)
-    if tier == Tier.MOVING and isinstance(run.timing, Optimal) and run.timing.intervals is None:
-        few = min(MOVING_INTERVALS, intervals_of(job.program) or MOVING_INTERVALS)
-        timing = dataclasses.replace(run.timing, intervals=few)
-        run = dataclasses.replace(run, timing=timing)
-        differs.append(f"during a drag, the timing uses a grid of {few} intervals.")
-    return run, tuple(differs)
+        cycle = run.cycle
+    rounding, timing = run.rounding and run.rounding.with_arcs, run.timing
+    if isinstance(timing, Optimal) and timing.intervals is None:
+        few = min(INTERVALS, intervals_of(job.program) or INTERVALS)
+        timing = dataclasses.replace(timing, intervals=few)
+    return dataclasses.replace(run, cycle=cycle, rounding=rounding, timing=timing)
 
 
 def _with_fewer_samples(execution: Execution) -> Execution:
-    """Reduce an execution to every k-th sample, but at least MOVING_SAMPLES samples."""
-    step = len(execution.t) // MOVING_SAMPLES
+    """Reduce an execution to every k-th sample, but at least MIN_SAMPLES samples."""
+    step = len(execution.t) // MIN_SAMPLES
     if step < 2:
         return execution
     names = ("t", "q", "dq", "ddq", "demand", "torque", "torque_demand")

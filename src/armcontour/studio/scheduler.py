@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import pickle
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,29 +11,21 @@ from functools import partial
 from threading import Event, RLock
 from typing import Any, TypeAlias
 
-import numpy as np
-
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable
 from armcontour.core.progress import Step
 from armcontour.jobs import Job
-from armcontour.jobs.study import STEPS
+from armcontour.jobs.run_result import RunResult
 from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 from armcontour.studio.arm_picture import arm_frame
 from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame, refusal_header
-from armcontour.studio.preview import (
-    CONFIGURATION_NOTE,
-    CoarsePlanner,
-    Preview,
-    PreviewExecution,
-    Tier,
-)
+from armcontour.studio.picture import drawing_frame, picture_frame, refusal_header
+from armcontour.studio.preview import CoarsePlanner, Preview, Tier
 from armcontour.studio.tasks import dispatch
-from armcontour.studio.view import Detail, View
+from armcontour.studio.view import View
 from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker
 
 TaskWorkerFactory: TypeAlias = Callable[[Callable[[PageFrame], None]], TaskWorker]
@@ -54,18 +47,14 @@ MAX_OBSOLETE_PLAN = 0.5
 MAX_OBSOLETE_FIGURES = 2.0
 # Delay of the first progress frame, and minimum interval of further progress frames [s].
 PROGRESS_DELAY, PROGRESS_INTERVAL = 0.7, 0.1
-# Number of steps of a run that belong to its plan.
-PLAN_STEPS = 3
 # Tasks that a page can start.
-TASKS = tuple(x for x in dispatch.TASKS if x not in ("figures", "changes"))
+TASKS = tuple(x for x in dispatch.TASKS if x != "figures")
 # Kinds of frames that end a task.
-FINAL_KINDS = ("figures", "changes", "result", "refusal", "failed", "cancelled")
+FINAL_KINDS = ("figures", "result", "refusal", "failed", "cancelled")
 # Prefix of the task identifiers of exact figures, and identifier in the progress of a state.
 STATE_ID = "#"
 # Values of `state` in progress frames.
 WORKING, STOPPED, DONE = "working", "stopped", "done"
-# Start positions that differ by more than this are in different configurations [rad].
-SAME_CONFIGURATION = 0.01
 
 
 class Superseded(Exception):
@@ -74,20 +63,15 @@ class Superseded(Exception):
 
 @dataclass(slots=True, eq=False)
 class ShownResults:
-    """Newest results of a document, and the results that the pages show."""
+    """Newest results of a document that the pages show."""
 
     planned: Preview | None = None
-    executed: PreviewExecution | None = None
     # Arm and scene that the pages show.
     sent_parts: tuple[Arm, Scene | None] | None = None
-    # Computing times of the last two plans of each tier [s].
-    plan_times: dict[Tier, tuple[float, float]] = field(default_factory=dict)
-    # Plan or program that the pages show, its view, and the number of its picture.
-    drawn: tuple[Preview | Program, View, int] | None = None
-    # Last revision whose preview was repeated in the configuration of its full run.
-    followed: int = 0
-    # True if exact figures were sent.
-    has_exact: bool = False
+    # Computing times of the last two plans [s].
+    plan_times: tuple[float, float] = (0.0, 0.0)
+    # Path that the pages show without a plan.
+    drawn: Program | None = None
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -106,8 +90,6 @@ class DocumentState:
     request: Callable[[], Mapping[str, Any]]
     # Waypoints in the plane of the picture [m], (n, 2).
     waypoints: FloatArray | None = None
-    # True while a gesture is active.
-    moving: bool = False
     # Results of the document.
     results: ShownResults = field(default_factory=ShownResults, init=False)
     # Picture without a plan, and its path.
@@ -121,8 +103,8 @@ class DocumentState:
     reported: float | None = field(default=None, init=False)
 
 
-# State, request to the task process, and task: "figures" or "changes" (advice).
-FiguresRequest: TypeAlias = tuple[DocumentState, Mapping[str, Any], str]
+# State and its request to the task process.
+FiguresRequest: TypeAlias = tuple[DocumentState, Mapping[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +126,6 @@ class Scheduler:
         options: SchedulerOptions,
     ) -> None:
         self.previewer, self._rest = previewer, options.rest_time
-        self._pictures = 0
         self._deliver, self._make_task_worker = deliver, options.task_worker
         self._lock = RLock()
         self._results = ShownResults()
@@ -153,17 +134,12 @@ class Scheduler:
         self._executed_at = 0.0
         self._done = Event()
         self._preview_worker = options.preview_worker(self._fail)
-        # A second worker, so that details can be drawn while a plan is computed.
-        self._detail_worker = options.preview_worker(self._fail)
-        self._detail_requests: dict[object, tuple[Detail, Callable[[PageFrame], None]]] = {}
         self._figures_worker = options.task_worker(self._receive)
         # Running and queued requests for figures.
         self._current: FiguresRequest | None = None
         self._queued: FiguresRequest | None = None
         # Last request that resulted in figures, and these figures.
         self._known: tuple[Mapping[str, Any], PageFrame] | None = None
-        # Last step of the advice that belongs to the known figures.
-        self._changes: PageFrame | None = None
         self._count, self._since = 0, 0.0
         self._task_worker: TaskWorker | None = None
         self._running: set[str] = set()
@@ -207,24 +183,6 @@ class Scheduler:
                 self._send_progress(state, (), None, WORKING)
                 self._preview_worker.submit(partial(self._show_state, state))
 
-    def draw_detail(
-        self, detail: Detail, deliver: Callable[[PageFrame], None], page: object
-    ) -> None:
-        """Draw the visible part of the newest picture for a page, in the detail worker."""
-        self._detail_requests[page] = detail, deliver
-        self._detail_worker.submit(self._draw_details)
-
-    def _draw_details(self, stale: StaleCheck) -> None:
-        """Draw all requested details."""
-        while self._detail_requests and (drawn := self._results.drawn) is not None:
-            _, (detail, deliver) = self._detail_requests.popitem()
-            (made, view, number), executed = drawn, self._results.executed
-            if not isinstance(made, Preview):
-                executed = None
-            tier = None if executed is None else executed.planned.tier
-            frame = detail_frame(made, executed, view, detail)
-            deliver(frame.stamped(number=number, tier=tier))
-
     def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
         """Start a task in the task process; `id` identifies the task for `cancel`."""
         with self._lock:
@@ -253,6 +211,11 @@ class Scheduler:
             # Work that is still running refers to the results of the previous document.
             self._newest, self._results = None, ShownResults()
 
+    def show_again(self) -> None:
+        """Send everything with the next state, because a page has nothing yet."""
+        with self._lock:
+            self._results.sent_parts = self._results.drawn = None
+
     def forget_figures(self) -> None:
         """Discard the known exact figures, because files of the job may have changed."""
         with self._lock:
@@ -265,7 +228,6 @@ class Scheduler:
                 worker.close()
         self._done.set()
         self._preview_worker.close()
-        self._detail_worker.close()
 
     # The methods below run in the thread of the preview worker.
 
@@ -280,71 +242,76 @@ class Scheduler:
             return stale(within) or state.stopped
 
         with contextlib.suppress(Superseded):
-            self._run_tiers(state, is_over)
+            self._compute(state, is_over)
         self._done.set()
 
-    def _run_tiers(self, state: DocumentState, stale: StaleCheck) -> None:
-        """Show an outline (if slow) or a moving plan (gesture), then preview and exact results."""
-        try:
-            if self._is_slow(state):
-                self._send_picture(*self._outline(state), state)
-                self._wait(state, stale)
-                # The task process computes the figures at the same time as the preview.
-                self._request_figures(state)
-                self._send_progress(state, ("planning",), None, WORKING)
-            elif state.moving:
-                self._show_tier(state, Tier.MOVING, stale)
-                self._wait(state, stale)
-            planned = self._show_tier(state, Tier.PREVIEW, stale)
-        except ArmContourError as error:
-            planned = None
-            self._refuse(state, error)
-        self._wait(state, stale)
-        self._request_figures(state)
-        if planned is not None and self.previewer.may_be_exact(planned):
+    def _compute(self, state: DocumentState, stale: StaleCheck) -> None:
+        """Show an outline if the plan is slow, then a preview, and request exact figures."""
+        # An error of reach is explained only after the last edit, because that takes long.
+        for explain in (False, True):
             try:
-                self._show_tier(state, Tier.EXACT, stale)
+                if min(state.results.plan_times) > SLOW_PLAN or self.previewer.is_long(state.data):
+                    self._send_outline(state)
+                    self._wait(state, stale)
+                    # The task process computes the figures at the same time as the preview.
+                    self._request_figures(state)
+                    self._send_progress(state, ("planning",), None, WORKING)
+                self._plan(state, stale, explain)
+                break
             except ArmContourError as error:
                 self._refuse(state, error)
+                self._wait(state, stale)
+                if not isinstance(error, Unreachable):
+                    break
+        self._wait(state, stale)
+        self._request_figures(state)
 
-    def _show_tier(self, state: DocumentState, tier: Tier, stale: StaleCheck) -> Preview:
-        """Compute and send plan and execution of a tier; returns the plan."""
+    def _plan(self, state: DocumentState, stale: StaleCheck, explain: bool) -> None:
+        """Compute and show the preview of a state; `explain`: as for `CoarsePlanner.plan`."""
         # Computing time is CPU time, so that plans are not cancelled because the machine is busy.
         results, begin = state.results, time.thread_time()
 
         def report(step: Step) -> None:
-            is_late = tier == Tier.EXACT or time.thread_time() > begin + MAX_OBSOLETE_PLAN
-            if state.stopped or (is_late and stale()):
+            if state.stopped or (time.thread_time() > begin + MAX_OBSOLETE_PLAN and stale()):
                 raise Superseded
             self._send_progress(state, step.names, step.done)
 
-        planned = self.previewer.plan(state.data, state.run, tier=tier, progress=report)
+        planned = self.previewer.plan(state.data, state.run, report, explain=explain)
         took = time.thread_time() - begin
-        results.plan_times[tier] = results.plan_times.get(tier, (0.0, 0.0))[1], took
-        if took < SLOW_PLAN:
-            results.plan_times.pop(Tier.MOVING, None)
+        results.plan_times = results.plan_times[1], took
+        self._show_plan(state, planned)
+        if took > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED:
+            self._wait(state, stale)
+        if stale() and time.monotonic() < self._executed_at + MIN_SIMULATION_INTERVAL:
+            raise Superseded
+        self._show_execution(state, planned)
+
+    def _show_exact(self, state: DocumentState, plan: RunResult, stale: StaleCheck) -> None:
+        """Show the plan of the full run, which the task process has computed."""
+        planned = self.previewer.exact(state.data, plan)
+        self._show_plan(state, planned)
+        if not stale():
+            self._show_execution(state, planned)
+
+    def _show_plan(self, state: DocumentState, planned: Preview) -> None:
+        """Send the picture of a plan, and the arm."""
         state.answered = True
-        results.planned = planned
-        self._send_picture(picture_frame(planned, state.view), planned, state)
+        state.results.planned = planned
+        self._deliver(picture_frame(planned, state.view), state)
         # The arm follows the plan, because computing the triangles of its links can take long.
         self._show_arm(state, planned.job)
+
+    def _show_execution(self, state: DocumentState, planned: Preview) -> None:
+        """Simulate a plan and send its execution, unless the motion is long."""
         if not self.previewer.may_execute(planned):
-            # Such a long motion is simulated only in the full run.
-            return planned
-        if tier != Tier.EXACT and (took > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED):
-            self._wait(state, stale)
-        if stale() and (
-            tier == Tier.EXACT or time.monotonic() < self._executed_at + MIN_SIMULATION_INTERVAL
-        ):
-            raise Superseded
+            return
         try:
-            results.executed = executed = self.previewer.execute(planned)
+            executed = self.previewer.execute(planned)
         except ArmContourError as error:
             self._refuse(state, error, planned)
         else:
             self._executed_at = time.monotonic()
             self._deliver(execution_frame(executed, state.view), state)
-        return planned
 
     def _wait(self, state: DocumentState, stale: StaleCheck) -> None:
         """Wait until the state is unchanged for the rest time; raises Superseded if it changes."""
@@ -352,12 +319,11 @@ class Scheduler:
         if stale(state.start_time + self._rest - time.monotonic()):
             raise Superseded
 
-    def _is_slow(self, state: DocumentState) -> bool:
-        """True if planning takes so long that the outline is shown first."""
-        tier = Tier.MOVING if state.moving else Tier.PREVIEW
-        return min(
-            state.results.plan_times.get(tier, (0.0, 0.0))
-        ) > SLOW_PLAN or self.previewer.is_long(state.data)
+    def _send_outline(self, state: DocumentState) -> None:
+        """Send the picture of the path without a plan."""
+        frame, program = self._outline(state)
+        if self._deliver(frame, state):
+            state.results.drawn = program
 
     def _outline(self, state: DocumentState) -> tuple[PageFrame, Program]:
         """Picture of the path of a state without a plan, and the path."""
@@ -365,14 +331,6 @@ class Scheduler:
             program = self.previewer.path_program(state.data)
             state.outline = drawing_frame(program, state.view, run=state.run), program
         return state.outline
-
-    def _send_picture(
-        self, frame: PageFrame, made: Preview | Program, state: DocumentState
-    ) -> None:
-        """Send a picture with its number, and record it as shown."""
-        self._pictures += 1
-        if self._deliver(frame.stamped(number=self._pictures), state):
-            state.results.drawn = made, state.view, self._pictures
 
     def _show_arm(self, state: DocumentState, job: Job) -> None:
         """Send arm and scene if they differ from those that the pages show."""
@@ -400,8 +358,8 @@ class Scheduler:
             with contextlib.suppress(ArmContourError):
                 outline, program = self._outline(state)
                 frame = PageFrame("refusal", {**header, "outline": outline.header}, outline.arrays)
-                if results.planned is None and (results.drawn or [None])[0] is not program:
-                    self._send_picture(outline, program, state)
+                if results.planned is None and results.drawn is not program:
+                    self._send_outline(state)
         self._deliver(frame, state)
 
     # Exact figures and tasks
@@ -411,32 +369,22 @@ class Scheduler:
         with contextlib.suppress(ArmContourError):
             request = state.request()
             with self._lock:
-                new = state, request, "figures"
                 if self._known is not None and self._known[0] == request:
-                    self._queued, new = None, (state, request, "changes")
+                    self._queued = None
                     self._send_figures(state, self._known[1])
-                    if self._changes is not None:
-                        self._deliver(PageFrame("changes", self._changes.header), state)
-                    if self._is_complete(self._changes):
-                        return
-                if self._current is None:
-                    self._submit_figures(*new)
-                elif self._current[1:] == new[1:]:
-                    self._current = new
+                elif self._current is None:
+                    self._submit_figures(state, request)
+                elif self._current[1] == request:
+                    self._current = state, request
                 elif self._current[0] is not state:
-                    self._queued = new
+                    self._queued = state, request
 
-    @staticmethod
-    def _is_complete(changes: PageFrame | None) -> bool:
-        """True if the frame contains the complete advice."""
-        return changes is not None and changes.header["share"] >= 1
-
-    def _submit_figures(self, state: DocumentState, request: Mapping[str, Any], task: str) -> None:
-        """Submit a request for figures or for the next step of the advice to the task process."""
-        self._current, self._queued = (state, request, task), None
+    def _submit_figures(self, state: DocumentState, request: Mapping[str, Any]) -> None:
+        """Submit a request for figures to the task process."""
+        self._current, self._queued = (state, request), None
         self._count += 1
         self._since = time.monotonic()
-        self._figures_worker.submit(f"{STATE_ID}{self._count}", task, dict(request))
+        self._figures_worker.submit(f"{STATE_ID}{self._count}", "figures", dict(request))
 
     def _receive(self, frame: PageFrame) -> None:
         """Process a frame that a task process has sent."""
@@ -449,21 +397,15 @@ class Scheduler:
                 return
             if self._current is None or id != f"{STATE_ID}{self._count}":
                 return
-            state, request, task = self._current
+            state, request = self._current
             if frame.kind not in FINAL_KINDS:
-                if state.answered and task == "figures":
+                if state.answered:
                     self._send_progress(state, frame.header["steps"], frame.header["share"])
                 return
             self._current = None
             if frame.kind == "figures":
-                self._known, self._changes = (request, frame), None
+                self._known = request, frame
                 self._send_figures(state, frame)
-            elif frame.kind == "changes":
-                self._changes = frame
-                self._deliver(PageFrame("changes", frame.header), state)
-            elif task == "changes":
-                # A failure of the advice is ignored, because the advice is optional.
-                pass
             elif frame.kind == "refusal":
                 self._deliver(frame, state)
                 self._end_progress(state)
@@ -473,43 +415,14 @@ class Scheduler:
                 self._send_progress(state, (str(frame.header["sentence"]),), None, STOPPED)
             if self._queued is not None:
                 self._submit_figures(*self._queued)
-            elif frame.kind in ("figures", "changes") and not self._is_complete(self._changes):
-                # The advice is requested in short steps, so that the next figures need not wait.
-                self._submit_figures(state, request, "changes")
 
     def _send_figures(self, state: DocumentState, frame: PageFrame) -> None:
-        """Send exact figures; repeat the preview if the full run has another configuration."""
+        """Send exact figures, then show the plan and the execution to which they belong."""
         taken = self._deliver(PageFrame("figures", frame.header), state)
         self._end_progress(state)
-        results, start = state.results, frame.header.get("start")
-        had_exact, results.has_exact = results.has_exact, results.has_exact or taken
-        if not taken or start is None or state is not self._newest or results.followed == state.rev:
-            return
-        if (
-            results.planned is None
-            or np.abs(results.planned.start - np.asarray(start)).max() <= SAME_CONFIGURATION
-        ):
-            return
-        results.followed = state.rev
-        self._preview_worker.submit(partial(self._follow, state, np.asarray(start), had_exact))
-
-    def _follow(
-        self, state: DocumentState, start: FloatArray, had_exact: bool, stale: StaleCheck
-    ) -> None:
-        """Show a state in the configuration of the full run; report a change of configuration."""
-        planned = state.results.planned
-        assert planned is not None
-        if CONFIGURATION_NOTE in planned.differs and had_exact:
-            joint = int(np.argmax(np.abs(planned.start - start)))
-            before, after = np.degrees((planned.start[joint], start[joint]))
-            sentence = (
-                "The arm now uses another configuration, because the motion is faster in it: joint "
-                f"{joint + 1} starts at {after:z.1f} deg instead of {before:z.1f} deg. To fix the "
-                "configuration, set `seed` in the job file."
-            )
-            self._deliver(PageFrame("notice", {"sentence": sentence}), state)
-        self.previewer.keep_start(planned.job, start)
-        self._show_state(state, stale)
+        if taken and state is self._newest and "plan" in frame.arrays:
+            plan = pickle.loads(frame.arrays["plan"].tobytes())
+            self._preview_worker.submit(partial(self._show_exact, state, plan))
 
     def _send_progress(
         self, state: DocumentState, steps: Sequence[str], share: float | None, how: str = ""
@@ -523,10 +436,6 @@ class Scheduler:
             if state is self._newest and (how or (now >= due and not state.stopped)):
                 state.reported = now
                 tier = Tier.EXACT if state.answered else Tier.PREVIEW
-                if steps and steps[-1] in STEPS:
-                    number = STEPS.index(steps[-1]) + 1
-                    count = len(STEPS) if state.answered else PLAN_STEPS
-                    steps = (*steps[:-1], f"{steps[-1]} (step {number} of {count})")
                 header = {"id": STATE_ID, "task": STATE_ID, "tier": tier, "state": how or WORKING}
                 self._deliver(
                     PageFrame("progress", {**header, "steps": steps, "share": share}), state

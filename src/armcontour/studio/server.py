@@ -29,7 +29,6 @@ from armcontour.studio.access_control import (
     AccessControl,
     Endpoint,
     Message,
-    RateLimit,
     Receive,
     RefusedRequest,
     Scope,
@@ -53,13 +52,8 @@ CONTENT_TYPES = {
 }
 # Libraries that the optional dependency group `studio` installs.
 REQUIRED_LIBRARIES = ("uvicorn", "websockets")
-# Time within which a page must send the token [s], and maximum number of pages.
+# Time within which a page must send the token [s].
 HELLO_TIMEOUT = 10.0
-MAX_PAGES = 16
-# Maximum number of connections; a browser opens six for files and one per page.
-MAX_CONNECTIONS = 100
-# Maximum number of connections without a request in progress.
-MAX_IDLE = 50
 # Maximum period of the checks for open pages and for changes of the job file [s].
 FILE_CHECK_PERIOD = 2.0
 # Interval at which the interpreter switches threads [s].
@@ -67,8 +61,8 @@ SWITCH_INTERVAL = 5e-4
 # Arrays above this size are returned to the system when they are freed [bytes]. By default, glibc
 # retains freed blocks of up to 32 MB. After motions of several minutes, these are hundreds of MB.
 LARGE_ARRAY, M_MMAP_THRESHOLD = 2**20, -3
-# Close codes of websockets.
-REFUSED_CODE, BUSY_CODE = 1008, 1013
+# Close code of refused websockets.
+REFUSED_CODE = 1008
 
 
 class Server:
@@ -108,7 +102,7 @@ class Server:
     async def _send_download(self, number: str, send: Send) -> None:
         """Send a stored file for download."""
         session = self.session_host.session
-        file = None if session is None else session.display.pages.files.get(number)
+        file = None if session is None else session.pages.files.get(number)
         if file is None:
             raise RefusedRequest(404, "This file is no longer available. Create it again.")
         name = f"attachment; filename*=UTF-8''{quote(file.name, safe='')}"
@@ -142,18 +136,14 @@ class Server:
         if not await self._has_token(receive):
             await _close(send, REFUSED_CODE, "The token is missing or wrong.")
             return
-        if len(self.session_host.pages) >= MAX_PAGES:
-            await _close(send, BUSY_CODE, "Too many pages of this Studio are open. Close some.")
-            return
         page = OpenPage()
         writing = asyncio.create_task(page.write(send))
         hearing = asyncio.create_task(self._pass_messages(page, receive))
         try:
             await asyncio.to_thread(self.session_host.join, page)
             done, _ = await asyncio.wait([writing, hearing], return_when=asyncio.FIRST_COMPLETED)
-            reason = hearing.result() if hearing in done else "The page reads too slowly."
-            if reason is not None:
-                await _close(send, REFUSED_CODE, reason)
+            if hearing in done and not hearing.result():
+                await _close(send, REFUSED_CODE, "A message is not a JSON object.")
         finally:
             writing.cancel()
             hearing.cancel()
@@ -173,21 +163,14 @@ class Server:
             and self.endpoint.accepts(message_data.get("token"))
         )
 
-    async def _pass_messages(self, page: OpenPage, receive: Receive) -> str | None:
-        """Pass messages of a page to the session in order.
-
-        Returns the reason why the server closes the websocket; None if the page has closed it.
-        """
-        allowance = RateLimit()
+    async def _pass_messages(self, page: OpenPage, receive: Receive) -> bool:
+        """Pass messages of a page to the session in order; False after an invalid message."""
         while (message := await receive())["type"] == "websocket.receive":
-            if not allowance.allow():
-                return "The page sends too many messages."
             message_data = _read_message(message)
             if message_data is None:
-                return "A message is not a JSON object."
-            if not await asyncio.to_thread(self.session_host.receive, page, message_data):
-                return "The page sends too many messages before the session has started."
-        return None
+                return False
+            await asyncio.to_thread(self.session_host.receive, page, message_data)
+        return True
 
 
 def page_files() -> dict[str, FilePath]:
@@ -245,7 +228,7 @@ def listen(port: int) -> socket.socket:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((ADDRESS, port))
-        listening.listen(MAX_CONNECTIONS)
+        listening.listen()
     except OSError as error:
         listening.close()
         raise InvalidInput(
@@ -253,30 +236,6 @@ def listen(port: int) -> socket.socket:
             "--port, or omit --port to use a free port."
         ) from None
     return listening
-
-
-def _http_protocol() -> type[asyncio.Protocol]:
-    """Class of an HTTP protocol that closes the oldest idle connection when MAX_IDLE is reached."""
-    from uvicorn.protocols.http.h11_impl import H11Protocol
-
-    class IdleLimitedProtocol(H11Protocol):  # type: ignore[misc, unused-ignore]
-        since = 0.0
-
-        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-            idle = [
-                x for x in self.connections if isinstance(x, IdleLimitedProtocol) and x.is_idle()
-            ]
-            if len(idle) >= MAX_IDLE:
-                min(idle, key=lambda x: x.since).transport.abort()
-            self.since = self.loop.time()
-            super().connection_made(transport)
-
-        def is_idle(self) -> bool:
-            if self.transport.is_closing():
-                return False
-            return self.cycle is None or bool(self.cycle.response_complete)
-
-    return IdleLimitedProtocol
 
 
 async def _serve(listening: socket.socket, endpoint: Endpoint, session_host: SessionHost) -> None:
@@ -288,7 +247,7 @@ async def _serve(listening: socket.socket, endpoint: Endpoint, session_host: Ses
     server = uvicorn.Server(
         uvicorn.Config(
             AccessControl(Server(endpoint, session_host), endpoint),
-            http=_http_protocol(),
+            http="h11",
             ws="websockets-sansio",
             loop="asyncio",
             lifespan="off",
@@ -299,7 +258,6 @@ async def _serve(listening: socket.socket, endpoint: Endpoint, session_host: Ses
             ws_per_message_deflate=False,
             server_header=False,
             date_header=False,
-            limit_concurrency=MAX_CONNECTIONS,
             timeout_graceful_shutdown=1,
         )
     )

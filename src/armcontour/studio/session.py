@@ -1,4 +1,4 @@
-"""Session of the Studio: a document, the pages that show it, and execution of their messages."""
+"""Session of the Studio: a document, the pages that show it, and the commands of the pages."""
 
 from __future__ import annotations
 
@@ -6,21 +6,37 @@ import contextlib
 import json
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path as FilePath
+from threading import RLock
+from typing import Any
 
+import numpy as np
+
+from armcontour.core import checks
 from armcontour.core.compilation import compile_for_run
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
-from armcontour.studio.commands import Commands
+from armcontour.core.text import show
+from armcontour.files.cell import cell_names
+from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import Document
-from armcontour.studio.drafts import running_studio
-from armcontour.studio.editor import Editor
+from armcontour.studio.editor import Editor, Revision
+from armcontour.studio.edits.keys import add_run, remove_run
+from armcontour.studio.handles import is_blank
+from armcontour.studio.opening import new_document, open_file
 from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.pages import Display, Page, PageMessage
+from armcontour.studio.pages import Page, PageMessage, Pages
+from armcontour.studio.picture import drawing_frame
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.scheduler import SchedulerOptions
+from armcontour.studio.recent import listed_recent
+from armcontour.studio.scheduler import DocumentState, Scheduler, SchedulerOptions
+from armcontour.studio.view import View
+
+# Maximum number of edits in a message, because the job may be read again for each edit.
+MAX_EDITS = 100
 
 
 class Session:
@@ -35,16 +51,20 @@ class Session:
         progress: Progress = lambda step: None,
     ) -> None:
         self.editor = Editor(document, previewer)
-        self.display = Display(self.editor, scheduling or SchedulerOptions())
-        self._commands = Commands(self.display, self.confine)
+        self.pages = Pages()
+        self.lock = RLock()
+        self.scheduler = Scheduler(
+            previewer, self._send_state_frame, scheduling or SchedulerOptions()
+        )
+        # Shown revision, including the edits of an active gesture.
+        self._revision = Revision({})
+        # State of the file when the document was shown last; empty before.
+        self._on_disk = ""
+        # Gesture of each page, a drag or similar interaction: its number, and the revision of the
+        # document at its start. Each of its messages contains all edits since its start.
+        self._gestures: dict[Page, tuple[Any, int]] = {}
         self._progress = progress
         self._ending = contextlib.ExitStack()
-        self._ending.enter_context(running_studio())
-
-    @property
-    def document(self) -> Document:
-        """The edited document."""
-        return self.editor.document
 
     def confine(self, named: Iterable[FilePath]) -> None:
         """Restrict reading to the folders of job and uploads, and to files named by the user."""
@@ -59,29 +79,38 @@ class Session:
         with contextlib.ExitStack() as compiling:
             if job is not None:
                 compiling.enter_context(compile_for_run(job.arm.dimension, self._progress))
-            with self.display.lock:
-                self.display.show_all()
+            with self.lock:
+                self._show_all()
             if self.editor.state.job is not None:
-                self.display.scheduler.wait()
+                self.scheduler.wait()
 
     def join(self, page: Page) -> None:
-        """Add a page."""
-        self.display.pages.join(page)
+        """Add a page, and show it the document if it was shown before."""
+        with self.lock:
+            self.pages.join(page)
+            if self._on_disk:
+                self.scheduler.show_again()
+                self._show_document()
+                self._show(self._revision)
 
     def leave(self, page: Page) -> None:
         """Remove a page and discard its gesture."""
-        self.display.pages.leave(page)
-        with self.display.lock:
-            self._commands.gestures.leave(page)
+        with self.lock:
+            self.pages.leave(page)
+            if self._gestures.pop(page, None) is not None:
+                self._show()
 
     def receive(self, page: Page, message: PageMessage) -> None:
         """Execute a message of a page; errors are reported to the page."""
-        with self.display.lock:
-            if not self.display.pages.record(page, message):
+        with self.lock:
+            if not self.pages.record(page, message):
                 return
             try:
                 _refuse_surrogates(message)
-                self._commands.execute(page, message)
+                command = getattr(self, f"do_{message.get('op')}", None)
+                if command is None:
+                    raise InvalidInput(f"The Studio has no command {show(message.get('op'))}.")
+                command(page, message)
             except ArmContourError as error:
                 self._fail(page, message, error)
             except Exception as error:
@@ -92,41 +121,296 @@ class Session:
 
     def look(self) -> None:
         """Report to the pages if the job file has changed on disk."""
-        with self.display.lock:
-            self.display.look()
+        with self.lock:
+            if self._on_disk and self.editor.document.on_disk() != self._on_disk:
+                self._show_document()
 
     def open_upload(
         self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
     ) -> str:
         """Open an uploaded file, or store it as a log; returns the name of the file or log."""
-        with self.display.lock:
+        with self.lock:
             editor = self.editor
             if log:
                 name = editor.uploads.keep_log(name, content)
-                self.display.show_document()
+                self._show_document()
                 return name
-            opened = editor.uploads.open(name, content, cell, editor.document, unknown)
+            opened = editor.uploads.open(name, content, cell, editor.folder, unknown)
             if isinstance(opened, Document):
-                editor.open(opened)
-                self.display.open()
+                self._open(opened)
             else:
-                editor.commit(editor.revise_keys(opened), f"open {name}")
-                self.display.show_all()
+                self._change(opened, f"open {name}")
         return name
 
     def close(self) -> None:
         """End all work and delete the uploads of the session."""
-        self.display.scheduler.close()
+        self.scheduler.close()
         self._ending.close()
         self.editor.uploads.close()
+
+    # Commands of the pages: the method `do_NAME` executes messages with the `op` NAME.
+
+    def do_edit(self, page: Page, message: PageMessage) -> None:
+        """Preview the edits of a gesture; commit them if the message is final."""
+        gesture, final = message.get("gesture"), bool(message.get("final"))
+        held = self._gestures.pop(page, None)
+        rev = held[1] if held is not None and held[0] == gesture else self.editor.rev
+        if not final:
+            self._gestures[page] = gesture, rev
+        if rev != self.editor.rev:
+            if final:
+                self._show_document(page)
+                sentence = "The job was changed elsewhere during the edit, so it was discarded."
+                self.send(PageFrame("notice", {"sentence": sentence}), to=page)
+            return
+        edits = _read_edits(message)
+        revision = self.editor.revise(edits)
+        if final:
+            self._commit(revision, label_of(edits))
+        else:
+            self._show(revision)
+
+    def do_cancel_gesture(self, page: Page, message: PageMessage) -> None:
+        """Discard the gesture of a page and show the document without its edits."""
+        self._gestures.pop(page, None)
+        self._show()
+
+    def do_undo(self, page: Page, message: PageMessage) -> None:
+        """Revert the last change."""
+        self.editor.undo()
+        self._show_all()
+
+    def do_redo(self, page: Page, message: PageMessage) -> None:
+        """Repeat the change that was undone last."""
+        self.editor.redo()
+        self._show_all()
+
+    def do_save(self, page: Page, message: PageMessage) -> None:
+        """Write the job file; a job without a file becomes a download."""
+        document, force = self.editor.document, message.get("force") is True
+        if document.file is None:
+            name = f"{document.data.get('name') or 'job'}.yaml"
+            number = self.pages.keep_file(name, "application/yaml", document.text.encode())
+            self.send(PageFrame("download", {"file": number, "name": name}), to=page)
+        elif document.changed_on_disk() and not force:
+            sentence = (
+                f"Another program has changed {document.file.name} since it was opened. Overwrite "
+                "or reload the file."
+            )
+            self.send(PageFrame("conflict", {"sentence": sentence}), to=page)
+        else:
+            document.save(force=force)
+            self.send(PageFrame("saved", {"file": str(document.file)}))
+            self._show_document()
+
+    def do_reload(self, page: Page, message: PageMessage) -> None:
+        """Read the file again."""
+        self.editor.reload()
+        # The files that the job names may have changed too.
+        self.scheduler.forget_figures()
+        self._show_all()
+
+    def do_restore_draft(self, page: Page, message: PageMessage) -> None:
+        """Restore the draft of an earlier session."""
+        self.editor.restore()
+        self._show_all()
+
+    def do_discard_draft(self, page: Page, message: PageMessage) -> None:
+        """Delete the draft of an earlier session."""
+        self.editor.document.drop_earlier()
+        self._show_document()
+
+    def do_start(self, page: Page, message: PageMessage) -> None:
+        """Show the start page with the built-in arms and the recent documents."""
+        recent = [
+            {"id": x.id, "name": x.name, "where": x.where}
+            for x in listed_recent()
+            if x.id != self.editor.document.id
+        ]
+        self.send(PageFrame("start", {"arms": cell_names(), "recent": recent}), to=page)
+
+    def do_new(self, page: Page, message: PageMessage) -> None:
+        """Open the job of a card of the start page."""
+        card, arm = (_required_text(message, name) for name in ("card", "arm"))
+        self._open(new_document(card, arm, self.editor.uploads, self.editor.folder))
+
+    def do_open_recent(self, page: Page, message: PageMessage) -> None:
+        """Open a recent document, which may be in any folder."""
+        id = _required_text(message, "id")
+        entry = next((x for x in listed_recent() if x.id == id), None)
+        if entry is None:
+            raise InvalidInput("This recent file or draft no longer exists.")
+        folder = FilePath(entry.folder)
+        named = [FilePath(x) for x in (entry.file, entry.cell) if x is not None]
+        with reading_below((folder, self.editor.uploads.root), named):
+            if entry.file is not None:
+                document = open_file(FilePath(entry.file), entry.cell)
+            else:
+                document = Document(entry.opened, source=entry.name, folder=folder)
+                document.earlier = entry
+            before = self.editor.document
+            self.editor.open(document)
+            if entry.file is None:
+                self.editor.restore()
+        self.confine(named)
+        self._show_opened(before)
+
+    def do_select(self, page: Page, message: PageMessage) -> None:
+        """Show another run."""
+        self.editor.select(_required_text(message, "run"))
+        self._show_all()
+
+    def do_add_run(self, page: Page, message: PageMessage) -> None:
+        """Add a copy of a run."""
+        name, like = _required_text(message, "name"), message.get("like", self.editor.run)
+        self._change(add_run(self.editor.state.data, name, like), f"add the run {name}")
+
+    def do_remove_run(self, page: Page, message: PageMessage) -> None:
+        """Remove a run."""
+        name = _required_text(message, "name")
+        self._change(remove_run(self.editor.state.data, name), f"remove the run {name}")
+
+    def do_task(self, page: Page, message: PageMessage) -> None:
+        """Start a task in the task process, with the edits of the active gesture."""
+        options = message.get("options") or {}
+        if not isinstance(options, dict):
+            raise InvalidInput("The options of a task must be a mapping.")
+        id, task = _required_text(message, "id"), _required_text(message, "task")
+        self.scheduler.start_task(id, task, self.editor.request(self._revision, options))
+
+    def do_cancel(self, page: Page, message: PageMessage) -> None:
+        """Cancel a task, or the work on the shown state."""
+        self.scheduler.cancel(_required_text(message, "id"))
+
+    def do_resume(self, page: Page, message: PageMessage) -> None:
+        """Continue the work on the shown state."""
+        self.scheduler.resume()
+
+    # Changes of the document, and frames for the pages
+
+    def _commit(self, revision: Revision, label: str) -> None:
+        """Change the document and show it."""
+        self.editor.commit(revision, label)
+        self._show_all()
+
+    def _change(self, changes: Sequence[Any], label: str) -> None:
+        """Change keys of the document and show it."""
+        self._commit(self.editor.revise_keys(changes), label)
+
+    def _open(self, document: Document) -> None:
+        """Open another document and show it."""
+        before = self.editor.document
+        self.editor.open(document)
+        self._show_opened(before)
+
+    def _show_opened(self, before: Document) -> None:
+        """Show the new document; report that unsaved changes of the previous one are in a draft."""
+        self.scheduler.forget()
+        self._show_all()
+        sentence = before.unsaved()
+        if sentence is not None:
+            self.send(PageFrame("notice", {"sentence": sentence}))
+
+    def _show_all(self) -> None:
+        """Send the frame `document`, then plan and show the run."""
+        self._show_document()
+        self._show()
+
+    def _show_document(self, to: Page | None = None) -> None:
+        """Send the frame `document` to one page or to all."""
+        editor = self.editor
+        self._on_disk = editor.document.on_disk()
+        frame = document_frame(editor.document, editor.state, editor.run)
+        self.send(frame.stamped(id=editor.id, logs=list(editor.uploads.logs)), to=to)
+
+    def _show(self, revision: Revision | None = None) -> None:
+        """Plan and show a revision, by default the document."""
+        editor = self.editor
+        self._revision = revision = Revision(editor.state.data) if revision is None else revision
+        handles = editor.state.handles
+        if handles is None:
+            self._send_refusal(editor.state.error or InvalidInput("The job is not valid yet."))
+            return
+        view = View(handles.plane, handles.centre)
+        if is_blank(revision.data):
+            self.scheduler.forget()
+            self.send(drawing_frame(None, view, run=editor.run))
+            return
+        self.scheduler.show(
+            DocumentState(
+                data=revision.data,
+                run=editor.run_of(revision.data),
+                view=view,
+                document=editor.id,
+                rev=editor.rev,
+                answers=self.pages.answers,
+                request=partial(editor.request, revision, {}),
+                waypoints=np.array([x.uv for x in handles.waypoints]).reshape(-1, 2),
+            )
+        )
+
+    def send(self, frame: PageFrame, to: Page | None = None) -> None:
+        """Send a frame of the current document to one page or to all."""
+        self.pages.send(frame.stamped(rev=self.editor.rev, document=self.editor.id), to=to)
+
+    def _send_refusal(self, error: ArmContourError, *, dropped: bool = False) -> None:
+        """Send an error to all pages; `dropped`: the edit was discarded, so show the document."""
+        if dropped:
+            self._show_document()
+        facts = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
+        about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
+        self.send(PageFrame("refusal", {**facts, **about, "key": ".".join(map(str, error.key))}))
+        if dropped:
+            self._show()
+
+    def _send_state_frame(self, frame: PageFrame, state: DocumentState | None) -> bool:
+        """Send a frame of the scheduler; False if the document has changed since its request."""
+        if state is None:
+            self.send(self._with_file(frame))
+            return True
+        if state.rev != self.editor.rev or is_blank(self._revision.data):
+            return False
+        about = {"rev": state.rev, "document": state.document}
+        self.pages.send(frame.stamped(**about), answers=state.answers)
+        return True
+
+    def _with_file(self, frame: PageFrame) -> PageFrame:
+        """Store the file of a frame for download, and replace its content by its identifier."""
+        if frame.kind != "result" or "content" not in frame.arrays:
+            return frame
+        header, content = frame.header, frame.arrays["content"].tobytes()
+        number = self.pages.keep_file(str(header["name"]), str(header["type"]), content)
+        return PageFrame("result", {**header, "file": number})
 
     def _fail(self, page: Page, message: PageMessage, error: ArmContourError) -> None:
         """Report the error of a message; errors of edits are sent to all pages as a refusal."""
         if message.get("op") == "edit":
-            self.display.send_refusal(error, dropped=bool(message.get("final")))
+            self._send_refusal(error, dropped=bool(message.get("final")))
             return
         header = {"id": message.get("id"), "op": message.get("op"), "sentence": str(error)}
-        self.display.send(PageFrame("failed", header), to=page)
+        self.send(PageFrame("failed", header), to=page)
+
+
+def _read_edits(message: PageMessage) -> list[Mapping[str, Any]]:
+    """The edits of a message: a list of 1 to MAX_EDITS mappings."""
+    edits: Any = message.get("edits")
+    is_list = isinstance(edits, list) and all(isinstance(x, dict) for x in edits)
+    if not is_list or not 0 < len(edits) <= MAX_EDITS:
+        raise InvalidInput(
+            f"The message edit requires `edits`, a list of 1 to {MAX_EDITS} mappings."
+        )
+    return list(edits)
+
+
+def _required_text(message: PageMessage, name: str) -> str:
+    """Value of a required key of a message: text of 1 to LONGEST_NAME characters."""
+    value = message.get(name)
+    if not isinstance(value, str) or not 0 < len(value) <= checks.LONGEST_NAME:
+        raise InvalidInput(
+            f"The message {message.get('op')} requires `{name}`, a text of 1 to "
+            f"{checks.LONGEST_NAME} characters."
+        )
+    return value
 
 
 def _refuse_surrogates(message: PageMessage) -> None:

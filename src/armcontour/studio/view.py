@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,15 +12,11 @@ import numpy.typing as npt
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path
 
-# Number of evenly spaced points with which the bounds of a path are computed, in addition to the
-# ends of segments.
-BOX_SAMPLES = 41
-
 # Spacing [s] and maximum number of evenly spaced times of a motion. With this spacing, linear
 # interpolation has an error of 0.3 mrad at 20 rad/s².
 MAX_SPACING, MAX_SAMPLES = 10e-3, 2_000
 # Ratio of the size of a picture to the maximum deviation of its lines, and minimum size [m].
-PICTURE_FINENESS, MIN_SIZE = 5_000, 1e-4
+PICTURE_FINENESS, MIN_SIZE = 20_000, 1e-4
 # Maximum angle between adjacent points of a curve [rad], and maximum number of points of an arc.
 TURN, MAX_PER_ARC = 0.06, 20_000
 # Accumulated change of direction after which a point is always drawn [rad], and maximum number of
@@ -65,8 +61,6 @@ class View:
     plane: Plane
     # Centre of the picture in the plane [m], (2,); origin of the arrays for the page.
     centre: FloatArray
-    # Path and its box by `id(path)`. The path is stored so that its id is not reused.
-    _boxes: dict[int, tuple[Path, FloatArray]] = field(default_factory=dict, init=False)
 
     def uv(self, points: FloatArray) -> FloatArray:
         """Project points [m], (n, 2 or 3), to coordinates in the plane [m], (n, 2)."""
@@ -76,16 +70,6 @@ class View:
     def screen_points(self, points: FloatArray) -> FloatArray:
         """Project points to coordinates relative to the centre [m], float32, (n, 2)."""
         return np.asarray(self.uv(points) - self.centre, dtype=np.float32)
-
-    def box(self, path: Path) -> FloatArray:
-        """Bounds (u_min, v_min, u_max, v_max) of a path relative to the centre [m], (4,)."""
-        if id(path) not in self._boxes:
-            s = np.linspace(0.0, path.length, BOX_SAMPLES)
-            uv = self.uv(path(np.union1d(path.breaks, s))) - self.centre
-            # Every point of the path is within half a sampling interval of a sampled point.
-            margin = np.full(2, path.length / (BOX_SAMPLES - 1) / 2)
-            self._boxes[id(path)] = path, np.append(uv.min(0) - margin, uv.max(0) + margin)
-        return self._boxes[id(path)][1]
 
     def screen_vectors(self, vectors: FloatArray) -> FloatArray:
         """Project vectors to components in the plane, float32, (n, 2)."""
@@ -156,83 +140,53 @@ def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) ->
     return np.flatnonzero(mask)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Detail:
-    """Drawing tolerance and visible part of a picture."""
+def drawing_error(uv: FloatArray) -> float:
+    """Maximum distance between path and drawn line [m] in a picture with points [m], (n, 2)."""
+    # This measure of the size does not change when the path is rotated.
+    away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
+    return max(2.0 * float(away.max(initial=0.0)), MIN_SIZE) / PICTURE_FINENESS
 
-    # Maximum distance between path and drawn line [m].
-    error: float
-    # Visible part (u_min, v_min, u_max, v_max) relative to the centre [m], (4,); None: everything.
-    box: FloatArray | None = None
 
-    @classmethod
-    def for_points(cls, uv: FloatArray) -> Detail:
-        """Drawing tolerance for a whole picture with points [m], (n, 2)."""
-        # This measure of the size does not change when the path is rotated.
-        away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
-        size = 2.0 * float(away.max(initial=0.0))
-        return cls(max(size, MIN_SIZE) / PICTURE_FINENESS)
+def drawn_arc_lengths(path: Path, error: float) -> FloatArray:
+    """Arc lengths of the samples of a path: ends of segments and points on curves [m], (n,)."""
+    bend = np.abs(path.curvatures)
+    coarse = np.maximum(bend * path.lengths / TURN, path.lengths * np.sqrt(bend / error))
+    parts = np.clip(np.ceil(coarse), 1, MAX_PER_ARC).astype(np.intp)
+    if len(path) == parts.sum():
+        return path.breaks
+    i = np.repeat(np.arange(len(path)), parts)
+    k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
+    return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
 
-    def may_show(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
-        """True if the box of a path intersects the visible part."""
-        if self.box is None:
-            return True
-        box = box_of(path)
-        return bool((box[2:] >= self.box[:2]).all() and (box[:2] <= self.box[2:]).all())
 
-    def arc_lengths(self, path: Path) -> FloatArray:
-        """Arc lengths of the samples of a path: ends of segments and points on curves [m], (n,)."""
-        bend = np.abs(path.curvatures)
-        coarse = np.maximum(bend * path.lengths / TURN, path.lengths * np.sqrt(bend / self.error))
-        parts = np.clip(np.ceil(coarse), 1, MAX_PER_ARC).astype(np.intp)
-        if len(path) == parts.sum():
-            return path.breaks
-        i = np.repeat(np.arange(len(path)), parts)
-        k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
-        return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
+def essential_points(points: FloatArray, ends: IntArray, error: float) -> BoolArray:
+    """Mask of drawn points, (n,): corners, and points that keep the drawing within `error`.
 
-    def visible_ends(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
-        """Indices of the end points of visible line segments, (m,), and their `ends`.
-
-        `ends`: index of the first point of each line, and the number of points at the end.
-        """
-        if self.box is None or len(uv) < 2:
-            return np.arange(len(uv)), ends
-        low, high = np.minimum(uv[:-1], uv[1:]), np.maximum(uv[:-1], uv[1:])
-        outside = (high < self.box[:2]) | (low > self.box[2:])
-        inside: BoolArray = ~np.any(outside, axis=1)
-        inside[ends[1:-1] - 1] = False
-        begins = np.append(inside, False)
-        ends_here = np.append(False, inside)
-        indices = np.flatnonzero(begins | ends_here)
-        first = np.flatnonzero((begins & ~ends_here)[indices])
-        return indices, np.append(first, len(indices))
-
-    def essential_points(self, points: FloatArray, ends: IntArray) -> BoolArray:
-        """Mask of drawn points, (n,): corners, and points that keep the drawing within `error`."""
-        mask = np.zeros(len(points), dtype=bool)
-        mask[ends[:-1]] = mask[ends[1:] - 1] = True
-        turned = np.floor(_turns(points, ends) / CORNER_TURN)
-        corners = 1 + np.flatnonzero(np.diff(turned))
-        # A picture with more corners is hatching whose lines are too dense for the screen.
-        if len(corners) <= MAX_CORNERS:
-            mask[corners] = True
-        remaining = np.flatnonzero(~mask)
-        while len(remaining):
-            essential = np.flatnonzero(mask)
-            lines = np.searchsorted(essential, remaining) - 1
-            distances = _from_piece(
-                points[remaining], points[essential[lines]], points[essential[lines + 1]]
-            )
-            # All points with the largest distance are added, so that the choice of points does not
-            # depend on rounding when the path is moved.
-            distances = np.round(distances / self.error, 6)
-            worst = np.zeros(len(essential))
-            np.maximum.at(worst, lines, distances)
-            far = worst[lines] > 1.0
-            mask[remaining[far & (distances == worst[lines])]] = True
-            remaining = remaining[far & (distances < worst[lines])]
-        return mask
+    `ends`: index of the first point of each line, and the number of points at the end.
+    """
+    mask = np.zeros(len(points), dtype=bool)
+    mask[ends[:-1]] = mask[ends[1:] - 1] = True
+    turned = np.floor(_turns(points, ends) / CORNER_TURN)
+    corners = 1 + np.flatnonzero(np.diff(turned))
+    # A picture with more corners is hatching whose lines are too dense for the screen.
+    if len(corners) <= MAX_CORNERS:
+        mask[corners] = True
+    remaining = np.flatnonzero(~mask)
+    while len(remaining):
+        essential = np.flatnonzero(mask)
+        lines = np.searchsorted(essential, remaining) - 1
+        distances = _from_piece(
+            points[remaining], points[essential[lines]], points[essential[lines + 1]]
+        )
+        # All points with the largest distance are added, so that the choice of points does not
+        # depend on rounding when the path is moved.
+        distances = np.round(distances / error, 6)
+        worst = np.zeros(len(essential))
+        np.maximum.at(worst, lines, distances)
+        far = worst[lines] > 1.0
+        mask[remaining[far & (distances == worst[lines])]] = True
+        remaining = remaining[far & (distances < worst[lines])]
+    return mask
 
 
 def _turns(points: FloatArray, ends: IntArray) -> FloatArray:

@@ -65,7 +65,7 @@ function keepPressed({ target }) {
 makeAll([
   () => dock(store),
   () => header(store, link),
-  () => figures(store, link),
+  () => figures(store),
   () => viewbar(store, view),
   () => pen(store, link, pointer),
   () => marks(store, view),
@@ -90,5 +90,4 @@ find(".skip").addEventListener("click", (event) => {
   event.preventDefault();
   find(store.options.stage === "3d" ? "#view3d canvas" : "#view2d").focus();
 });
-store.on("finer", (/** @type {object} */ wish) => link.post({ op: "detail", ...wish }));
 link.open();

@@ -13,8 +13,6 @@ import { passed, trailOf } from "./trail.js";
 /** @typedef {import("./cell.js").Cell} Cell */
 /** @typedef {import("./motion.js").Motion} Motion */
 
-/** Starts that differ by more are in different configurations [rad]. */
-const SAME_POSTURE = 0.01;
 /** So long after the last change the view rests [ms]. */
 const REST = 600;
 /** Programs that compute WebGL on the processor. */
@@ -208,9 +206,6 @@ class ArmView {
     if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";
-    if (isElsewhere(motion, this.store.latest("figures")?.head.start)) {
-      return "The full run has the arm in another configuration than this preview.";
-    }
     return "";
   }
 }
@@ -223,14 +218,4 @@ function rendererName() {
   const name = known ? String(gl.getParameter(known.UNMASKED_RENDERER_WEBGL)) : "";
   gl.getExtension("WEBGL_lose_context")?.loseContext();
   return name;
-}
-
-/**
- * True if a full run starts in another configuration.
- * @param {Motion} motion
- * @param {number[] | undefined} start joint positions of the full run [rad]
- * @returns {boolean}
- */
-function isElsewhere({ q }, start) {
-  return Boolean(start?.some((x, k) => Math.abs(x - q[k]) > SAME_POSTURE));
 }

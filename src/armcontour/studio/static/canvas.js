@@ -31,7 +31,7 @@ export class Painter {
     const { refusal } = this.store;
     // The last good motion is grey.
     context.globalAlpha = refusal?.head.tier === 1 && picture.arrays.path.length ? 0.28 : 1;
-    this.inMetres(context, view, () => this.lines(context, view, this.layers.fine(picture)));
+    this.inMetres(context, view, () => this.lines(context, view, picture));
     this.names(context, view, picture);
     context.globalAlpha = 1;
     if (refusal?.head.outline) this.inMetres(context, view, () => this.refused(context, view, refusal, picture));
@@ -61,7 +61,7 @@ export class Painter {
   lines(context, view, picture) {
     const { layers, store } = this;
     const px = 1 / view.scale;
-    const executed = layers.fine(store.refusal ? null : store.latest("executed"));
+    const executed = store.refusal ? null : store.latest("executed");
     const band = bandOf(picture);
     const objective = layers.lines(picture, "objective");
     if (band * view.scale > 1) stroke(context, objective, themed("--band"), 2 * band);

@@ -19,23 +19,21 @@ const ALARMS = {
 };
 
 class Figures {
-  /** @param {Store} store @param {import("./connection.js").Link} link */
-  constructor(store, link) {
+  /** @param {Store} store */
+  constructor(store) {
     this.store = store;
-    this.link = link;
     this.region = find("#figures");
     this.row = make("div", { class: "row" });
     /** @type {Record<string, Box>} */
     this.boxes = Object.fromEntries(FIGURES.map((name) => [name, this.box(name)]));
     this.state = make("span", { class: "exactness" });
     this.boxes.duration.label.after(this.state);
-    this.changes = make("div", { id: "changes", role: "group", "aria-label": "What to change" });
-    this.region.append(this.row, this.changes);
+    this.region.append(this.row);
     this.spoken = "";
-    const update = oncePerFrame(() => this.update());
+    const update = oncePerFrame(() => this.showAll(FIGURES));
     for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, update);
-    const others = nowAndThen(READING, () => this.update());
-    for (const event of ["executed", "changes"]) store.on(event, others);
+    const others = nowAndThen(READING, () => this.showAll(FIGURES));
+    store.on("executed", others);
     // The cycle time is shown with each picture.
     store.on("picture", () => {
       this.showAll(["duration", "time_limit"]);
@@ -55,26 +53,6 @@ class Figures {
     ]);
     this.row.append(box);
     return { box, label, value, unit, note };
-  }
-
-  update() {
-    this.showAll(FIGURES);
-    this.updateChanges();
-  }
-
-  /** Proposed changes, each with a button that applies it. */
-  updateChanges() {
-    const frame = this.store.latest("changes");
-    const { share = 0, changes = [], note = "" } = this.store.isCurrent(frame) ? frame?.head : {};
-    const state = !isPlanned(this.store) ? `: ${NONE}` : share < 1 ? `: planning, ${Math.round(100 * share)} %` : `: ${note}`;
-    const shown = JSON.stringify([state, changes]);
-    if (this.changes.dataset.shown === shown) return;
-    mark(this.changes, "data-shown", shown);
-    const buttons = changes.map((/** @type {any} */ { label, effect, condition, edits }) =>
-      make("button", { type: "button", title: [label, condition].filter(Boolean).join(", "), onclick: () => this.link.edit(edits) }, [make("span", { text: `${label}: ` }), make("b", { text: effect }), ...(condition ? [make("span", { text: ` ${condition}` })] : [])]),
-    );
-    this.changes.replaceChildren(make("span", { class: "quiet", text: `What to change${state}` }), ...buttons);
-    mark(this.region, "data-changes", share < 1 ? "" : String(changes.length));
   }
 
   /** @param {string[]} names */
@@ -147,9 +125,6 @@ export function hasMotion(store) {
   return picture !== null && picture.head.tier !== "outline";
 }
 
-/** True if the document, and not one before, has a motion. @param {Store} store */
-const isPlanned = (store) => !store.refusal && hasMotion(store);
-
 /** Accuracy of the figures in one word. @param {Store} store @returns {string} */
 function exactnessOf(store) {
   if (store.isOffline) return "not connected";
@@ -158,7 +133,7 @@ function exactnessOf(store) {
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 
-/** @param {Store} store @param {import("./connection.js").Link} link */
-export function init(store, link) {
-  new Figures(store, link);
+/** @param {Store} store */
+export function init(store) {
+  new Figures(store);
 }

@@ -6,8 +6,6 @@ import { labelsOf, largest, magnified, nearestLine, polyline, startsOf, strokesB
 /** @typedef {import("./state.js").Frame} Frame */
 
 const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
-// Lines that are farther from the path are drawn finer.
-const COARSE = 0.4; // px
 // The magnified error should be about this large on the screen; the factor changes outside of the range.
 const WISHED = 34; // px
 const TOO_SMALL = 13;
@@ -23,30 +21,6 @@ export class Layers {
     /** @type {Map<string, {keys: any[], value: any}>} */
     this.kept = new Map();
     this.factor = 1;
-  }
-
-  /** True if lines are as fine as they are seen, and all of them are there that are seen. @param {Frame} lines */
-  isFine({ head }) {
-    const [left, bottom, right, top] = head.box ?? [-Infinity, -Infinity, Infinity, Infinity];
-    const [from, to] = [this.view.toPlane([0, this.view.height]), this.view.toPlane([this.view.width, 0])];
-    return from[0] >= left && from[1] >= bottom && to[0] <= right && to[1] <= top && head.error * this.view.scale <= COARSE;
-  }
-
-  /**
-   * A frame with the finer lines of what is seen, if there are any.
-   * @template {Frame | null} T
-   * @param {T} frame @returns {T}
-   */
-  fine(frame) {
-    const detail = this.store.latest("detail");
-    const picture = this.store.latest("picture");
-    if (!frame || !detail || detail.head.number !== picture?.head.number || !this.isFine(detail)) return frame;
-    if (frame.kind === "executed" && detail.head.tier !== frame.head.tier) return frame;
-    return this.keep(`fine ${frame.kind}`, [frame, detail], () => ({
-      ...frame,
-      head: { ...frame.head, limits: detail.head.limits, kerfs: detail.head.kerfs },
-      arrays: { ...frame.arrays, ...detail.arrays },
-    }));
   }
 
   /**

@@ -69,11 +69,7 @@ class Marks {
     const { time, place, options, refusal } = this.store;
     const isPlanned = picture.arrays.path_t.length > 0;
     this.dot.toggleAttribute("hidden", !isPlanned);
-    const fine = this.view.layers.fine(picture);
-    const { path_s: places, path_breaks: breaks } = fine.arrays;
-    // Between two of the finer lines there may be much that is not seen.
-    const isFine = place >= places[0] && !breaks.includes(indexAt(places, place) + 1);
-    if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(isFine ? fine : picture, time, place)));
+    if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(picture, time, place)));
     const executed = refusal || !options.executed ? null : this.store.latest("executed");
     this.tool.toggleAttribute("hidden", !executed);
     if (executed) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
@@ -105,7 +101,7 @@ class Marks {
 
   /** @param {PointerEvent} event */
   hover(event) {
-    const picture = this.view.layers.fine(this.store.latest("picture"));
+    const picture = this.store.latest("picture");
     if (!picture || event.buttons || event.pointerType === "touch") return this.leave();
     const [x, y] = this.view.within(event);
     const i = this.nearest(picture, x, y);

@@ -1,6 +1,6 @@
 // Start page: arms, new jobs, files, and recent files.
 
-import { draw, find, make } from "./dom.js";
+import { find, make } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
@@ -24,11 +24,9 @@ export function init(store, link) {
   });
   store.on("start", (/** @type {any} */ { head }) => {
     const before = chosenArm() || "ur5e";
-    const arms = head.arms.map((/** @type {{name: string, shape: string, box: string}} */ { name, shape, box }) => {
-      const picture = draw("svg", { viewBox: box, "aria-hidden": "true" });
-      picture.append(draw("path", { d: shape }));
-      return make("label", {}, [make("input", { type: "radio", name: "arm", value: name, checked: name === before, autofocus: name === before }), picture, name]);
-    });
+    const arms = head.arms.map((/** @type {string} */ name) =>
+      make("label", {}, [make("input", { type: "radio", name: "arm", value: name, checked: name === before, autofocus: name === before }), name]),
+    );
     find(".arms", dialog).replaceChildren(...arms);
     const [drafts, opened] = [find(".drafts", dialog), find(".opened", dialog)];
     for (const place of [drafts, opened]) place.replaceChildren();

@@ -4,7 +4,7 @@
 // A picture always has the arrays of a plan; they are empty for a long drawing without one (head.tier "outline").
 //
 // Events (`store.on(event, listener)` returns a function that ends the listening):
-//   document, arm, picture, executed, figures, changes    a new frame of the shown run: listener(frame)
+//   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
 //   progress, result, cancelled, failed, saved, conflict, download, notice, start    listener(frame)
@@ -12,7 +12,6 @@
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")
 //   link                    listener(link state)      see connection.js
-//   finer                   the drawing needs finer lines: listener({box, px}), metres
 //   reset                   another job or drawing is opened; those of a run are told null
 //   command                 a key such as Ctrl+Z or Ctrl+S follows: gestures end
 //   open                    a file is to be opened: listener({file, log})
@@ -39,7 +38,7 @@
 
 /** While answers come one after the other, texts change so often at most [ms]. */
 export const READING = 100;
-const OF_A_RUN = new Set(["picture", "executed", "figures", "changes"]);
+const OF_A_RUN = new Set(["picture", "executed", "figures"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
 const PLANNED_ARRAYS = ["path", "path_breaks", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
@@ -164,7 +163,6 @@ export class Store {
   /** The connection is new: frames may count from the start again. */
   restart() {
     this.newest = { rev: -1, seq: -1 };
-    this.frames.delete("detail");
   }
 
   /** @param {Frame | null} refusal */

@@ -50,6 +50,7 @@ const tasks = () => [
     ],
     options: ({ format, of }) => ({ format, of, ...(of === "learned" && logOptions()) }),
   },
+  { task: "changes", title: "Improve", what: "Finds changes that save time, or that make the run keep its accuracy." },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print." },
   { task: "identify", title: "Identify", what: "Finds the servo of every joint from the logs.", onLogs: true, options: logOptions },
   { task: "learn", title: "Learn", what: "Makes the set-points of the next run, with a smaller error.", onLogs: true, options: logOptions },
@@ -88,7 +89,7 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
       <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
     <div class="task-body">
       ${sentences.map((text) => html`<p class="task-sentence">${text}</p>`)}
-      ${frame?.head.edits?.length > 0 && html`<p class="task-file"><button type="button" onClick=${() => link.edit(frame?.head.edits)}>${frame?.head.label}</button></p>`}
+      ${(frame?.head.changes ?? []).map((/** @type {any} */ { label, edits }) => html`<p class="task-file"><button type="button" onClick=${() => link.edit(edits)}>${label}</button></p>`)}
       ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
       ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
         <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
@@ -113,6 +114,7 @@ function answerOf(task, frame) {
 const ANSWERS = {
   certify: ({ head }) => ({ sentences: [head.sentence] }),
   export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
+  changes: ({ head }) => ({ sentences: head.sentence ? [head.sentence] : [] }),
   report: () => ({ sentences: ["The report is ready."] }),
   identify: ({ head }) => ({ sentences: [head.sentence], tables: tablesOf(head) }),
   learn: ({ head }) => ({ sentences: [], tables: [figuresOf(head), ...tablesOf(head)] }),

@@ -5,7 +5,7 @@ import { draw, find, make, mark } from "./dom.js";
 import { rowOf } from "./format.js";
 import { Layers } from "./layers.js";
 import { Painter } from "./canvas.js";
-import { nowAndThen, oncePerFrame, READING } from "./state.js";
+import { oncePerFrame } from "./state.js";
 import { boxOf, Viewport } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -50,9 +50,6 @@ export class View2d {
     this.measured = {};
     this.measures = 0;
     this.redraw = oncePerFrame(() => this.drawNow());
-    /** Last request of finer lines. */
-    this.asked = "";
-    this.refine = nowAndThen(READING, () => this.askFiner());
     /** True if an answer was drawn since the last frame of the screen. */
     this.isFresh = false;
     this.listen();
@@ -67,7 +64,7 @@ export class View2d {
     });
     store.on("refusal", () => this.follow());
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
-    for (const event of ["detail", "refusal", "theme", "view"]) store.on(event, () => this.rest());
+    for (const event of ["refusal", "theme", "view"]) store.on(event, () => this.rest());
     new ResizeObserver(() => this.resize()).observe(this.region);
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
@@ -197,21 +194,6 @@ export class View2d {
     this.context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
     this.painter.paint(this.context, this.view);
     this.drawn = this.view.place;
-    this.refine();
-  }
-
-  /** Ask for lines as fine as they are seen, and somewhat beyond the view, where those that are there are coarse. */
-  askFiner() {
-    const { store, view, layers } = this;
-    const picture = store.latest("picture");
-    if (!picture || this.moving || layers.isFine(layers.fine(picture)) || layers.isFine(picture)) return;
-    const [left, bottom] = view.toPlane([-view.width / 2, 1.5 * view.height]);
-    const [right, top] = view.toPlane([1.5 * view.width, -view.height / 2]);
-    const wish = { box: [left, bottom, right, top], px: 1 / view.scale };
-    const asked = JSON.stringify([wish, picture.head.number, store.latest("executed")?.head.tier]);
-    if (asked === this.asked) return;
-    this.asked = asked;
-    store.tell("finer", wish);
   }
 
   /** True if the picture takes long to draw. */

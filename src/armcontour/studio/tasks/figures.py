@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+import pickle
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.page_frame import PageFrame, bytes_array
 from armcontour.studio.tasks.request import Request
 
-if TYPE_CHECKING:
-    from armcontour.jobs.run_result import Advice
-
-
-# Maximum number of segments of a job for which the Studio computes advice. Advice requires many
-# plans of the job.
-MAX_SEGMENTS = 200
-LONG_NOTE = (
-    "The Studio computes no proposals for this program, because it is long. Use the command "
-    "armcontour run with --changes."
-)
-# Generator that computes the advice for the last figures, by text and run.
-_advising: dict[tuple[str, str | None], Generator[float, None, Advice]] = {}
+# Maximum size of a plan that the Studio shows [bytes]; for a larger one, it shows the preview.
+MAX_PLAN = 200_000_000
 
 
 def figures(request: Request) -> PageFrame:
-    """Frame with the exact figures of a run, or a refusal with the position of the error."""
+    """Frame with the exact figures and the plan of a run, or a refusal with its position."""
     from armcontour.core.render import frame
-    from armcontour.jobs.advice import advice_steps, is_small
     from armcontour.jobs.rows import judging_rows
     from armcontour.studio.picture import refusal_header, time_header
     from armcontour.studio.preview import Tier
@@ -48,40 +36,26 @@ def figures(request: Request) -> PageFrame:
         "tier": Tier.EXACT,
         "rows": frame(replace(data, rows=judging_rows(result, data.rows))),
         **time_header(result.explanation),
-        "start": result.trajectory(0.0),
         "warnings": data.warnings,
         "notes": [*data.notes, *request.job.arm.notes],
     }
-    _advising.clear()
-    if is_small(request.job, MAX_SEGMENTS):
-        _advising[request.text, request.run] = advice_steps(request.job, result)
-    return PageFrame("figures", header)
+    plan = pickle.dumps(result)
+    return PageFrame("figures", header, {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {})
 
 
 def changes(request: Request) -> PageFrame:
-    """Compute the next step of the advice; the frame of the last step has the proposed changes."""
-    from armcontour.jobs.advice import advice_steps, is_small
+    """Propose changes of the run that save time, or that repair it."""
+    from armcontour.jobs.advice import advise
 
-    if not is_small(request.job, MAX_SEGMENTS):
-        return PageFrame(
-            "changes", {"run": request.run, "share": 1.0, "changes": [], "note": LONG_NOTE}
-        )
-    steps = _advising.get((request.text, request.run)) or advice_steps(request.job, request.result)
-    _advising[request.text, request.run] = steps
-    try:
-        return PageFrame("changes", {"run": request.run, "share": next(steps)})
-    except StopIteration as end:
-        advice: Advice = end.value
+    advice = advise(request.job, request.result, request.progress)
     proposals = [
         {
-            **{"label": y.label, "effect": y.effect, "edits": [_set(*z) for z in y.edits]},
-            "condition": y.condition and f"if {y.condition}",
+            "label": f"{x.label}: {x.effect}" + (f", if {x.condition}" if x.condition else ""),
+            "edits": [_set(*y) for y in x.edits],
         }
-        for y in advice.improvements
+        for x in advice.improvements
     ]
-    return PageFrame(
-        "changes", {"run": request.run, "share": 1.0, "changes": proposals, "note": advice.note}
-    )
+    return PageFrame("result", {"sentence": advice.note, "changes": proposals})
 
 
 def _set(key: str, value: Any) -> dict[str, Any]:

@@ -126,15 +126,12 @@ def identify(request: Request) -> PageFrame:
 
     logs = read_logs(request, commanded=True)
     identification = identify(logs, ServoFit(kinematics=request.job.arm), progress=request.progress)
-    data, edits = identification.to_data(), []
+    data, changes = identification.to_data(), []
     if any(y.written for y in identification.joints):
-        edits = [{"do": "set", "key": "servo", "value": servo_values(identification)}]
-    facts = {
-        "sentence": verdict(data),
-        "kept": identification.trusted,
-        "label": "Use this servo",
-    }
-    return PageFrame("result", {**facts, "edits": edits, **_shown(data, logs)})
+        edit = {"do": "set", "key": "servo", "value": servo_values(identification)}
+        changes = [{"label": "Use this servo", "edits": [edit]}]
+    facts = {"sentence": verdict(data), "kept": identification.trusted, "changes": changes}
+    return PageFrame("result", {**facts, **_shown(data, logs)})
 
 
 def learn(request: Request) -> PageFrame:

@@ -1,23 +1,29 @@
-"""Uploaded files: jobs, drawings, robot descriptions and logs."""
+"""New documents: from files, uploads and the cards of the start page; uploaded files and logs."""
 
 from __future__ import annotations
 
-import hashlib
 import secrets
 import shutil
 import time
+from importlib import resources
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
-from armcontour.files.cell import GEOMETRY_KEYS, cell_names, drawing_text
+from armcontour.files.cell import GEOMETRY_KEYS, cell_names, cell_text, drawing_text
 from armcontour.files.drawings.endings import READERS, YAML
 from armcontour.files.job_text_edits import Change
 from armcontour.files.patch import Patch, write_patch
 from armcontour.studio.document import Document
-from armcontour.studio.drafts import all_drafts, make_private, state_folder
+from armcontour.studio.recent import all_recent, make_private, state_folder
 
+# Drawings that cards of the start page open, by card. The other cards open the job of the paper or
+# an empty plane.
+DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}
+PAPER, EMPTY = "paper", "empty"
+WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
 # Extensions of robot descriptions.
 ROBOTS = (".urdf",)
 # Maximum length of a file name [characters].
@@ -40,20 +46,19 @@ class Uploads:
         self._logs = self.root / secrets.token_hex(8)
 
     def open(
-        self, name: str, content: bytes, cell: str | None, document: Document, unknown: str = ""
+        self, name: str, content: bytes, cell: str | None, folder: FilePath, unknown: str = ""
     ) -> Document | list[Change]:
         """Open an uploaded file; returns a new document, or changes of the current document.
 
         `cell`: built-in cell for a drawing; without it, the drawing replaces the document's path.
+        `folder`: folder of the current document.
         """
         check_file_name(name)
-        key = f"upload {name} on {cell} {unknown} {hashlib.sha256(content).hexdigest()}"
-        ending, folder = FilePath(name).suffix.lower(), document.folder
+        ending = FilePath(name).suffix.lower()
         if ending in YAML:
-            return Document.of_text(_decode(name, content), folder, name, key, upload=True)
+            return Document(_decode(name, content), source=name, folder=folder)
         if ending in ROBOTS:
-            file = self._store(name, content, folder)
-            return [Change(("arm",), {"file": file})]
+            return [Change(("arm",), {"file": self._store(name, content, folder)})]
         if ending not in READERS:
             raise InvalidInput(
                 f"{name} cannot be opened. The file must be a job (.yaml), a drawing "
@@ -62,14 +67,11 @@ class Uploads:
         file = self._store(name, content, folder)
         options: Patch = {("path", "unknown"): unknown} if unknown else {}
         if cell is not None:
-            if cell not in cell_names():
-                raise InvalidInput(
-                    f"The cell must be one of {', '.join(cell_names())}, but is {cell!r}."
-                )
+            checks.check_choice("cell", cell, cell_names())
             there = (folder / file).resolve()
             source = f"{there.stem}.yaml"
             text = write_patch(drawing_text(cell, there, folder), options, source)
-            return Document.of_text(text, folder, source, key, upload=True)
+            return Document(text, source=source, folder=folder)
         gone = [Change(("path", x)) for x in GEOMETRY_KEYS]
         return [*gone, Change(("path", "file"), file), *(Change(*x) for x in options.items())]
 
@@ -101,7 +103,7 @@ class Uploads:
 
     def close(self) -> None:
         """Delete uploads of this session and of old sessions, except those that a draft needs."""
-        needed = "".join(x.text for x in all_drafts())
+        needed = "".join(x.text or "" for x in all_recent())
         old = time.time() - MAX_AGE
         for folder in self.root.glob("*"):
             is_own = folder in (self.folder, self._logs)
@@ -135,3 +137,33 @@ def _decode(name: str, content: bytes) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InvalidInput(f"{name} cannot be read because it is not UTF-8 text.") from None
+
+
+def new_document(card: str, arm: str, uploads: Uploads, folder: FilePath) -> Document:
+    """Create the job for a card of the start page; file names are relative to `folder`."""
+    checks.check_choice("card", card, (*DRAWINGS, PAPER, EMPTY))
+    library = resources.files("armcontour.jobs.library")
+    if card == PAPER:
+        text = (library / "paper.yaml").read_text(encoding="utf-8")
+        return Document(text, source="paper.yaml", folder=folder)
+    if card == EMPTY:
+        return blank_document(arm, folder)
+    name = DRAWINGS[card]
+    document = uploads.open(name, (library / name).read_bytes(), arm, folder)
+    assert isinstance(document, Document)
+    if card == "weld":
+        text = write_patch(document.text, {("process", "weave"): WEAVE})
+        return Document(text, source=document.source, folder=folder)
+    return document
+
+
+def blank_document(arm: str, folder: FilePath, *, is_start: bool = False) -> Document:
+    """Create a job with an empty path in a built-in cell."""
+    names: Patch = {("name",): "untitled", ("title",): f"New job on {arm}"}
+    text = write_patch(cell_text(arm), names)
+    return Document(text, source="untitled.yaml", folder=folder, is_start=is_start)
+
+
+def open_file(file: FilePath, cell: str | None) -> Document:
+    """Open a job file, or a drawing in a cell."""
+    return Document.open(file) if cell is None else Document.of_drawing(file, cell)
