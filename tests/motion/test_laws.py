@@ -197,7 +197,7 @@ def test_a_joint_path_may_not_jump_and_stops_at_its_own_breaks(refuses):
     for stop in (0.5, 3.0, 2.0):
         refuses(lambda stop=stop: make(stops=[stop]), ac.InvalidInput)
     line[1, 0] = 1.1
-    refuses(make, ac.InvalidInput, "jumps by 0.1 rad", joint=0, s=1.0)
+    refuses(make, ac.InvalidInput, "Joint 1 jumps by 0.1 rad", joint=0, s=1.0)
 
 
 # The peaks of the laws below are above the largest value at dense places by less.

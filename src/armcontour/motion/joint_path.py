@@ -76,8 +76,14 @@ class JointPath(Checked):
         if not sound:
             raise InvalidInput("A joint path must be finite and its breaks must increase.")
         if jump > LARGEST_JUMP:
+            jumps = np.abs(self.coefficients[:-1].sum(axis=1) - self.coefficients[1:, 0])
+            i, j = (int(x) for x in np.unravel_index(int(np.argmax(jumps)), jumps.shape))
+            s = float(self.breaks[i + 1])
             raise InvalidInput(
-                f"A joint path must be continuous, but a position jumps by {jump:.3g} rad.",
+                f"Joint {j + 1} jumps by {jump:.3g} rad at s = {s:g}. A joint path must be "
+                "continuous.",
+                s=s,
+                joint=j,
                 needed=jump,
                 allowed=LARGEST_JUMP,
             )
