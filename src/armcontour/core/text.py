@@ -224,21 +224,7 @@ def count_noun(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def count_kinds(counts: Mapping[str, int]) -> str:
-    """Non-zero counts with their nouns."""
-    return ", ".join(count_noun(n, what) for what, n in counts.items() if n)
-
-
 def joint_label(joint: int, names: Sequence[str]) -> str:
     """The number of a joint, from 1, followed by its name unless that is "joint N"."""
     name = names[joint - 1]
     return str(joint) if name == f"joint {joint}" else f"{joint} ({name})"
-
-
-def joint_rows(q: Any, names: Sequence[str] = ()) -> list[tuple[str, str]]:
-    """Rows with the name and the range of positions of each joint, for `format_table`."""
-    ends = zip(q.min(axis=0), q.max(axis=0), strict=True)
-    return [
-        (names[j] if names else f"joint {j + 1}", f"{low:z.4f} to {high:z.4f} rad")
-        for j, (low, high) in enumerate(ends)
-    ]

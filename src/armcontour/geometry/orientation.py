@@ -18,7 +18,7 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import angle_between, exp, log
 from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.quintics import rescale
-from armcontour.core.text import count_noun, short_repr
+from armcontour.core.text import short_repr
 
 # Orientations that differ by less than this angle [rad] count as equal.
 SAME_ORIENTATION = 1e-9
@@ -71,14 +71,6 @@ class Orientation(Checked):
     axis_only: bool = False
     follows: bool = False
     fixed: bool = field(init=False, repr=False)
-
-    def __str__(self) -> str:
-        """Summary: the prescribed part (tool or tool axis) and the kind of rotation."""
-        subject = "tool axis" if self.axis_only else "tool"
-        if self.fixed:
-            return f"{subject} constant"
-        motion = "follows the tangent" if self.follows else "turns"
-        return f"{subject} {motion}, in {count_noun(len(self.starts), 'piece')}"
 
     __repr__ = short_repr
 

@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import Frame, Pose, angle_between
 from armcontour.core.quantities import Factor, Size, SpeedLimit, Tolerance
-from armcontour.core.text import count_noun, digits, format_table, short_repr
+from armcontour.core.text import short_repr
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
 from armcontour.geometry.projection import Projection, find_nearest
@@ -519,30 +519,7 @@ class Path(Checked):
         """
         return find_nearest(self.segments, points)
 
-    def __str__(self) -> str:
-        """Length, segments, corners and process requirements."""
-        return format_table(self._title("Path"), self._rows)
-
     __repr__ = short_repr
-
-    def _title(self, kind: str) -> str:
-        """Title of the summary: kind of path, length and number of segments."""
-        location = "in the plane" if self.dimension == 2 else "in space"
-        return f"{kind} {location}: {digits(self.length)} m, {count_noun(len(self), 'segment')}"
-
-    @property
-    def _rows(self) -> list[tuple[str, str]]:
-        """Rows of the summary, (name, value) each: ends, corners and requirements."""
-        ends = [", ".join(digits(x * 1e3) for x in self(s)) for s in (0.0, self.length)]
-        corners = int((self.turns > TANGENT_TOLERANCE).sum())
-        return [
-            ("from", f"({ends[0]}) mm"),
-            ("to", f"({ends[1]}) mm"),
-            ("corners", f"{corners}"),
-            ("assigned", _describe_range(self.speeds, "mm/s")),
-            ("corner error", _describe_range(self.tolerances, "mm")),
-            ("orientation", "" if self.orientation is None else str(self.orientation)),
-        ]
 
     @property
     def turns(self) -> FloatArray:
@@ -617,16 +594,6 @@ def _check_waypoints(waypoints: npt.ArrayLike, n: int) -> IntArray:
             f"waypoints of a path must be indices of vertices that increase from 0 to {n}."
         )
     return checks.freeze(indices)
-
-
-def _describe_range(values: FloatArray, unit: str) -> str:
-    """Text of the range of `values` times 1000, with `unit`; "" if all values are NaN."""
-    assigned = values[np.isfinite(values)] * 1e3
-    if not len(assigned):
-        return ""
-    low, high = digits(assigned.min()), digits(assigned.max())
-    suffix = "" if len(assigned) == len(values) else f", on {count_noun(len(assigned), 'segment')}"
-    return f"{low} {unit}{suffix}" if low == high else f"{low} to {high} {unit}{suffix}"
 
 
 def _find_missing(count: int, remaining: IntArray) -> tuple[int, ...]:

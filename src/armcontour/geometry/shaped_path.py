@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import evaluate
 from armcontour.core.render import number
-from armcontour.core.text import count_noun, format_table, short_repr
+from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry.path import Path
 
 # Key of the duration of the shaped path in `ShapingOutcome.durations`.
@@ -118,18 +118,6 @@ class ShapedPath(Path):
         s = np.union1d(np.linspace(0.0, self.length, PLACES), self.places[:, 1])
         points = self.objective(np.interp(s, self.places[:, 1], self.places[:, 0]))
         return float(np.linalg.norm(self(s) - points, axis=1).max())
-
-    def __str__(self) -> str:
-        """Summary of the path and of the gain of its shape."""
-        durations = self.outcome.durations
-        return format_table(
-            self._title("Shaped path"),
-            [
-                ("tolerance", number(self.tolerance, "m")),
-                ("shortest durations", ", ".join(f"{k} {x:.4g} s" for k, x in durations.items())),
-                *self._rows,
-            ],
-        )
 
     __repr__ = short_repr
 

@@ -14,7 +14,7 @@ from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import count_noun, draw, format_table, joint_rows, short_repr
+from armcontour.core.text import draw, short_repr
 from armcontour.motion.trajectory import Trajectory, to_columns
 from armcontour.robot import Arm, Limits
 
@@ -87,28 +87,6 @@ class Execution(Checked):
     def _check_together(self) -> None:
         if (self.torque is None) != (self.torque_demand is None):
             raise InvalidInput("An execution must have both torque and torque_demand, or neither.")
-
-    def __str__(self) -> str:
-        """Table of position range and largest velocity, acceleration and torque per joint."""
-        t, step = self.t, float(self.t[-1] - self.t[0]) / max(len(self.t) - 1, 1)
-        title = (
-            f"Execution of {self.arm.name}: t = {number(t[0], 's')} to {number(t[-1], 's')}, "
-            f"{len(t)} samples every {number(step, 's')}"
-        )
-        header = ["joint", "position [rad]", "velocity [rad/s]"]
-        header += ["acceleration [rad/s²]", "saturated"]
-        amounts = [self.dq, self.ddq]
-        if self.torque is not None:
-            header.append("torque [N m]")
-            amounts.append(self.torque)
-        rows = [header]
-        for j, name in enumerate(self.arm.joint_names):
-            low, high = self.q[:, j].min(), self.q[:, j].max()
-            velocity, acceleration, *torque = (f"{np.abs(x[:, j]).max():.4g}" for x in amounts)
-            saturated = number(self.saturated_time[j], "s")
-            reach = f"{low:z.4f} to {high:z.4f}"
-            rows.append([name, reach, velocity, acceleration, saturated, *torque])
-        return format_table(title, rows, columns=">")
 
     __repr__ = short_repr
 
@@ -325,28 +303,7 @@ class SetPoints(Checked):
                 f"{self.start_time:g} s."
             )
 
-    def __str__(self) -> str:
-        """Number and cycle of the set-points, and joint positions."""
-        return format_table(self._title("Set-points"), self._rows)
-
     __repr__ = short_repr
-
-    def _title(self, kind: str) -> str:
-        """Title of the summary: kind of data, number of set-points and cycle."""
-        return f"{kind}: {count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}"
-
-    @property
-    def _rows(self) -> list[tuple[str, str]]:
-        """Rows of the summary, (name, value) each: method, times, limits and joint positions."""
-        first, last = self.start_time, self.start_time + (len(self.q) - 1) * self.cycle
-        return [
-            ("compensation", self.method),
-            ("times", f"{number(first, 's')} to {number(last, 's')}"),
-            ("plan", number(self.trajectory.duration, "s")),
-            ("command / limit", self.command_note),
-            ("limits change", "" if self.limit_cost is None else str(self.limit_cost)),
-            *joint_rows(self.q),
-        ]
 
     @property
     def command_use(self) -> dict[str, FloatArray]:

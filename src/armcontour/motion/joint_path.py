@@ -14,8 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import Axes, Choice
 from armcontour.core.quintics import evaluate, quintic
-from armcontour.core.render import number
-from armcontour.core.text import count_noun, format_table, joint_rows, short_repr
+from armcontour.core.text import short_repr
 from armcontour.geometry import Path
 from armcontour.motion.kernels import JointDerivatives, examine_pieces, joint_motions, spline_pieces
 
@@ -89,15 +88,6 @@ class JointPath(Checked):
             )
         if len(self.stops) or kinks.any():
             object.__setattr__(self, "stops", checks.frozen_array(self._all_stops(kinks)))
-
-    def __str__(self) -> str:
-        """Summary: length, intervals, stops and joint positions at breaks."""
-        ends = np.concatenate([self.coefficients[:, 0], self.coefficients[-1:].sum(axis=1)])
-        return format_table(
-            f"Joint path: {number(self.length, 'm')}, {count_noun(self.dof, 'joint')}, "
-            f"{count_noun(len(self.breaks) - 1, 'interval')}",
-            [("inner stops", f"{len(self.stops)}"), *joint_rows(ends)],
-        )
 
     __repr__ = short_repr
 

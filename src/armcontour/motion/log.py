@@ -14,8 +14,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
-from armcontour.core.render import number
-from armcontour.core.text import clock, count_noun, format_table, joint_rows, short_repr, show
+from armcontour.core.text import clock, short_repr, show
 from armcontour.motion.log_checks import GAP, check_samples, find_wrap
 
 # Interpolation of the command between two samples of a log.
@@ -81,19 +80,6 @@ class Log(Checked):
         check_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._name_value)
         for j, name in product(range(dof), POSITIONS):
             self._check_wrapping(name, j)
-
-    def __str__(self) -> str:
-        """Summary: origin, times and joint positions."""
-        return format_table(
-            f"Log of {count_noun(self.dof, 'joint')}: {count_noun(len(self.t), 'sample')}, "
-            f"t = {number(self.t[0], 's')} to {number(self.t[-1], 's')}",
-            [
-                ("source", self.source),
-                ("usual interval", number(self.interval, "s")),
-                ("set-points", self.interpolation or "interpolation unknown"),
-                *joint_rows(self.measured, self.joint_names),
-            ],
-        )
 
     __repr__ = short_repr
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -20,7 +19,7 @@ from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.lazy import load_method
 from armcontour.core.quantities import Interval
 from armcontour.core.render import number
-from armcontour.core.text import count_kinds, count_noun, draw, format_table, short_repr
+from armcontour.core.text import count_noun, draw, short_repr
 from armcontour.geometry import Path
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
@@ -211,26 +210,8 @@ class Trajectory(Checked):
 
     def __repr__(self) -> str:
         """Method, duration and number of joints, without arrays."""
-        return f"Trajectory({str(self.method)!r}, {self._size})"
-
-    @property
-    def _size(self) -> str:
-        """Duration and number of joints."""
-        return f"{number(self.duration, 's')}, {count_noun(self.dof, 'joint')}"
-
-    def __str__(self) -> str:
-        """Summary: method, duration, length, moves and outputs."""
-        path, moves = self.path, Counter(x.kind for x in self.spans)
-        return format_table(
-            f"Trajectory: {self._size}",
-            [
-                ("method", str(self.method)),
-                ("path", "" if path is None else number(path.length, "m")),
-                ("moves", count_kinds(moves)),
-                ("outputs", count_kinds({"event": len(self.events)})),
-                ("stretches", ", ".join(x.name for x in self.stretches)),
-            ],
-        )
+        joints = count_noun(self.dof, "joint")
+        return f"Trajectory({str(self.method)!r}, {number(self.duration, 's')}, {joints})"
 
     figure = draw
 

@@ -27,12 +27,7 @@ from armcontour.core.quantities import (
     Speed,
     Time,
 )
-from armcontour.core.render import number_range
 from armcontour.core.text import (
-    count_kinds,
-    count_noun,
-    digits,
-    format_table,
     list_some,
     make_printable,
     shorten,
@@ -395,31 +390,6 @@ class Program(Checked):
         """Source, number of contours and length, in one line."""
         source = f"{self.source!r}, " if self.source else ""
         return f"Program({source}{len(self.contours)} contours, {self.length:.6g} m)"
-
-    def __str__(self) -> str:
-        """Summary of the contours by layer, the other moves, and the notes."""
-        contours = self.contours
-        layers = Counter(x.layer for x in contours)
-        lengths = [x.path.length for x in contours]
-        events = sum(len(x.events) for x in contours) + sum(
-            isinstance(x, Event) for x in self.moves
-        )
-        moves = Counter(type(x).__name__.lower() for x in self.moves)
-        named = [f"{name or 'none'} {n}" for name, n in layers.most_common()]
-        location = "in the plane" if self.dimension == 2 else "in space"
-        return format_table(
-            f"Program {location}: {count_noun(len(contours), 'contour')}, {digits(self.length)} m",
-            [
-                ("source", self.source),
-                ("closed", f"{sum(x.closed for x in contours)}"),
-                ("contours by layer", list_some(named, 6) if set(layers) != {""} else ""),
-                ("lengths", number_range(lengths, "m") if lengths[1:] else ""),
-                ("other moves", count_kinds({x: moves[x] for x in ("rapid", "dwell")})),
-                ("outputs", count_kinds({"event": events})),
-                *(("note", x) for x in self.notes[:3]),
-                ("more notes", f"{len(self.notes) - 3}" if len(self.notes) > 3 else ""),
-            ],
-        )
 
     def placed(self, frame: Pose, *, scale: float = 1.0) -> Program:
         """The program transformed from a frame to its parent frame.

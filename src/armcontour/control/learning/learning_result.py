@@ -234,7 +234,8 @@ class LearningResult(Result, SetPoints):
         """Data of the verdict and of the errors of the runs."""
         best = f"run {self.best + 1}"
         return Data(
-            self._title(f"Learning from {count_noun(len(self.runs), 'run')}"),
+            f"Learning from {count_noun(len(self.runs), 'run')}: "
+            f"{count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}",
             (
                 Row("finished", self.finished, "", "finished", self.reason, VERDICT),
                 Row("first", self.runs[0].rms, "m", "before learning, RMS", level=FIRST),

@@ -22,8 +22,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray, ObjectArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.render import number
-from armcontour.core.text import count_noun, format_table, short_repr
+from armcontour.core.text import short_repr
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounding.line_corners import (
@@ -135,20 +134,6 @@ class RoundedPath(Path):
     objective: Path
     corners: Corners
     deviation: float = 0.0
-
-    def __str__(self) -> str:
-        """Summary of the path and of its corners."""
-        c = self.corners
-        stops = int((c.radius == 0).sum())
-        rounded = count_noun(len(c) - stops, "corner")
-        return format_table(
-            self._title("Rounded path"),
-            [
-                ("rounded", f"{rounded}, {stops} with a stop" if stops else rounded),
-                ("largest corner error", number(c.error.max(), "m") if len(c) else ""),
-                *self._rows,
-            ],
-        )
 
     __repr__ = short_repr
 
