@@ -139,11 +139,11 @@ def test_defaults_of_compensation_are_those_of_its_page():
 
 # Facts that are printed, by the class of the result.
 FACTS = {
-    "Certificate": ("servo 0.004178 mm", "2.004 mm", "of 0.1 mm"),
+    "Certificate": ("servo 0.00418 mm", "2 mm", "of 0.1 mm"),
     "Check": ("joint_acceleration", "rad/s²", "kept"),
-    "Evaluation": ("motion 2.1855 s", "contour error, RMS"),
+    "Evaluation": ("motion 2.19 s", "contour error, RMS"),
     "Explanation": ("joint 2 acceleration", "%"),
-    "JobResult": ("only", "2.1855 s"),
+    "JobResult": ("only", "2.19 s"),
     "Placement": ("best place", "x 0 mm", "out of reach"),
     "Limits": ("joint_torque", "28 N m"),
 }

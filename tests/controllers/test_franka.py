@@ -79,7 +79,7 @@ def test_what_the_fci_does_not_take_is_refused(fr3, limits):
         (limits.replace(joint_jerk=None), q, "jerk of joint 1 is unlimited"),
         (limits.replace(joint_jerk=[4750.0] * 6 + [6000.0]), q, "jerk of joint 7 is 6000"),
         (limits.replace(joint_acceleration=11.0), q, "acceleration of joint 1 is 11"),
-        (limits, far, "Joint 4 is at -5.73 deg .* limit -8.697 deg"),
+        (limits, far, "Joint 4 is at -5.73 deg .* limit -8.7 deg"),
         (limits, jump, "joint 5 .* ms, above the .* method none"),
     ):
         with pytest.raises(ControllerRefused, match=reason):

@@ -272,7 +272,7 @@ def test_dry_runs_of_the_page_work_and_typing_errors_are_named(tmp_path):
 
     done = run()
     assert done.returncode == 0, done.stderr
-    assert "joint 1, joint 2" in done.stdout and "2.357 deg" in done.stdout
+    assert "joint 1, joint 2" in done.stdout and "2.36 deg" in done.stdout
     wrong = HAL.replace("setp pid-1.Pgain", "setp pid-1.Again")
     (tmp_path / "machine.hal").write_text(wrong, encoding="utf-8")
     done = run()

@@ -141,11 +141,9 @@ def test_what_the_robot_cannot_do_is_refused(arm):
     fast, far = q.copy(), q.copy()
     fast[3, 2] += 0.01
     far[3, 1] = 7.0
-    with pytest.raises(
-        ControllerRefused, match="Joint 3 moves with 286.5 deg/s .* limit 180 deg/s"
-    ):
+    with pytest.raises(ControllerRefused, match="Joint 3 moves with 286 deg/s .* limit 180 deg/s"):
         robot.check(arm, arm.limits, fast)
-    with pytest.raises(ControllerRefused, match="Joint 2 is at 401.1 deg .* limit 360 deg"):
+    with pytest.raises(ControllerRefused, match="Joint 2 is at 401 deg .* limit 360 deg"):
         robot.check(arm, arm.limits, far)
 
 

@@ -73,7 +73,7 @@ def test_a_demand_far_above_the_limit_is_warned_of_with_its_cause():
     joint = int(ratio.argmax())
     assert f"the demand of joint {joint + 1} is " in warning
     assert f"{ratio[joint]:.3g} times its acceleration limit at " in warning
-    assert f"{result.evaluation.contour_error.max * 1e3:.4g} mm." in warning
+    assert f"{result.evaluation.contour_error.max * 1e3:.3g} mm." in warning
 
 
 def test_a_truncated_transient_is_warned_of_with_its_cause():
@@ -100,7 +100,7 @@ def test_who_judges_set_points_that_are_for_the_bodies():
     (warning,) = bare.warnings
     deviation = bare.evaluation.contour_error.max * 1e3
     assert (
-        f"(with the servo model, the contour error is up to {deviation:.4g} mm)" in warning
+        f"(with the servo model, the contour error is up to {deviation:.3g} mm)" in warning
         and "experiment: {}" in warning
     )
     result = only(job(straight, **options, experiment=Experiment()))
@@ -122,7 +122,7 @@ def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
         warnings = [x for x in anew if "bodies" in x]
         assert len(warnings) == (evaluation is plain)
     for value in (plain.contour_error.rms, judged.contour_error.rms):
-        assert f"{value * 1e3:.4g} " in warnings[0]
+        assert f"{value * 1e3:.3g} " in warnings[0]
     assert "method: inverse_dynamics" in warnings[0] and "a payload of 0.1 kg" in warnings[0]
     assert (
         only(

@@ -152,7 +152,7 @@ def test_a_line_in_closed_form_and_one_too_short_for_its_speed(arm):
     assert (short.kind, short.reason, short.assigned) == ("fastest", "tool acceleration", SPEED)
     assert short.s == pytest.approx(0.015, abs=1e-4)
     assert short.speed == pytest.approx(np.sqrt(ACCELERATION * 0.03), rel=1e-3)
-    assert short.sentence == "tool acceleration at s = 15 mm: 77.46 mm/s of 100 mm/s"
+    assert short.sentence == "tool acceleration at s = 15 mm: 77.5 mm/s of 100 mm/s"
     # Without an assigned velocity; the arm's limits are the default.
     planned = ac.plan(line(0.1), arm)
     explanation = explain(planned, arm)

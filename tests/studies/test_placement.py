@@ -11,6 +11,7 @@ from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.core.errors import ArmContourError, InvalidInput, NotRealizable
+from armcontour.core.render import number
 from armcontour.files import parse_job, placement_csv
 from armcontour.robot.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
 from armcontour.studies.placement import displacement
@@ -98,7 +99,7 @@ def test_every_place_is_that_of_its_own_plan(square):
     assert 0 < progress_log[-1].done < 1
     # The printed summary has the units of people.
     shown, gain = str(placement), 1 - placement.best.duration / placement.own.duration
-    assert str(placement.best) in shown and f"{placement.best.duration:.4f} s" in shown
+    assert str(placement.best) in shown and number(placement.best.duration, "s") in shown
     assert placement.to_data()["gain"].value == gain > 0
 
 

@@ -109,7 +109,7 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     assert evaluation.model_error == pytest.approx((along, across), rel=0.5 if in_space else 2e-3)
     assert evaluation.model_error[0] == pytest.approx(along, rel=2e-3)
     assert evaluation.model_error[1] > across * (1 - 2e-3)
-    assert f"{evaluation.model_error[1] * 1e3:.4g} mm" in str(evaluation)
+    assert f"{evaluation.model_error[1] * 1e3:.3g} mm" in str(evaluation)
     plain = ac.simulate(execution.set_points, ac.ServoPlant(arm, servo.replace(model_error=None)))
     assert ac.evaluate(plain, path).model_error is None
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.palette import VERDICTS
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
-from armcontour.core.text import digits, format_table
+from armcontour.core.text import format_table
 
 # Display unit of each SI unit, and size of the display unit in the SI unit.
 SHOWN = {
@@ -25,8 +25,8 @@ SHOWN = {
 WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2": "kg m²"}
 # Times below this are shown in ms [s].
 SHORT = 0.1
-# Numbers below this are shown with six decimals instead of four significant digits.
-FINE = 1e-3
+# Number of significant digits. Numbers below FINE are shown with six decimals.
+DIGITS, FINE = 3, 1e-3
 # Widest value that counts for the column in which notes begin, and widest line of a table
 # [characters].
 WIDEST_FIGURE = 16
@@ -46,13 +46,13 @@ def split(value: Any, unit: str = "") -> tuple[str, str]:
     if isinstance(value, str | int) and not (unit and isinstance(value, int)):
         return str(value), ""
     value = float(value)
-    if unit == "1" and abs(value) < 10:
-        return f"{value * 100:z.2f}", "%"
-    if unit == "s" and (abs(value) >= SHORT or not value):
-        return f"{value:.4f}", "s"
-    name, size = ("ms", 1e-3) if unit == "s" else scale(unit)
+    short = unit == "s" and 0 < abs(value) < SHORT
+    name, size = ("ms", 1e-3) if short else scale(unit)
     value /= size
-    return (digits(value) if abs(value) >= FINE or not value else f"{value:z.6f}"), name
+    if 0 < abs(value) < FINE:
+        return f"{value:z.6f}", name
+    text = f"{value:z.{DIGITS}g}"
+    return (f"{float(text):.0f}" if "e+" in text and abs(value) < 1e15 else text), name
 
 
 def scale(unit: str) -> tuple[str, float]:

@@ -257,11 +257,10 @@ def judging_rows(result: RunResult, rows: tuple[Row, ...]) -> tuple[Row, ...]:
     """Rows of a run, with the values of the execution that is the verdict."""
     if result.judged is result.evaluation:
         return rows
-    named: dict[str, Row] = {}
+    prefix, named = PREFIXES[BODIES], dict[str, Row]()
     for x in rows:
-        name = x.name.removeprefix(PREFIXES[BODIES])
-        is_known = name == "duration" and name in named  # the row of the verdict
-        if not is_known and (name == x.name or x.value is not None):
+        if not x.name.startswith(prefix) or x.level < FILE:
+            name = x.name.removeprefix(prefix)
             named[name] = replace(x, name=name)
     return tuple(named.values())
 
@@ -293,15 +292,16 @@ def _shown(result: RunResult, execution: str, rows: Iterable[Row]) -> Iterator[R
     """Yield rows of an execution, which are main results only if this execution is the verdict."""
     judged = result.judged is result.evaluations[execution]
     for row in rows:
-        row = replace(row, name=f"{PREFIXES[execution]}{row.name}")
-        if row.name.endswith("duration"):  # `verdict_rows` has the row that is shown
-            yield replace(row, level=FILE)
-        elif judged or row.name == "limit_ratios":
-            yield row
-        elif row.label and row.name.removeprefix(PREFIXES[BODIES]).startswith(SHOWN_OF_OTHERS):
-            yield replace(row, label=OTHERS_LABELS[execution] + row.label, level=TABLE)
+        shown = replace(row, name=f"{PREFIXES[execution]}{row.name}")
+        if row.name == "duration":  # `verdict_rows` has the row that is shown
+            if execution == BODIES:
+                yield replace(shown, level=FILE)
+        elif judged or shown.name == "limit_ratios":
+            yield shown
+        elif row.label and row.name.startswith(SHOWN_OF_OTHERS):
+            yield replace(shown, label=OTHERS_LABELS[execution] + row.label, level=TABLE)
         else:
-            yield replace(row, level=FILE)
+            yield replace(shown, level=FILE)
 
 
 def _angular_rows(execution: Execution) -> Iterator[Row]:

@@ -99,13 +99,6 @@ class Figure:
         place = {"x0": 0, "x1": 1, "xref": f"{x_name} domain", "y0": y, "y1": y, "yref": y_name}
         self.add_shapes([{"type": "line", "line": line, **place}])
 
-    def add_vspan(self, interval: tuple[float, float], colour: str, row: int, col: int) -> None:
-        """Shade an interval of a plot."""
-        x_name, y_name = map(_short, self._axes[row, col])
-        place = {"x0": interval[0], "x1": interval[1], "xref": x_name, "yref": f"{y_name} domain"}
-        look = {"fillcolor": colour, "line": {"width": 0}, "layer": "below"}
-        self.add_shapes([{"type": "rect", "y0": 0.0, "y1": 1.0, **place, **look}])
-
     def add_shapes(self, shapes: Iterable[Mapping[str, Any]]) -> None:
         """Add shapes to the layout."""
         self.layout["shapes"] += map(Node, shapes)

@@ -14,7 +14,7 @@ from armcontour.report.figure import make_trace
 RUN_COLOURS = PALETTE["runs"]
 PATH_COLOUR, LIMIT_COLOUR = LINES["objective"], LINES["allowed"]
 PLANNED_COLOUR, EXECUTED_COLOUR = LINES["planned"], LINES["executed"]
-EXPERIMENT_COLOUR, SATURATION_COLOUR = LINES["experiment"], LINES["saturated"]
+EXPERIMENT_COLOUR = LINES["experiment"]
 # Line style of an experiment, which has the colour of its run.
 EXPERIMENT_DASH = "dot"
 # Ratio of the largest to the smallest value above which a logarithmic axis is labelled only at

@@ -246,7 +246,7 @@ def test_dead_times_that_err():
     assert error.limit == "contour error" and error.allowed == 0.03e-3
     # What can be reached in that time is between the two.
     assert 0.03e-3 < error.needed < 0.06e-3
-    assert "worst robot of the box" in str(error) and f"{error.needed * 1e3:.4g} mm" in str(error)
+    assert "worst robot of the box" in str(error) and f"{error.needed * 1e3:.3g} mm" in str(error)
 
 
 def test_a_total_tolerance_is_split_and_given_back():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.core.render import number
 from armcontour.files import certificate_page, parse_job
 from armcontour.jobs import Uncertainty
 from armcontour.program import Contour, Dwell, Event, Lead, Process, Program
@@ -119,7 +120,7 @@ def test_what_is_written_has_every_contour(certified):
     assert [x["name"] for x in data["contours"]] == ["contour bend", "contour line"]
     assert data["contours"][1]["budget"]["executed"] == certified.contours[1].budget.executed
     page = render_report(certified.study, certificate=certified)
-    assert all(f"{x.duration:.4f} s" in page for x in certified.contours)
+    assert all(number(x.duration, "s") in page for x in certified.contours)
 
 
 def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
@@ -146,4 +147,4 @@ def test_a_certificate_names_the_limits_of_the_duration(certified):
     assert run.to_data()["off_drawing"].value <= data["off_drawing"].value
     page = render_report(certified.study, certificate=certified)
     front = page[: page.index("Warnings and notes")]
-    assert all(x in front for x in ("Why it takes this long", "What to change", "time limited by"))
+    assert all(x in front for x in ("Why it takes this long", "time limited by"))

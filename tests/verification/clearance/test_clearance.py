@@ -131,7 +131,7 @@ def test_the_nearest_pair_of_every_kind_is_reported():
     assert clearance.nearest[0] is clearance.least
     words = clearance.sentence
     for x in clearance.nearest[1:]:
-        assert f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" in words
+        assert f"{x.second} and {x.first} {x.high * 1e3:.3g} mm" in words
     assert "far" not in words
 
 

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.core.render import figure, number
+from armcontour.core.render import figure
 from armcontour.core.result import Table
 from armcontour.core.text import capitalise
-from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.report.figure import Figure
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
@@ -30,7 +29,6 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
     doubts = [x for x in data.warnings if x not in certificate.result.path.notes]
     sentences = [
         *time_sentences(certificate.result),
-        *(("What to change", x) for x in [_change(certificate)] if x),
         ("Valid for", f"{model}. It does not cover collisions and flexibility."),
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
         ("Weakest point", (*doubts, *data.notes, "None known.")[0]),
@@ -43,20 +41,6 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
         drawing=draw_plan(next(iter(study.runs.values())), study.job),
         sentences=tuple(sentences),
     )
-
-
-def _change(certificate: Certificate) -> str:
-    """Advice on the limit that is active for the longest time; empty if this limit is unknown."""
-    explanation = certificate.result.explanation
-    if explanation is None or explanation.longest is None:
-        return ""
-    name, share = explanation.longest
-    advice = "raise that limit, if the drive and the process allow it"
-    if name in (RAPIDS, DWELLS):
-        advice = "shorten them, for example by process.order: shortest"
-    elif "contour error" in name:
-        advice = "allow a larger error" + ", or reduce the box" * (certificate.goal.box is not None)
-    return f"{capitalise(name)} takes {number(share, '1')} of the time: {advice}."
 
 
 def certificate(result: Certificate) -> Section:

@@ -17,7 +17,6 @@ from armcontour.report.style import (
     EXPERIMENT_COLOUR,
     LIMIT_COLOUR,
     PLANNED_COLOUR,
-    SATURATION_COLOUR,
     finish,
     line,
     thin,
@@ -32,14 +31,10 @@ HEIGHT = 58
 MAX_POINTS = 400
 # Number of decimals of values in tables, so that numerical noise is shown as 0.
 ROUNDED = 6
-# Range of values, in the unit of the plot or as a share of the limit, below which a curve is noise.
-AT_REST = 1e-4
-# Relative difference of demand and acceleration above which a joint counts as saturated.
-SATURATED = 1e-3
 # Share of a limit above which the limit is drawn; a limit far away would flatten the curve.
 WORTH_SHOWING = 0.3
-# Percentile of the values of an experiment that determines the scale, so that spikes are ignored.
-USUAL = 99.5
+# Percentile of the values that determines the scale, so that spikes are ignored.
+USUAL = 99.8
 
 
 def joints(study: JobResult) -> Section:
@@ -52,9 +47,7 @@ def joints(study: JobResult) -> Section:
         summary="position, velocity and acceleration with their limits",
         text=(
             f"Planned{executed}. Black lines are limits; a limit of which less than "
-            f"{WORTH_SHOWING:.0%} is used is listed only in the table. In shaded intervals, the "
-            "joint is saturated: its acceleration differs from the demand of its servo by more "
-            "than 0.1 %."
+            f"{WORTH_SHOWING:.0%} is used is listed only in the table."
         ),
         choices=tuple((k, (draw_joints(k, x), _table(x))) for k, x in study.runs.items()),
     )
@@ -67,7 +60,8 @@ def draw_joints(name: str, result: RunResult) -> Any:
     figure = make_subplots(
         rows=n, cols=3, column_titles=list(QUANTITIES), vertical_spacing=0.15 / n
     )
-    bounds = _bounds(result, n)
+    limits = result.run.limits
+    bounds = limits.joint_range(n), limits.velocity_bounds(n), limits.acceleration_bounds(n)
     for order in range(3):
         curves = _curves(result, order)
         for j in range(n):
@@ -79,15 +73,14 @@ def draw_joints(name: str, result: RunResult) -> Any:
                     line(times, y, label, showlegend=first, legendgroup=label, **look), **place
                 )
             low, high = (float(x[j]) for x in bounds[order])
-            visible = _range([(k, v[:, j]) for k, (_, v, _) in curves.items()], low, high, order)
+            # A limit of positions is far away, so that it would flatten the curves.
+            nearby = (low, high) if order else (-np.inf, np.inf)
+            visible = _range([v[:, j] for _, v, _ in curves.values()], *nearby)
             figure.update_yaxes(range=visible, nticks=4, **place)
             for value in (low, high):
                 if visible[0] < value < visible[1]:
                     figure.add_hline(value, {"color": LIMIT_COLOUR, "width": 1}, **place)
     for j in range(n):
-        motion = result.motion
-        for span in find_saturation(motion.t, motion.demand[:, j], motion.ddq[:, j]):
-            figure.add_vspan(span, SATURATION_COLOUR, row=j + 1, col=3)
         # The axis shows the joint number, because joint names are longer than the plot is high.
         title = {"text": f"joint {j + 1}", "font": {"size": 11}}
         figure.update_yaxes(title=title, row=j + 1, col=1)
@@ -121,47 +114,16 @@ def _curves(
     return curves
 
 
-def _bounds(result: RunResult, dof: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Lower and upper bounds of position, velocity and acceleration, (dof,) each."""
-    limits = result.run.limits
-    return [limits.joint_range(dof), limits.velocity_bounds(dof), limits.acceleration_bounds(dof)]
-
-
-def _range(
-    curves: list[tuple[str, FloatArray]], low: float, high: float, order: int
-) -> list[float]:
-    """Axis range that shows the curves, except spikes of an experiment, and nearby limits."""
-    ends: list[float] = []
-    for name, values in curves:
-        if name == "experiment":
-            ends += np.percentile(values, [100 - USUAL, USUAL]).tolist()
-        else:
-            ends += [float(values.min()), float(values.max())]
-    bottom, top = min(ends), max(ends)
+def _range(curves: list[FloatArray], low: float, high: float) -> list[float]:
+    """Axis range that shows the curves without rare spikes, and limits of which much is used."""
+    ends = [np.percentile(x, [100 - USUAL, USUAL]) for x in curves]
+    bottom, top = float(np.min(ends)), float(np.max(ends))
     # The range has a minimum size, so that the noise of a joint at rest is not enlarged.
-    noise = max(AT_REST, AT_REST * high) if np.isfinite(high) else AT_REST
-    edge = 0.12 * (top - bottom) if top - bottom > noise else 0.01
-    bottom, top = bottom - edge, top + edge
-    size = max(abs(bottom), abs(top))
-    if order > 0 and np.isfinite(high) and size > WORTH_SHOWING * min(high, -low):
+    edge = max(0.12 * (top - bottom), 0.01)
+    used = max(top / high if high else 0.0, bottom / low if low else 0.0)
+    if used > WORTH_SHOWING:
         bottom, top = min(bottom, 1.15 * low), max(top, 1.15 * high)
-    return [bottom, top]
-
-
-def find_saturation(
-    t: Any, commanded_acceleration: Any, acceleration: Any
-) -> list[tuple[float, float]]:
-    """Intervals [s] in which a joint does not reach its demand; close intervals are joined."""
-    over = np.abs(commanded_acceleration - acceleration) > SATURATED * np.abs(acceleration)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(int), [0]])))
-    joined: list[tuple[float, float]] = []
-    for i, k in zip(edges[::2], edges[1::2] - 1, strict=True):
-        start, end = float(t[i]), float(t[k])
-        if joined and start - joined[-1][1] < 2e-3 * t[-1]:
-            joined[-1] = (joined[-1][0], end)
-        else:
-            joined.append((start, end))
-    return joined
+    return [bottom - edge, top + edge]
 
 
 def _table(result: RunResult) -> TextTable:

@@ -1,0 +1,64 @@
+"""A figure of a run is one row: all outputs print the rows, and name hardly any of them."""
+
+import ast
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+from tests.cli.test_one_number import PAPER, text_of
+
+import armcontour as ac
+from armcontour.core.render import frame
+from armcontour.core.result import FIRST, Row
+from armcontour.files import parse_job
+from armcontour.files.result_folder import data_json
+from armcontour.report import render_report
+from armcontour.verification import Evaluation
+
+SOURCE = Path(ac.__file__).parent
+# Names of figures in rows, with which `Row` or `error_rows` is called.
+FIGURES = {
+    "RMS": ("contour_error", "contour_error.rms"),
+    "duration": ("duration",),
+    "limit use": ("limit_ratios",),
+    "clearance": ("low", "clearance", "clearance.low"),
+}
+
+
+@pytest.fixture
+def study(monkeypatch):
+    """A study whose evaluations have one more row."""
+    original = Evaluation.to_data
+
+    def to_data(self):
+        data = original(self)
+        row = Row("wobble", 1.23456e-3, "m", "wobble", "of the tool", FIRST)
+        return replace(data, rows=(*data.rows, row))
+
+    monkeypatch.setattr(Evaluation, "to_data", to_data)
+    job = PAPER | {"runs": {"optimal": PAPER["runs"]["optimal"]}}
+    return ac.run(parse_job(yaml.safe_dump(job)))
+
+
+def test_a_new_figure_is_one_row(study):
+    (result,) = study.runs.values()
+    for text in (str(result), str(study), text_of(render_report(study))):
+        assert "wobble" in text and "1.23" in text and "1.234" not in text
+    shown = {x["name"].split(".")[-1]: x for x in frame(result.to_data())}["wobble"]
+    assert (shown["text"], shown["unit"], shown["note"]) == ("1.23", "mm", "of the tool")
+    saved = json.loads(data_json(study.to_data()))["runs"]["optimal"]
+    assert saved["wobble"] == 1.23456e-3
+    assert study.figures["optimal"]["wobble"].value == 1.23456e-3
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+def test_a_figure_is_made_in_few_files(figure):
+    places = set()
+    for file in SOURCE.rglob("*.py"):
+        for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(call, ast.Call) and getattr(call.func, "id", "") in ("Row", "error_rows"):
+                if isinstance(call.args[0], ast.Constant) and call.args[0].value in FIGURES[figure]:
+                    places.add(file.relative_to(SOURCE).as_posix())
+    assert 0 < len(places) <= 3, sorted(places)
