@@ -54,7 +54,7 @@ class Simulated(Controller):
         self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
     ) -> PlayedMotion:
         """Play a motion; `stop_requested` is asked in every cycle."""
-        self._check_start(motion)
+        self._check_motion(motion)
         self.motions.append(motion)
         command, stopped, measured, dt = motion.q.copy(), None, [], self.cycle
         q, speed, total = self.held.copy(), np.zeros_like(self.held), np.zeros_like(self.held)

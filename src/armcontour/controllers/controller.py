@@ -348,7 +348,7 @@ class Controller:
             ControllerLost: The controller failed, or its process ended; with the record until then.
         """
         channel = self._connected()
-        self._check_start(motion)
+        self._check_motion(motion)
         channel.events.clear()
         begin = len(channel.samples)
         channel.send(["M", *rows_as_lines(motion.q), "E"])
@@ -427,7 +427,7 @@ class Controller:
             allowed=allowed,
         )
 
-    def _check_start(self, motion: Motion) -> None:
+    def _check_motion(self, motion: Motion) -> None:
         """Refuse a motion whose first set-point differs from the commanded position."""
         distance = np.abs(motion.q[0] - self.position())
         j = int(distance.argmax())

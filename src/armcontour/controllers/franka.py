@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 
 import numpy as np
 
-from armcontour.controllers.controller import Controller, FeederCommand, Motion, PlayedMotion
+from armcontour.controllers.controller import Controller, FeederCommand, Motion
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.render import number
@@ -90,12 +89,10 @@ class Franka(Controller):
                 )
         return self._compare(q)
 
-    def stream(
-        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
-    ) -> PlayedMotion:
-        """Play a motion and record it, after a check that the FCI accepts its set-points."""
+    def _check_motion(self, motion: Motion) -> None:
+        """Also refuse set-points that the FCI would change."""
+        super()._check_motion(motion)
         self._compare(motion.q)
-        return super().stream(motion, stop_requested)
 
     def _compare(self, q: FloatArray) -> list[Row]:
         """Largest share of each FCI limit that set-points use, one row per derivative."""

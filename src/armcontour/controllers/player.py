@@ -174,9 +174,8 @@ def play(
         ControllerLost: The controller failed during the motion.
         ArmContourError: The run cannot be planned.
     """
-    played_job, planned = plan_kept(
-        job, run_name, speed_factor, learned=set_points is not None, progress=progress
-    )
+    learned = set_points is not None
+    played_job, planned = plan_kept(job, run_name, speed_factor, learned, progress)
     ready = prepare_motion(
         played_job, planned, controller, set_points=set_points, speed_factor=speed_factor, band=band
     )
@@ -185,12 +184,7 @@ def play(
 
 
 def plan_kept(
-    job: Job,
-    run_name: str | None,
-    speed_factor: float,
-    *,
-    learned: bool,
-    progress: Progress | None = None,
+    job: Job, run_name: str | None, speed_factor: float, learned: bool, progress: Progress | None
 ) -> tuple[Job, RunResult]:
     """Plan the run of `play`; `learned`: the set-points of `learn` will be played."""
     if learned and speed_factor != 1.0:

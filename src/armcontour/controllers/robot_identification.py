@@ -125,7 +125,7 @@ def prepare_identification(
     controller: Controller,
     run_name: str | None,
     reserve: float,
-    progress: Progress | None = None,
+    progress: Progress | None,
 ) -> dict[str, Played]:
     """Motions of an identification by their names, checked against the controller."""
     chosen = choose_run(job, run_name, "identified")
