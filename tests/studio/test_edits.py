@@ -19,7 +19,6 @@ from armcontour.files.job_text_edits import change_data, value_at
 from armcontour.files.patch import key_of, locate_key
 from armcontour.studio.description import slider_rows
 from armcontour.studio.edits import EDITS, changes_of
-from armcontour.studio.edits.keys import remove_run
 from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
 
@@ -102,12 +101,12 @@ VALID = (
     {"do": "set", "key": "limits.speed", "value": 0.1},
     {"do": "unset", "key": "limits.speed"},
     {"do": "tilt", "angle": 10},
+    {"do": "add_run", "name": "new"},
     {"do": "move_waypoint", "index": 1, "to": [0.3, 0.2], "step": 1e-4},
     {"do": "set_waypoint", "index": 1, "value": ["1 mm", 2]},
     {"do": "insert_waypoint", "index": 1, "at": [0.3, 0.2]},
     {"do": "remove_waypoint", "index": 1},
     {"do": "place", "by": [0.1, 0], "turn": 0.1, "about": [0, 0]},
-    {"do": "to_waypoints"},
     {"do": "obstacle", "action": "change", "index": 0, "size": [1, 1, 1]},
     {"do": "draw", "start": [0.36, 0.26], "segments": [{"to": [0.3, 0.2]}]},
 )
@@ -305,32 +304,6 @@ def test_segments_take_points_and_lose_them():
         edited(CHAIN, do="insert_waypoint", index=2, **point)
     with pytest.raises(InvalidInput, match="the via point of an arc"):
         edited(CHAIN, do="remove_waypoint", index=5)
-
-
-NAMED = """\
-name: a
-arm: pmk3s
-path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.26]]}
-limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
-servo: {kp: 25 1/s, kv: 150 1/s}
-runs:
-  first: {compensation: {method: none}}
-  second: {}
-certificate: {tolerance: 9 mm, run: second}
-"""
-
-
-def test_a_run_is_removed_with_all_that_names_it():
-    data = load(NAMED, "")
-    changes = remove_run(data, "second")
-    gone = change_data(data, changes)
-    assert list(gone["runs"]) == ["first"]
-    assert gone["certificate"] == {"tolerance": "9 mm"}
-    # So the job is one still.
-    assert [x.name for x in parse_job(change_text(NAMED, changes)).runs] == ["first"]
-    # Where nothing names it, only the run goes.
-    remaining = change_data(data, remove_run(data, "first"))
-    assert remaining["certificate"] == data["certificate"]
 
 
 TEXT = """\

@@ -12,7 +12,6 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.studio.edits import changes_of
-from armcontour.studio.edits.conversion import is_convertible
 from armcontour.studio.handles import EditState, handles_of, obstacles_of
 
 TAIL = """
@@ -113,15 +112,3 @@ def test_points_are_offered_for_removal_and_insertion_where_that_works(path):
         if point in parsed.ends[1:]:
             insert = {"do": "insert_waypoint", "index": point.index, "at": [0.33, 0.22]}
             assert parsed.is_divisible(point.index) == works(insert), point
-
-
-@pytest.mark.parametrize(
-    ("paths", "one"), [("M 5 5 L 40 5", True), ("M 5 5 L 40 5 M 5 9 L 9 9", False)]
-)
-def test_a_drawing_is_convertible_if_it_has_one_contour(tmp_path, paths, one):
-    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
-    text = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="{paths}"/></svg>'
-    (tmp_path / "part.svg").write_text(text)
-    parsed = handles("{file: part.svg, frame: {position: [0.3, 0.2, 0]}}", "pmk3s", tmp_path)
-    assert is_convertible(parsed) == one
-    assert not is_convertible(handles("{points: [[0.3, 0.2], [0.36, 0.25]]}", "pmk3s"))

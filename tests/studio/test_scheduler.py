@@ -195,21 +195,13 @@ def progress(frames):
     return [x.header["state"] for x in frames if x.kind == "progress"]
 
 
-def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
-    opened, during, monkeypatch
-):
+def test_a_slow_plan_has_an_outline_and_progress(opened, during, monkeypatch):
     _, tab, lane = opened(preview_worker=Nested)
     monkeypatch.setattr(scheduler, "SLOW_PLAN", -1.0)
-    during(lambda: tab.say("cancel", id="#"))
     frames = tab.edit(moved(1), gesture=1)
-    assert tiers(frames) == ["picture outline"]
-    assert progress(frames)[-2:] == ["working", "stopped"]
-    assert lane.cancelled == [lane.given[-1][0]], "its figures are stopped, too"
-    lane.deliver(PageFrame("cancelled", {"id": lane.cancelled[0]}))
-    count = len(lane.given)
-    frames = tab.say("resume")
-    assert tiers(frames)[-2:] == ["picture preview", "executed preview"]
-    assert len(lane.given) == count + 1 and set(progress(frames)) == {"working"}
+    assert tiers(frames) == ["picture outline", "picture preview", "executed preview"]
+    assert set(progress(frames)) == {"working"}
+    answer(lane)
     answer(lane)
     assert progress(tab.frames)[-1] == "done"
     # Progress of a state that is not shown any more goes.
@@ -219,15 +211,9 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
 
 def test_a_killed_process_is_reported_and_the_next_edit_has_figures(opened):
     _, tab, lane = opened(preview_worker=Nested)
-    id = lane.given[-1][0]
-    lane.deliver(
-        PageFrame("failed", {"id": id, "sentence": "It has ended before it gave an answer."})
-    )
-    message = tab.last("progress")
-    assert message["state"] == "stopped" and "has ended" in message["steps"][0]
-    tab.say("resume")
-    assert len(lane.given) == 2 and tab.last("progress")["state"] == "working"
+    failure = {"id": lane.given[-1][0], "sentence": "It has ended before it gave an answer."}
+    lane.deliver(PageFrame("failed", failure))
+    assert "has ended" in tab.last("notice")["sentence"]
     tab.edit(moved(1), gesture=1)
-    lane.deliver(PageFrame("cancelled", {"id": lane.given[1][0]}))
     answer(lane, duration=12.5)
     assert tab.last("figures")["seq"] == tab.seq

@@ -22,7 +22,7 @@ def test_a_page_talks_with_the_session(file):
         page.edit({"do": "set", "key": "corners.tolerance", "value": "4 mm"})
         assert other.hear("document").header["undo_label"] == "set tolerance"
         tabs = studio.session_host.session.pages
-        number = tabs.keep_file("a b.html", "text/html", b"x")
+        number = tabs.keep_file("a b.html", b"x")
         status, headers, body = studio.request("GET", f"/files/{number}")
         assert (status, body) == (200, b"x")
         assert headers["content-disposition"] == "attachment; filename*=UTF-8''a%20b.html"

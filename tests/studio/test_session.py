@@ -60,15 +60,13 @@ NONSENSE = (
     {"op": "edit", "edits": [{**MOVE, "index": 1.5}], "gesture": [], "rev": "x"},
     *({"op": "select"}, {"op": "select", "run": "none"}, {"op": "select", "run": {"a": 1}}),
     *({"op": "undo"}, {"op": "redo", "seq": "x"}, {"op": "pin"}, {"op": "compare", "with": None}),
-    *({"op": "add_run", "name": "../x"}, {"op": "add_run", "name": "fast"}),
-    {"op": "add_run", "name": "new", "like": ["fast"]},
-    {"op": "remove_run", "name": "none"},
+    {"op": "edit", "edits": [{"do": "add_run", "name": "../x"}], "final": True},
     *({"op": "task", "id": "a", "task": "system"}, {"op": "task", "id": 1, "task": "report"}),
     {"op": "task", "id": "#1", "task": "report"},
     {"op": "task", "id": "a", "task": "report", "options": [1]},
     {"op": "restore_draft"},
     # Half of a character (a lone surrogate), which no frame could hold.
-    *({"op": "add_run", "name": "\ud800"}, {"op": "\udfff", "id": "\ud800"}),
+    *({"op": "select", "run": "\ud800"}, {"op": "\udfff", "id": "\ud800"}),
 )
 
 
@@ -192,14 +190,16 @@ def test_runs_are_shown_added_and_removed(session, tab):
     assert tab.last("picture")["run"] == "fast" and figure(tab.last("picture"), "duration") < slow
     assert tab.last("document")["run"] == "fast"
     tab.say("select", run="slow")
-    tab.say("add_run", name="slower", like="slow")
+    tab.edit({"do": "add_run", "name": "slower"})
     assert [x["name"] for x in tab.last("document")["runs"]] == ["slow", "fast", "slower"]
     assert session.editor.document.data["runs"]["slower"] == {"limits": {"speed": "50 mm/s"}}
     tab.say("select", run="slower")
-    tab.say("remove_run", name="slower")
+    tab.edit({"do": "unset", "key": ["runs", "slower"]}, gesture=1)
     assert tab.last("document")["run"] == "slow" and session.editor.document.text == JOB
-    tab.say("remove_run", name="slow")
-    assert "only run" in sentence(tab.say("remove_run", name="fast"))
+    tab.edit({"do": "unset", "key": ["runs", "slow"]}, gesture=2)
+    assert tab.last("document")["run"] == "fast"
+    tab.edit({"do": "unset", "key": ["runs", "fast"]}, gesture=3)
+    assert tab.last("refusal")["dropped"] and list(tab.last("document")["data"]["runs"]) == ["fast"]
 
 
 def test_saving_and_what_others_have_changed(session, tab, file):
@@ -246,7 +246,7 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     tab.say("cancel", id="t1")
     assert lane.cancelled == ["t1"] and tab.say("cancel", id="t2") == []
     lane.deliver(PageFrame("progress", {"id": "t1", "share": 0.5}))
-    header = {"id": "t1", "name": "a.html", "type": "text/html"}
+    header = {"id": "t1", "name": "a.html"}
     lane.deliver(PageFrame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
     assert session.pages.files[tab.last("result")["file"]].data == b"<html>"
     assert tab.last("progress")["share"] == 0.5

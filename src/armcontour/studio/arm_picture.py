@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
-from itertools import pairwise
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -127,70 +126,19 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
 def triangles_of(shape: Shape) -> FloatArray:
     """Triangles of a shape [m], (n, 3, 3), with outward normals; for a large mesh, of its hull."""
     match shape:
-        case Box():
-            ring = shape.size[:2] / 2 * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
-            return _triangulate_rings([(ring, -shape.size[2] / 2), (ring, shape.size[2] / 2)])
-        case Sphere():
-            return _capsule_triangles(shape.radius, 0.0)
-        case Capsule():
-            return _capsule_triangles(shape.radius, shape.length)
-        case Cylinder():
-            ring = _ring(shape.radius)
-            return _triangulate_rings([(ring, -shape.length / 2), (ring, shape.length / 2)])
         case Mesh() if shape.triangles is not None and len(shape.triangles) <= MAX_TRIANGLES:
             return np.asarray(shape.points[shape.triangles])
         case Mesh():
-            return _hull(shape.points)
-    raise TypeError(f"A {type(shape).__name__} cannot be drawn as triangles.")
-
-
-def _ring(radius: float) -> FloatArray:
-    """Points of a circle about the origin [m], (SIDES, 2)."""
-    angles = np.arange(SIDES) * 2 * np.pi / SIDES
-    return radius * np.column_stack([np.cos(angles), np.sin(angles)])
-
-
-def _capsule_triangles(radius: float, length: float) -> FloatArray:
-    """Triangles of a capsule along z [m], (n, 3, 3); a capsule of length 0 is a sphere."""
-    # The poles are separate points. A sphere has one ring at its equator, a capsule has two.
-    angles = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)[1:-1]
-    rings = [
-        (_ring(radius * np.cos(angle)), radius * np.sin(angle) + end * length / 2)
-        for end in (-1, 1)
-        for angle in angles.tolist()
-        if end * angle > 0 or (abs(angle) < 1e-9 and (length > 0 or end > 0))
-    ]
-    pole = radius + length / 2
-    return _triangulate_rings(rings, (-pole, pole))
-
-
-def _triangulate_rings(
-    rings: Sequence[tuple[FloatArray, float]], poles: tuple[float, float] | None = None
-) -> FloatArray:
-    """Triangles of a body from rings: polygons (n, 2) [m] with their z [m], lowest ring first.
-
-    `poles`: z of the lowest and highest point [m]; without poles, the ends are flat.
-    """
-    low, high = poles or (rings[0][1], rings[-1][1])
-    points = [np.column_stack([ring, np.full(len(ring), z)]) for ring, z in rings]
-    ends = [np.broadcast_to([0.0, 0.0, z], points[0].shape) for z in (low, high)]
-    triangles = [_fan(points[0][::-1], ends[0]), _fan(points[-1], ends[1])]
-    for below, above in pairwise(points):
-        after, over = np.roll(below, -1, axis=0), np.roll(above, -1, axis=0)
-        triangles += [np.stack([below, after, over], 1), np.stack([below, over, above], 1)]
-    return np.concatenate(triangles)
-
-
-def _fan(ring: FloatArray, middle: FloatArray) -> FloatArray:
-    """Triangles between the sides of a polygon and a point, (n, 3, 3).
-
-    `middle` contains the point n times, (n, 3).
-    """
-    return np.stack([ring, np.roll(ring, -1, axis=0), middle], 1)
-
-
-def _hull(points: FloatArray) -> FloatArray:
-    """Triangles of the convex hull of points [m], (n, 3, 3)."""
+            points = shape.points
+        case Box():
+            points = shape.size / 2 * np.array(list(product((-1, 1), repeat=3)))
+        case Cylinder():
+            points = _ends(shape.length, _rings(shape.radius, np.zeros(1)))
+        case Sphere() | Capsule():
+            rings = _rings(shape.radius, np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1))
+            points = rings if isinstance(shape, Sphere) else _ends(shape.length, rings)
+        case _:
+            raise TypeError(f"A {type(shape).__name__} cannot be drawn as triangles.")
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(points)
@@ -200,3 +148,17 @@ def _hull(points: FloatArray) -> FloatArray:
     inside_out = np.einsum("ij,ij->i", across, hull.equations[:, :3]) < 0
     corners[inside_out] = corners[inside_out][:, ::-1]
     return np.asarray(corners)
+
+
+def _rings(radius: float, heights: FloatArray) -> FloatArray:
+    """Points of circles of latitude on a sphere about the origin [m], (n, 3)."""
+    angle, height = np.meshgrid(np.arange(SIDES) * 2 * np.pi / SIDES, heights)
+    flat = np.cos(height)
+    parts = (flat * np.cos(angle), flat * np.sin(angle), np.sin(height))
+    return radius * np.stack(parts, axis=-1).reshape(-1, 3)
+
+
+def _ends(length: float, points: FloatArray) -> FloatArray:
+    """Points moved to both ends of a body along z."""
+    half = np.array([0.0, 0.0, length / 2])
+    return np.concatenate([points - half, points + half])

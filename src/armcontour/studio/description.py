@@ -23,7 +23,6 @@ from armcontour.files.patch import full_key, locate_key
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
 from armcontour.studio.document import Document
-from armcontour.studio.edits.conversion import is_convertible
 from armcontour.studio.edits.keys import run_of, value_of
 from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of
@@ -36,13 +35,13 @@ LABELS = {
     "insert_waypoint": "insert waypoint {number}",
     "remove_waypoint": "remove waypoint {number}",
     "place": "place the part",
-    "to_waypoints": "make waypoints of the drawing",
     "obstacle": "{action} an obstacle",
     "draw": "draw",
     "text": "edit the text",
     "set": "set {key}",
     "unset": "remove {key}",
     "tilt": "tilt the tool",
+    "add_run": "add a run",
 }
 
 
@@ -184,7 +183,7 @@ def _path(
     """Source, axes and units of the path, and whether its waypoints can be edited or created."""
     if handles is None:
         why = "" if state.error is None else str(state.error)
-        return {"editable": False, "convertible": False, "why_not": why, "notes": []}
+        return {"editable": False, "why_not": why, "notes": []}
     notes = [] if state.job is None else list(state.job.program.notes)
     tolerance = locate_key(("corners", "tolerance"), data, run)
     coordinates = handles.waypoints[0].written if handles.waypoints else (None,)
@@ -195,7 +194,6 @@ def _path(
         "kind": handles.kind,
         "file": handles.file,
         "editable": handles.editable,
-        "convertible": is_convertible(handles),
         "why_not": handles.why_not,
         "notes": notes,
     }

@@ -22,7 +22,7 @@ from armcontour.studio.preview import CoarsePlanner, path_only
 # Timing method of the run that is shown first.
 FASTEST = "optimal"
 # Edits after which the handles must be computed again.
-HANDLE_EDITS = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "draw")
+HANDLE_EDITS = ("insert_waypoint", "remove_waypoint", "place", "draw")
 NOTHING_DRAWN = "The job has no path yet. Draw with the pen, or open a drawing."
 
 

@@ -8,7 +8,6 @@ import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -24,16 +23,6 @@ ALIGNED = 8
 LENGTH = struct.Struct("<I")
 # Array types that the page can read.
 TYPES = ("f4", "f8", "u1", "u2", "u4", "i4")
-# Media types of files by file name extension.
-FILE_TYPES = {
-    ".csv": "text/csv",
-    ".html": "text/html",
-    ".script": "text/plain",
-    ".src": "text/plain",
-    ".mod": "text/plain",
-    ".yaml": "application/yaml",
-    ".zip": "application/zip",
-}
 # Command line options in a message, which the Studio removes. The message also names the job key.
 _OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
 _BEFORE = r",? (?:or|also with|such as)| as"
@@ -52,8 +41,7 @@ class PageFrame:
     @classmethod
     def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> PageFrame:
         """Create a frame `result` with the bytes of a file as array `content`."""
-        kind = FILE_TYPES.get(PurePath(name).suffix, "application/octet-stream")
-        facts = {**header, "name": name, "type": kind, "bytes": len(content)}
+        facts = {**header, "name": name, "bytes": len(content)}
         return cls("result", facts, {"content": bytes_array(content)})
 
     def stamped(self, **facts: Any) -> PageFrame:

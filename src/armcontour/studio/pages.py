@@ -30,7 +30,6 @@ class File:
     """A file for download."""
 
     name: str
-    kind: str
     data: bytes = field(repr=False)
 
 
@@ -88,11 +87,11 @@ class Pages:
                         packed[seq] = frame.stamped(seq=seq).pack()
                     page.send(packed[seq], key)
 
-    def keep_file(self, name: str, kind: str, data: bytes) -> str:
+    def keep_file(self, name: str, data: bytes) -> str:
         """Store a file for download; returns its random identifier."""
         number = secrets.token_hex(8)
         with self._lock:
-            self.files[number] = File(name, kind, data)
+            self.files[number] = File(name, data)
             while len(self.files) > MAX_FILES or (
                 len(self.files) > 1 and sum(len(x.data) for x in self.files.values()) > MAX_BYTES
             ):

@@ -54,7 +54,7 @@ FINAL_KINDS = ("figures", "result", "refusal", "failed", "cancelled")
 # Prefix of the task identifiers of exact figures, and identifier in the progress of a state.
 STATE_ID = "#"
 # Values of `state` in progress frames.
-WORKING, STOPPED, DONE = "working", "stopped", "done"
+WORKING, DONE = "working", "done"
 
 
 class Superseded(Exception):
@@ -95,8 +95,6 @@ class DocumentState:
     # Picture without a plan, and its path.
     outline: tuple[PageFrame, Program] | None = field(default=None, init=False)
     start_time: float = field(default_factory=time.monotonic, init=False)
-    # True if the user has stopped the work on the state.
-    stopped: bool = field(default=False, init=False)
     # True if a plan or a refusal was computed.
     answered: bool = field(default=False, init=False)
     # Time of the last progress frame [s]; None if the pages show no progress.
@@ -164,25 +162,6 @@ class Scheduler:
                 self._figures_worker.cancel(f"{STATE_ID}{self._count}")
             self._preview_worker.submit(partial(self._show_state, state))
 
-    def stop(self) -> None:
-        """Stop the work on the newest state; its results stay on the pages."""
-        with self._lock:
-            state = self._newest
-            if state is not None:
-                state.stopped, self._queued = True, None
-                if self._current is not None:
-                    self._figures_worker.cancel(f"{STATE_ID}{self._count}")
-                self._send_progress(state, (), None, STOPPED)
-
-    def resume(self) -> None:
-        """Continue the work on a stopped state."""
-        with self._lock:
-            state = self._newest
-            if state is not None and state.stopped:
-                state.stopped = False
-                self._send_progress(state, (), None, WORKING)
-                self._preview_worker.submit(partial(self._show_state, state))
-
     def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
         """Start a task in the task process; `id` identifies the task for `cancel`."""
         with self._lock:
@@ -196,11 +175,9 @@ class Scheduler:
             self._task_worker.submit(id, task, dict(request))
 
     def cancel(self, id: str) -> None:
-        """Cancel a task; with STATE_ID, stop the work on the newest state."""
+        """Cancel a task."""
         with self._lock:
-            if id == STATE_ID:
-                self.stop()
-            elif id in self._running and self._task_worker is not None:
+            if id in self._running and self._task_worker is not None:
                 self._task_worker.cancel(id)
 
     def forget(self) -> None:
@@ -237,12 +214,8 @@ class Scheduler:
 
     def _show_state(self, state: DocumentState, stale: StaleCheck) -> None:
         """Compute and send the tiers of a state until a newer state supersedes it."""
-
-        def is_over(within: float = 0.0) -> bool:
-            return stale(within) or state.stopped
-
         with contextlib.suppress(Superseded):
-            self._compute(state, is_over)
+            self._compute(state, stale)
         self._done.set()
 
     def _compute(self, state: DocumentState, stale: StaleCheck) -> None:
@@ -255,7 +228,7 @@ class Scheduler:
                     self._wait(state, stale)
                     # The task process computes the figures at the same time as the preview.
                     self._request_figures(state)
-                    self._send_progress(state, ("planning",), None, WORKING)
+                    self._send_progress(state, ("planning",), None, at_once=True)
                 self._plan(state, stale, explain)
                 break
             except ArmContourError as error:
@@ -272,7 +245,7 @@ class Scheduler:
         results, begin = state.results, time.thread_time()
 
         def report(step: Step) -> None:
-            if state.stopped or (time.thread_time() > begin + MAX_OBSOLETE_PLAN and stale()):
+            if time.thread_time() > begin + MAX_OBSOLETE_PLAN and stale():
                 raise Superseded
             self._send_progress(state, step.names, step.done)
 
@@ -410,9 +383,9 @@ class Scheduler:
                 self._deliver(frame, state)
                 self._end_progress(state)
             elif frame.kind == "failed":
-                # The process has failed, for example because it was killed. The user can resume.
-                state.stopped = True
-                self._send_progress(state, (str(frame.header["sentence"]),), None, STOPPED)
+                # The process has failed, for example because it was killed.
+                self._deliver(PageFrame("notice", {"sentence": frame.header["sentence"]}), state)
+                self._end_progress(state)
             if self._queued is not None:
                 self._submit_figures(*self._queued)
 
@@ -425,18 +398,23 @@ class Scheduler:
             self._preview_worker.submit(partial(self._show_exact, state, plan))
 
     def _send_progress(
-        self, state: DocumentState, steps: Sequence[str], share: float | None, how: str = ""
+        self,
+        state: DocumentState,
+        steps: Sequence[str],
+        share: float | None,
+        *,
+        at_once: bool = False,
     ) -> None:
-        """Send progress at intervals; with `how` (a value of `state`), send it at once."""
+        """Send progress at intervals."""
         with self._lock:
             now = time.monotonic()
             due = state.start_time + PROGRESS_DELAY
             if state.reported is not None:
                 due = state.reported + PROGRESS_INTERVAL
-            if state is self._newest and (how or (now >= due and not state.stopped)):
+            if state is self._newest and (at_once or now >= due):
                 state.reported = now
                 tier = Tier.EXACT if state.answered else Tier.PREVIEW
-                header = {"id": STATE_ID, "task": STATE_ID, "tier": tier, "state": how or WORKING}
+                header = {"id": STATE_ID, "task": STATE_ID, "tier": tier, "state": WORKING}
                 self._deliver(
                     PageFrame("progress", {**header, "steps": steps, "share": share}), state
                 )

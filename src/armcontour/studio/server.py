@@ -6,7 +6,6 @@ The module imports little, so that the server answers while a thread loads numer
 from __future__ import annotations
 
 import asyncio
-import ctypes
 import gc
 import json
 import logging
@@ -15,7 +14,6 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -58,9 +56,6 @@ HELLO_TIMEOUT = 10.0
 FILE_CHECK_PERIOD = 2.0
 # Interval at which the interpreter switches threads [s].
 SWITCH_INTERVAL = 5e-4
-# Arrays above this size are returned to the system when they are freed [bytes]. By default, glibc
-# retains freed blocks of up to 32 MB. After motions of several minutes, these are hundreds of MB.
-LARGE_ARRAY, M_MMAP_THRESHOLD = 2**20, -3
 # Close code of refused websockets.
 REFUSED_CODE = 1008
 
@@ -107,7 +102,7 @@ class Server:
             raise RefusedRequest(404, "This file is no longer available. Create it again.")
         name = f"attachment; filename*=UTF-8''{quote(file.name, safe='')}"
         headers = [(b"content-disposition", name.encode())]
-        await respond(send, 200, file.data, file.kind, headers)
+        await respond(send, 200, file.data, "application/octet-stream", headers)
 
     async def _open(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Open an uploaded file, or store it as a log."""
@@ -280,10 +275,6 @@ async def _serve(listening: socket.socket, endpoint: Endpoint, session_host: Ses
 def _start(session_host: SessionHost) -> None:
     """Create and show the session, then configure memory management."""
     session_host.start()
-    if sys.platform == "linux":
-        # C libraries other than glibc may not have mallopt.
-        with suppress(AttributeError):
-            ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE_ARRAY)
     # Garbage collection skips the objects of the loaded modules; including them would delay
     # responses by 50 ms.
     gc.freeze()

@@ -24,7 +24,6 @@ from armcontour.files.cell import cell_names
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Editor, Revision
-from armcontour.studio.edits.keys import add_run, remove_run
 from armcontour.studio.handles import is_blank
 from armcontour.studio.opening import new_document, open_file
 from armcontour.studio.page_frame import PageFrame
@@ -190,7 +189,7 @@ class Session:
         document, force = self.editor.document, message.get("force") is True
         if document.file is None:
             name = f"{document.data.get('name') or 'job'}.yaml"
-            number = self.pages.keep_file(name, "application/yaml", document.text.encode())
+            number = self.pages.keep_file(name, document.text.encode())
             self.send(PageFrame("download", {"file": number, "name": name}), to=page)
         elif document.changed_on_disk() and not force:
             sentence = (
@@ -260,16 +259,6 @@ class Session:
         self.editor.select(_required_text(message, "run"))
         self._show_all()
 
-    def do_add_run(self, page: Page, message: PageMessage) -> None:
-        """Add a copy of a run."""
-        name, like = _required_text(message, "name"), message.get("like", self.editor.run)
-        self._change(add_run(self.editor.state.data, name, like), f"add the run {name}")
-
-    def do_remove_run(self, page: Page, message: PageMessage) -> None:
-        """Remove a run."""
-        name = _required_text(message, "name")
-        self._change(remove_run(self.editor.state.data, name), f"remove the run {name}")
-
     def do_task(self, page: Page, message: PageMessage) -> None:
         """Start a task in the task process, with the edits of the active gesture."""
         options = message.get("options") or {}
@@ -279,12 +268,8 @@ class Session:
         self.scheduler.start_task(id, task, self.editor.request(self._revision, options))
 
     def do_cancel(self, page: Page, message: PageMessage) -> None:
-        """Cancel a task, or the work on the shown state."""
+        """Cancel a task."""
         self.scheduler.cancel(_required_text(message, "id"))
-
-    def do_resume(self, page: Page, message: PageMessage) -> None:
-        """Continue the work on the shown state."""
-        self.scheduler.resume()
 
     # Changes of the document, and frames for the pages
 
@@ -379,7 +364,7 @@ class Session:
         if frame.kind != "result" or "content" not in frame.arrays:
             return frame
         header, content = frame.header, frame.arrays["content"].tobytes()
-        number = self.pages.keep_file(str(header["name"]), str(header["type"]), content)
+        number = self.pages.keep_file(str(header["name"]), content)
         return PageFrame("result", {**header, "file": number})
 
     def _fail(self, page: Page, message: PageMessage, error: ArmContourError) -> None:

@@ -8,8 +8,7 @@ from typing import Any, TypeAlias
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
 from armcontour.files.job_text_edits import Change
-from armcontour.studio.edits.conversion import waypoint_changes
-from armcontour.studio.edits.keys import set_value, unset_value
+from armcontour.studio.edits.keys import add_run, set_value, unset_value
 from armcontour.studio.edits.layout import obstacle, place, tilt
 from armcontour.studio.edits.waypoints import (
     draw,
@@ -44,13 +43,13 @@ EditFunction: TypeAlias = Callable[[Mapping[str, Any], EditState], Sequence[Chan
 EDITS: dict[Any, EditFunction] = {
     "set": set_value,
     "unset": unset_value,
+    "add_run": add_run,
     "tilt": tilt,
     "move_waypoint": move_waypoint,
     "set_waypoint": set_waypoint,
     "insert_waypoint": insert_waypoint,
     "remove_waypoint": remove_waypoint,
     "place": place,
-    "to_waypoints": lambda edit, state: waypoint_changes(state.handles, state.data),
     "obstacle": obstacle,
     "draw": draw,
 }

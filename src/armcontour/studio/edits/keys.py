@@ -151,24 +151,9 @@ def _format_typed(number: str, old: Any, kind: Quantity) -> Any:
     return f"{number} {unit_of(old, kind)[0]}"
 
 
-def add_run(data: Mapping[str, Any], name: str, like: Any) -> list[Change]:
-    """Changes that add a copy of a run."""
-    runs = data.get("runs") or {}
+def add_run(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Changes that add a copy of the shown run."""
+    name, runs = edit["name"], state.data["runs"]
     if name in runs:
         raise InvalidInput(f"The job already has a run {name}. Choose another name.")
-    if like not in list(runs):
-        raise InvalidInput(f"The job has no run {show(like)}.")
-    return [Change(("runs", name), deepcopy(runs[like]))]
-
-
-def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
-    """Changes that remove a run and the references to it."""
-    runs = data.get("runs") or {}
-    if name not in runs:
-        raise InvalidInput(f"The job has no run {name}.")
-    if len(runs) == 1:
-        raise InvalidInput(f"The run {name} cannot be removed, because it is the only run.")
-    changes = [Change(("runs", name))]
-    if (data.get("certificate") or {}).get("run") == name:
-        changes.append(Change(("certificate", "run")))
-    return changes
+    return [Change(("runs", name), deepcopy(runs[state.run]))]

@@ -9,8 +9,7 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {import("./connection.js").Link} Link */
 
 /** Work whose progress is shown here: the start, and that on the newest state, with its name in messages. */
-const OWN = "#";
-const WORK = /** @type {Record<string, string>} */ ({ start: "Starting", [OWN]: "Preview" });
+const WORK = /** @type {Record<string, string>} */ ({ start: "Starting", "#": "Preview" });
 const SHOWN_FOR = 9000; // ms
 const MOST = 4;
 
@@ -77,11 +76,8 @@ export function init(store, link) {
     work.hidden = state === "done";
     const name = tier === "exact" ? "Exact figures" : WORK[task];
     const how = `: ${steps.at(-1) ?? "…"}${share ? `, ${Math.round(100 * share)} %` : ""}`;
-    const [does, text] = state === "stopped" ? ["resume", "Start again"] : ["cancel", "Cancel"];
     render(
-      html`<span>${state === "stopped" ? (steps[0] ?? `${name} stopped.`) : name + how}</span>
-        <progress key=${typeof share} max="1" value=${share ?? undefined} hidden=${state === "stopped"} aria-label="Progress" />
-        <button type="button" data-does=${does} hidden=${task !== OWN} onClick=${() => link.send({ op: does, id: OWN })}>${text}</button>`,
+      html`<span>${name + how}</span><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label="Progress" />`,
       work,
     );
   });

@@ -35,18 +35,18 @@ export function init(store, link) {
   const add = async () => {
     const { run } = store.document;
     const name = await ask(`A new run like ${run}`, "Its name", `${run}-2`);
-    if (name) link.send({ op: "add_run", name, like: run });
+    if (name) link.edit([{ do: "add_run", name }]);
   };
   const row = (/** @type {any} */ { name, timing, compensation, corners }) => {
     const { run, runs } = store.document;
     const isShown = name === run;
     const [duration, rms, largest] = ["duration", "contour_error.rms", "contour_error.max"].map((x) => known.get(name)?.get(x));
     const delta = (/** @type {any} */ x) => (isShown ? "" : difference(x, known.get(run)?.get(x?.name)));
-    const act = (/** @type {string} */ title, /** @type {any} */ message) => html`<button type="button" aria-label=${`${title} run ${name}`} onClick=${() => link.send(message)}>${title}</button>`;
+    const act = (/** @type {string} */ title, /** @type {() => void} */ does) => html`<button type="button" aria-label=${`${title} run ${name}`} onClick=${does}>${title}</button>`;
     return html`<tr key=${name} aria-current=${isShown && "true"}>
       <th scope="row">${name}</th>${[timing, compensation, corners].map((x) => html`<td class="words">${x}</td>`)}
       ${[textOf(duration), delta(duration), textOf(rms), delta(rms), textOf(largest)].map((x) => html`<td>${x}</td>`)}
-      <td class="acts">${!isShown && act("Show", { op: "select", run: name })}${runs.length > 1 && act("Remove", { op: "remove_run", name })}</td>
+      <td class="acts">${!isShown && act("Show", () => link.send({ op: "select", run: name }))}${runs.length > 1 && act("Remove", () => link.edit([{ do: "unset", key: ["runs", name] }]))}</td>
     </tr>`;
   };
   for (const event of EVENTS) store.on(event, learn);

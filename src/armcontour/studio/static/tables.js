@@ -47,7 +47,7 @@ export function init(store, link) {
     };
     const columns = ["(number)", ...AXES.slice(0, points[0]?.written.length), "(actions)"];
     render(
-      html`${path.convertible && html`<button type="button" onClick=${() => link.edit([{ do: "to_waypoints" }])}>Make waypoints of the drawing</button>`}
+      html`
         <${Rows} title="Waypoints" note=${note} columns=${columns} rows=${points.slice(0, MAX_ROWS).map(row)} />`,
       region,
     );

@@ -68,35 +68,31 @@ def serve(tasks: Connection, lifeline: Connection, threshold: tuple[int, int, in
 def work(task_input: TaskInput, listener: Listener) -> bytes:
     """Run a task; returns the encoded final frame, and sends progress to the listener."""
     id, task, request = task_input
-    task_progress = _TaskProgress(id, task, listener)
     try:
-        frame = do(task, request, task_progress)
+        frame = do(task, request, _progress_frames(id, task, listener))
     except ArmContourError as error:
-        frame = PageFrame("failed", {"sentence": str(error), "error": type(error).__name__})
+        frame = PageFrame("failed", {"sentence": str(error)})
     except Exception as error:
-        kind = type(error).__name__
-        sentence = f"Internal error of the task {task} ({kind}): {error}"
+        sentence = f"Internal error of the task {task} ({type(error).__name__}): {error}"
         frame = PageFrame("failed", {"sentence": sentence})
     return frame.stamped(id=id, task=task).pack()
 
 
-class _TaskProgress:
+def _progress_frames(id: str, task: str, listener: Listener) -> Progress:
     """Progress callback that sends frames at intervals, with the estimated remaining time."""
+    begin = last = time.monotonic()
 
-    def __init__(self, id: str, task: str, listener: Listener) -> None:
-        self._facts = {"id": id, "task": task}
-        self._listener = listener
-        self._begin = self._last = time.monotonic()
-
-    def __call__(self, step: Step) -> None:
-        """Report a step if the interval has passed."""
-        now = time.monotonic()
-        if now - self._last < PROGRESS_INTERVAL:
+    def report(step: Step) -> None:
+        nonlocal last
+        now, share = time.monotonic(), step.done
+        if now < last + PROGRESS_INTERVAL:
             return
-        self._last, share = now, step.done
-        remaining = (now - self._begin) * (1 - share) / share if share else None
-        facts = {**self._facts, "steps": step.names, "share": share, "eta": remaining}
-        self._listener(PageFrame("progress", facts).pack())
+        last = now
+        remaining = (now - begin) * (1 - share) / share if share else None
+        facts = {"id": id, "task": task, "steps": step.names, "share": share, "eta": remaining}
+        listener(PageFrame("progress", facts).pack())
+
+    return report
 
 
 def do(task: str, request: Mapping[str, Any], progress: Progress) -> PageFrame:
