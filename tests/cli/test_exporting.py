@@ -143,7 +143,7 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
         ("a.csv --call", ["call requires the format urscript"]),
         ("a.npz", ["a.npz does not belong to a format"]),
         ("a.script", ["The output of spindle", "must be a number"]),
-        ("part.ngc --format csv", ["part.ngc already exists", "--force"]),
+        ("part.ngc --format csv", ["part.ngc exists", "--force"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("export", "out")) == []
     file = result / "compensated" / "set_points.csv"

@@ -22,9 +22,9 @@ def job(arm):
 
 
 def test_a_robot_is_named_by_its_address():
-    franka = controller_of(job("fr3"), "franka", ControllerOptions(address="192.0.2.7"))
+    franka = controller_of(job("fr3"), ControllerOptions(on="franka", address="192.0.2.7"))
     assert isinstance(franka, Franka) and franka.address == "192.0.2.7"
-    ur = controller_of(job("ur5e"), "ur", ControllerOptions(address="192.0.2.7"))
+    ur = controller_of(job("ur5e"), ControllerOptions(on="ur", address="192.0.2.7"))
     assert isinstance(ur, Ur) and ur.address == "192.0.2.7"
 
 
@@ -40,4 +40,4 @@ def test_a_robot_is_named_by_its_address():
 )
 def test_no_address_is_assumed(name, address, hal, reason):
     with pytest.raises(ac.InvalidInput, match=reason):
-        controller_of(job("ur5e"), name, ControllerOptions(address=address, hal=hal))
+        controller_of(job("ur5e"), ControllerOptions(on=name, address=address, hal=hal))

@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 from armcontour import files
 from armcontour.cli.commands import Arms, Init
 from armcontour.cli.execution import Outcome
+from armcontour.cli.inputs import refuse_existing
 from armcontour.core import staging
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
@@ -34,10 +35,7 @@ def init(options: Init, _: None, progress: Progress) -> Outcome:
     file = options.out or FilePath(f"{cell}.yaml")
     if file.suffix.lower() not in YAML:
         raise InvalidInput(f"The file of --out must have the extension {YAML[0]}, but is {file}.")
-    if file.exists() and not options.force:
-        raise InvalidInput(
-            f"{file} already exists. Specify another file with --out, or add --force to replace it."
-        )
+    refuse_existing(file, options.force)
     staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
     return Outcome(
         lines=[

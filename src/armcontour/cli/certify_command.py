@@ -24,10 +24,9 @@ def certify(options: Certify, folder: files.ResultFolder | None, progress: Progr
         page = report.render_report(certificate.study, certificate=certificate)
         folder.write(REPORT, page)
     data = certificate.to_data()
-    header, *rows = compare(certificate.comparison, TABLE)
     lines = [
         *text(data).splitlines(),
-        *table_lines([["", *header[1:]], *rows]),
+        *table_lines(compare(certificate.comparison, TABLE)),
         *data.notes,
         *certificate.result.remarks,
         *(f"Warning: {x}" for x in data.warnings),

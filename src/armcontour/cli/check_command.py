@@ -21,7 +21,7 @@ from armcontour.core.progress import Progress
 from armcontour.core.quantities import AngularDistance, AngularRate, Frequency
 from armcontour.core.render import plain
 from armcontour.core.result import Row
-from armcontour.core.text import clock, digits, joint_label, list_some, show
+from armcontour.core.text import digits, joint_label, list_some, show
 from armcontour.core.yaml_loader import load
 from armcontour.files.cell import read_cell_scene
 from armcontour.files.drawings.endings import YAML
@@ -29,7 +29,7 @@ from armcontour.files.joint_table import TrajectoryFile
 from armcontour.files.robots.loading import load_arm
 from armcontour.jobs import Job, Run, prepare_program, round_program
 from armcontour.jobs.job import find_run
-from armcontour.motion.log_checks import check_range_of_log, find_wrap
+from armcontour.motion.log_checks import check_range_of_log, refuse_wrapped
 from armcontour.motion.log_columns import raise_other_joints
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits
@@ -122,17 +122,11 @@ def _limits_and_path(
 
 
 def _run(job: Job, options: Check) -> Run:
-    """Run of --run, or the first run that rounds corners if all such runs have the same checks."""
+    """Run of --run, or the first run that rounds corners if all such runs have the same limits."""
     if options.run_name is not None:
         return find_run(job, options.run_name)
     runs = [x for x in job.runs if x.rounding is not None] or list(job.runs)
-    first, *others = (
-        (
-            x.rounding and (x.rounding, x.continuity, x.limits.centripetal_acceleration),
-            None if options.limits else comparable(x.limits),
-        )
-        for x in runs
-    )
+    first, *others = ((x.rounding, x.continuity, comparable(x.limits)) for x in runs)
     if any(x != first for x in others):
         raise InvalidInput(
             f"The runs of the job {job.name} round corners differently, or have different limits. "
@@ -150,6 +144,9 @@ def _samples(options: Check, arm: Arm) -> TrajectoryFile:
         samples.source, samples.t, {"position": samples.q}, samples.joints, arm,
         margin=2 * math.pi, degrees_only=True,
     )  # fmt: skip
+    for j, joint in enumerate(samples.joints):
+        position = f"{samples.source}: the position of {joint}"
+        refuse_wrapped(position, samples.t, samples.q[:, j], j)
     return _with_noise(samples, options.noise)
 
 
@@ -159,15 +156,14 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
         return samples
     parts = noise.split(",")
     if len(parts) > 1 + (samples.dq is not None):
-        most = "one, such as '0.05 mrad', because the file has no velocities"
-        if samples.dq is not None:
-            most = "two, such as '0.05 mrad, 2 mrad/s': largest errors of positions and velocities"
-        raise InvalidInput(f"--noise has {len(parts)} values, but takes at most {most}.")
+        raise InvalidInput(
+            f"--noise has {len(parts)} values, but takes the largest error of positions and, "
+            "unless the file has no velocities, of velocities, such as '0.05 mrad, 2 mrad/s'."
+        )
     resolution = dict(samples.resolution)
     for name, part, kind in zip(("q", "dq"), parts, (AngularDistance, AngularRate), strict=False):
-        error = read_option("--noise", part, kind)
-        assert error is not None
         # A resolution is twice the maximum error, as for rounded numbers.
+        error = read_option("--noise", part, kind)
         resolution[name] = max(resolution.get(name, 0.0), 2 * error)
     return replace(samples, resolution=resolution)
 
@@ -179,41 +175,24 @@ def _remarks(
     clearance: Clearance | None,
     options: Check,
 ) -> list[str]:
-    """Names of the joints, notes on the file, the clearance, and notes on the arm."""
+    """Names of the joints, notes on file and arm, the clearance, and a note on undeclared noise."""
     named = sorted({y.joint + 1 for y in result.uses if y.joint is not None})
     called = [joint_label(y, arm.joint_names) for y in named]
     lines = [f"Joints: {', '.join(called)}."] if called != [str(y) for y in named] else []
-    lines += _file_notes(samples, result, declared=options.noise is not None)
-    if clearance is not None:
-        lines.append(
-            f"{clearance.sentence} Joint positions between samples are interpolated linearly."
-        )
-        lines += filter(None, [clearance.below_base])
-    return lines + [f"Note: {note}" for note in arm.notes]
-
-
-def _file_notes(
-    samples: TrajectoryFile, result: verification.Check, *, declared: bool
-) -> list[str]:
-    """Lines with the ignored columns, the notes of the file, and a note about undeclared noise."""
-    lines = []
     if samples.left_out:
         lines.append(
             f"Ignored columns of {samples.source}: "
             f"{list_some([show(x) for x in samples.left_out], MAX_TITLES)}."
         )
-    lines += [f"Note: {x}" for x in samples.notes]
-    for positions, joint in zip(samples.q.T, samples.joints, strict=True):
-        if (i := find_wrap(positions)) is not None:
-            lines.append(
-                f"The position of {joint} jumps by about a turn at t = {clock(samples.t[i])} s, "
-                "like a wrapped angle. If the joint does not jump, unwrap the positions "
-                "(numpy.unwrap)."
-            )
-            return lines
+    lines += [f"Note: {x}" for x in (*samples.notes, *arm.notes)]
+    if clearance is not None:
+        lines.append(
+            f"{clearance.sentence} Joint positions between samples are interpolated linearly."
+        )
+        lines += filter(None, [clearance.below_base])
     noise = _noise(samples.q)
     is_noisy = noise > max(samples.resolution.get("q", 0.0), MIN_NOISE)
-    if result.violated and not declared and is_noisy:
+    if result.violated and options.noise is None and is_noisy:
         lines.append(
             f"The positions scatter by {digits(noise * 1e3, 2)} mrad from sample to sample, like "
             "measured positions, and the check treats this noise as motion. If the positions are "

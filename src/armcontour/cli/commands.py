@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import typer
 
+from armcontour import files
 from armcontour.cli.execution import Json, Results
 from armcontour.cli.program import INSTALLED, JUDGE, PREPARE, ROBOT, RUN, command, program_for
 
@@ -124,7 +125,7 @@ class ControllerOptions:
     execute: bool = False
 
 
-@command(RUN, "run gasket.dxf --cell ur5e --out gasket --export urscript", "run_command")
+@command(RUN, "run gasket.dxf --cell ur5e --out gasket --export urscript")
 @dataclass(frozen=True, kw_only=True)
 class Run(JobOptions, Results):
     """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV).
@@ -153,7 +154,7 @@ class Demo(Results):
     kind: ClassVar[str] = "demo"
 
 
-@command(RUN, "studio gasket.dxf --cell ur5e", "studio_command")
+@command(RUN, "studio gasket.dxf --cell ur5e")
 @dataclass(frozen=True, kw_only=True)
 class Studio(CellOptions):
     """Open a web page on which you edit the path and see the resulting robot motion at once.
@@ -170,7 +171,7 @@ class Studio(CellOptions):
     port: Annotated[int, typer.Option("--port", min=0, max=65535)] = 0
 
 
-@command(PREPARE, "show gasket.dxf --layer CUT", "show_command")
+@command(PREPARE, "show gasket.dxf --layer CUT")
 @dataclass(frozen=True, kw_only=True)
 class Show(Json):
     """Show size and layers of a drawing; no arm is required.
@@ -183,9 +184,7 @@ class Show(Json):
     keys: Annotated[Keys, *DRAWING] = field(default_factory=dict)
 
 
-@command(
-    RUN, "batch job.yaml --over 'corners.tolerance=[0.1 mm, 1 mm]' --out results", "study_commands"
-)
+@command(RUN, "batch job.yaml --over 'limits.speed=[0.1, 0.2]' --out results", "study_commands")
 @dataclass(frozen=True, kw_only=True)
 class Batch(JobOptions, WorkerOptions):
     """Run a job for all combinations of values of its keys.
@@ -202,11 +201,7 @@ class Batch(JobOptions, WorkerOptions):
     over: Annotated[list[str], typer.Option("--over")]
 
 
-@command(
-    PREPARE,
-    "place gasket.dxf --cell ur5e --x '-300 mm .. 300 mm, 25' --out place",
-    "study_commands",
-)
+@command(PREPARE, "place job.yaml --x '-0.3 m .. 0.3 m, 25' --out place", "study_commands")
 @dataclass(frozen=True, kw_only=True)
 class Place(JobOptions, WorkerOptions, Results):
     """Plan a job at every place of a grid of its part: writes a map, a table, and the best job.
@@ -253,7 +248,7 @@ class Init:
     force: bool = False
 
 
-@command(JUDGE, "check motion.csv --arm ur5e --noise '0.05 mrad'", "check_command")
+@command(JUDGE, "check motion.csv --arm ur5e --noise '0.05 mrad'")
 @dataclass(frozen=True, kw_only=True)
 class Check(LogOptions, Json):
     """Check a joint trajectory against limits.
@@ -287,7 +282,7 @@ class Check(LogOptions, Json):
     rate: Text = None
 
 
-@command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate", "certify_command")
+@command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate")
 @dataclass(frozen=True, kw_only=True)
 class Certify(JobOptions, Results, Json):
     """Find the fastest plan whose execution stays within a tolerance; exit code 4 without one.
@@ -300,7 +295,7 @@ class Certify(JobOptions, Results, Json):
     run_name: Name = None
 
 
-@command(ROBOT, "export gasket gasket.script", "export_command")
+@command(ROBOT, "export gasket gasket.script")
 @dataclass(frozen=True, kw_only=True)
 class Export:
     """Export the set-points or the plan of an earlier result for a robot controller.
@@ -324,7 +319,7 @@ class Export:
     force: bool = False
 
 
-@command(ROBOT, "identify shake.csv --out servo", "identify_command")
+@command(ROBOT, "identify shake.csv --out servo")
 @dataclass(frozen=True, kw_only=True)
 class Identify(ControllerOptions, WindowOptions, SetOptions, Results, Json):
     """Identify servos from logs; with --on, from new motions.
@@ -353,7 +348,7 @@ class Identify(ControllerOptions, WindowOptions, SetOptions, Results, Json):
     validate: list[FilePath] | None = None
 
 
-@command(ROBOT, "learn job.yaml --set-points result --log robot.csv --out next", "learn_command")
+@command(ROBOT, "learn job.yaml --set-points result --log robot.csv --out next")
 @dataclass(frozen=True, kw_only=True)
 class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
     """Learn the set-points of the next run from logs; with --on, from runs on the robot.
@@ -379,17 +374,12 @@ class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
     set_points: Annotated[File, typer.Option("--set-points")] = None
     log: File = None
 
-    @property
-    def claims(self) -> bool:
-        """With --on, each run is written at once."""
-        return self.on is None
+    def claim(self) -> files.ResultFolder | None:
+        """Folder of --out; None with --on, because each run is then written at once."""
+        return None if self.on else super().claim()
 
 
-@command(
-    ROBOT,
-    "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played",
-    "play_command",
-)
+@command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")
 @dataclass(frozen=True, kw_only=True)
 class Play(JobOptions, ControllerOptions, Results, Json):
     """Play a run on a robot controller and record it; the robot moves only with --execute.

@@ -88,11 +88,9 @@ def _run() -> int:
     # The modules are imported here, because loading typer takes 0.1 s and signals must already be
     # handled during this time.
     from armcontour.cli.commands import program_for
-    from armcontour.cli.progress_bars import compiling_notice
 
     try:
-        with compiling_notice():
-            program_for(sys.argv[1:])()
+        program_for(sys.argv[1:])()
     except SystemExit as end:
         # Click converts a broken pipe to the exit code 1.
         if isinstance(end.__context__, BrokenPipeError):

@@ -14,6 +14,7 @@ from armcontour import files
 from armcontour.cli.console import print_lines
 from armcontour.cli.progress_bars import ProgressDisplay
 from armcontour.core.errors import InvalidInput
+from armcontour.core.progress import listen_to_compilation
 
 REPORT, SUMMARY = "report.html", "summary.json"
 
@@ -32,18 +33,13 @@ class Results:
     # Kind of a result that a repeated command replaces without --force.
     kind: ClassVar[str] = ""
 
-    @property
-    def claims(self) -> bool:
-        """Whether the command locks the folder before its work."""
-        return True
-
     def claim(self) -> files.ResultFolder | None:
         """Folder of --out, locked until the command ends; None without --out."""
-        if self.force and self.out is None:
+        if self.out is not None:
+            return files.ResultFolder(self.out, force=self.force, replaces=self.kind)
+        if self.force:
             raise InvalidInput("--force requires --out, the folder for the results.")
-        if self.out is None or not self.claims:
-            return None
-        return files.ResultFolder(self.out, force=self.force, replaces=self.kind)
+        return None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,11 +82,12 @@ def execute(work: Work, options: Any) -> int:
         folder = options.claim() if isinstance(options, Results) else None
         if folder is not None:
             stack.enter_context(folder)
-        progress = stack.enter_context(ProgressDisplay(type(options).__name__.lower()))
+        progress = ProgressDisplay(type(options).__name__.lower())
+        stack.callback(progress.hide)
+        stack.enter_context(listen_to_compilation(progress.note_compilation))
         outcome = work(options, folder, progress)
         if folder is not None and folder.files and outcome.page is not None:
-            page = {**outcome.page, "files": [*folder.files, SUMMARY]}
-            folder.write(SUMMARY, files.to_json(page))
+            write_summary(folder, outcome.page)
     if outcome.page is not None and isinstance(options, Json) and options.as_json:
         print(files.to_json(outcome.page), end="")
         return outcome.code
@@ -98,6 +95,12 @@ def execute(work: Work, options: Any) -> int:
     if folder is not None and REPORT in folder.files:
         print_lines(report_line(folder.folder))
     return outcome.code
+
+
+def write_summary(folder: files.ResultFolder, page: Mapping[str, Any]) -> None:
+    """Write summary.json with the data of a result and the names of all files."""
+    listed = {**page, "files": [*folder.files, SUMMARY]}
+    folder.write(SUMMARY, files.to_json(listed))
 
 
 def report_line(folder: FilePath) -> str:

@@ -11,30 +11,21 @@ import numpy as np
 from armcontour import files
 from armcontour.cli.commands import Export
 from armcontour.cli.execution import Outcome
-from armcontour.cli.inputs import name_options, option_of, read_patch
+from armcontour.cli.inputs import name_options, option_of, read_patch, refuse_existing
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.render import figure
 from armcontour.core.text import capitalise, count_noun
-from armcontour.files.exports import RosYamlFormat, URScriptFormat, make_table, predict_tolerances
-from armcontour.files.exports.formats import (
-    ExportFormat,
-    check_outputs,
-    format_named,
-    format_of,
-    names_of,
-    outputs_of,
-    write_destination,
-)
+from armcontour.files.exports import formats, make_table, predict_tolerances
 from armcontour.files.exports.table import SetPointTable
 from armcontour.files.exports.template import BUILT_IN
 from armcontour.files.keys import read_keys
 from armcontour.files.trajectory_file import read_run
 from armcontour.jobs import Job, RunResult, analog_outputs
+from armcontour.jobs.analog import events_of
 from armcontour.jobs.exports import Exports, ending_of
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.motion.trajectory import COMMAND_SLACK
-from armcontour.program import Contour, Event
 from armcontour.robot.limit_use import use_of
 from armcontour.verification.evaluation import duration_row
 
@@ -49,20 +40,20 @@ def check_exports(job: Job, options: Mapping[str, object]) -> None:
 
     `options` are the options that set job keys, by name.
     """
-    formats = [format_named(x, job.export) for x in job.export.formats]
-    if not formats:
+    for name in job.export.formats:
+        # Templates are read, so that errors in them are found before the run.
+        formats.format_named(name, job.export)
+    if not job.export.formats:
         exports = {x.name for x in dataclasses.fields(Exports)}
         for name in (x for x, value in options.items() if x in exports and value is not None):
             raise InvalidInput(f"{option_of(name)} requires --export.")
         return
     names = {*job.process.analog_names}
+    names |= {x.name for x in events_of(job.program)}
     for variant in job.process.variants:
-        names |= {x.name for x in variant.events}
-        names |= {variant.switch.name} if variant.switch is not None else set()
-    for move in job.program.moves:
-        names |= {move.name} if isinstance(move, Event) else set()
-        names |= {x.name for x in move.events} if isinstance(move, Contour) else set()
-    check_outputs(job.export.outputs, names, option="export.outputs", owner="the job")
+        switches = () if variant.switch is None else (variant.switch,)
+        names |= {x.name for x in (*variant.events, *switches)}
+    formats.check_outputs(job.export.outputs, names, option="export.outputs", owner="the job")
 
 
 def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunResult) -> list[str]:
@@ -70,9 +61,9 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
     written, warnings, options = list[str](), dict[str, None](), job.export
     for kind in options.formats:
-        format, label = format_named(kind, options), f"export {kind}"
+        format, label = formats.format_named(kind, options), f"export {kind}"
         # A URScript program needs the cycle of the run.
-        cycle = None if isinstance(format, URScriptFormat) else options.cycle
+        cycle = None if isinstance(format, formats.URScriptFormat) else options.cycle
         motions: dict[str, tuple[SetPoints | Trajectory, float | None]] = {
             REFERENCE: (result.trajectory, cycle or result.run.cycle)
         }
@@ -88,14 +79,14 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
                 analog=analog,
             )
             sentences = list[str]()
-            if isinstance(format, RosYamlFormat):
+            if isinstance(format, formats.RosYamlFormat):
                 sentences += _acceleration_warnings(table, result)
                 if step is None and options.tolerances and result.execution is not None:
                     tolerances = predict_tolerances(result.execution, options.tolerances)
                     format = dataclasses.replace(format, tolerances=tolerances)
             file = f"{name}/export/{what}{ending_of(kind)}"
             with error_context(label):
-                table = _written_points(format, table)
+                table = format.select(table)
                 folder.place(file, partial(format.write, table))
             sentences += format.describe(table)
             warnings |= {f"Warning: {label}, run {name}: {x}": None for x in sentences}
@@ -106,13 +97,13 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
 def export(options: Export, _: None, progress: Progress) -> Outcome:
     """Export the set-points or the plan of an earlier result for a robot controller."""
     file, reference = options.file, options.reference
-    kind = options.format or format_of(file)
+    kind = options.format or formats.format_of(file)
     run = read_run(options.result, options.run_name)
     patch, names = read_patch(options)
     data = {"outputs": dict(run.outputs)} | {str(keys[-1]): x for keys, x in patch.items()}
     with name_options(names), error_context("export"):
         chosen = read_keys(Exports, {"formats": [kind], **data})
-    format = format_named(kind, chosen)
+    format = formats.format_named(kind, chosen)
     if chosen.cycle is not None and not reference:
         raise InvalidInput("--cycle requires --reference, because set-points have a fixed cycle.")
     table = (
@@ -120,14 +111,13 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
         if reference
         else run.set_points(derivatives=chosen.derivatives)
     )
-    known = {*names_of(table), *run.analog}
-    check_outputs(outputs_of(format), known, option="outputs", owner=f"the run {run.name}")
-    table = _written_points(format, table)
-    if not options.force and file.exists():
-        raise InvalidInput(
-            f"{file} already exists. Choose another name, or add --force to replace it."
-        )
-    write_destination(file, partial(format.write, table))
+    known = {*formats.names_of(table), *run.analog}
+    formats.check_outputs(
+        formats.outputs_of(format), known, option="outputs", owner=f"the run {run.name}"
+    )
+    table = format.select(table)
+    refuse_existing(file, options.force)
+    formats.write_destination(file, partial(format.write, table))
     lines = [f"Warning: {capitalise(x)}" for x in format.describe(table)]
     if run.analog:
         lines.append(
@@ -137,11 +127,6 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
     what, size = REFERENCE if reference else SET_POINTS, count_noun(len(table.t), "point")
     motion = figure(duration_row(table.duration))
     return Outcome(lines=[*lines, f"Exported {what} of run {run.name}: {size}, {motion}: {file}"])
-
-
-def _written_points(format: ExportFormat, table: SetPointTable) -> SetPointTable:
-    """Table of the points that a format writes: all, or fewer within a tolerance."""
-    return format.select(table) if isinstance(format, RosYamlFormat) else table
 
 
 def _acceleration_warnings(table: SetPointTable, result: RunResult) -> list[str]:
@@ -154,10 +139,8 @@ def _acceleration_warnings(table: SetPointTable, result: RunResult) -> list[str]
     joint = int(np.argmax(ratio))
     if ratio[joint] < (MAX_ACCELERATION_RATIO if commands is None else 1 + COMMAND_SLACK):
         return []
-    remedy = "Set command_limits.joint_acceleration to limit the set-points."
-    if commands is not None:
-        remedy = "Without derivatives, files have only positions, which satisfy command_limits."
     return [
         "a controller that follows the exported accelerations requires up to "
-        f"{ratio[joint]:.3g} times the acceleration limit of {table.joint_names[joint]}. {remedy}"
+        f"{ratio[joint]:.3g} times the acceleration limit of {table.joint_names[joint]}. Set "
+        "command_limits.joint_acceleration, and export without derivatives."
     ]

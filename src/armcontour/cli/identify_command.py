@@ -7,28 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
 
+from armcontour.cli import play_command as playing
 from armcontour.cli.check_command import named_arm
 from armcontour.cli.commands import Identify
 from armcontour.cli.console import data_lines, print_lines
 from armcontour.cli.execution import REPORT, Outcome
 from armcontour.cli.inputs import open_job
-from armcontour.cli.play_command import (
-    DRY,
-    STOPPED,
-    confirmed,
-    controller_of,
-    refuse_without_controller,
-    refuse_without_terminal,
-)
 from armcontour.cli.progress_bars import ProgressDisplay
 from armcontour.cli.quantity_options import read_option, read_window
 from armcontour.control import identification
 from armcontour.control.identification import Identification, ServoFit
+from armcontour.controllers import robot_identification
 from armcontour.controllers.player import Player
-from armcontour.controllers.robot_identification import (
-    play_identification,
-    prepare_identification,
-)
 from armcontour.core.checks import raise_if
 from armcontour.core.quantities import Interval, Reserve
 from armcontour.core.render import plain
@@ -53,7 +43,8 @@ def identify(options: Identify, folder: ResultFolder | None, progress: ProgressD
     )
     if options.on is not None:
         return _identify_robot(options, fitting, folder, progress)
-    refuse_without_controller(options, ("--run", options.run_name), ("--set", options.sets))
+    needing = (*playing.OF_CONTROLLER, "run_name", "sets")
+    playing.refuse_given(options, needing, playing.NEEDS_ON)
     arm = None if options.arm is None else named_arm(options.arm)
     unseen = [_read(log, options) for log in options.validate or []]
     samples = [_read(log, options) for log in options.logs]
@@ -71,28 +62,29 @@ def _identify_robot(
     count = len(options.logs)
     raise_if(count != 1, f"--on requires exactly one job, but {count} files are given.")
     of_logs = ("arm", "validate", "columns", "start", "end")
-    for name in (x for x in of_logs if getattr(options, x) is not None):
-        option = {"start": "from", "end": "to"}.get(name, name)
-        raise_if(True, f"--{option} applies only to logs. Remove --{option} or --on.")
+    playing.refuse_given(options, of_logs, "applies only to logs. Remove it, or remove --on.")
     raise_if(
         options.execute and folder is None,
         "--execute requires --out, the folder for servo.yaml and the logs.",
     )
-    refuse_without_terminal(options)
+    playing.refuse_without_terminal(options)
     reserve = read_option("--reserve", options.reserve, Reserve)
-    assert options.on is not None and reserve is not None
     job = open_job(options.logs[0], options, progress)
-    controller = controller_of(job, options.on, options)
-    motions = prepare_identification(job, controller, options.run_name, reserve, progress)
+    controller = playing.controller_of(job, options)
+    motions = robot_identification.prepare_identification(
+        job, controller, options.run_name, reserve, progress
+    )
     fitting, stop = replace(fitting, kinematics=job.arm), threading.Event()
-    result = play_identification(motions, Player(controller, progress=progress), fitting)
+    result = robot_identification.play_identification(
+        motions, Player(controller, progress=progress), fitting
+    )
     if options.execute:
         player = Player(controller, True, stop.is_set, progress)
-        with confirmed(result.played["run"], stop, progress):
-            result = play_identification(motions, player, fitting)
+        with playing.confirmed(result.played["run"], stop, progress):
+            result = robot_identification.play_identification(motions, player, fitting)
     if result.fit is None or result.prediction is None:
-        data, code = result.to_data(), STOPPED if result.stopped else DONE
-        end = "Stopped: nothing was identified." if result.stopped else DRY
+        data, code = result.to_data(), playing.STOPPED if result.stopped else DONE
+        end = "Stopped: nothing was identified." if result.stopped else playing.DRY
         return Outcome(lines=[*data_lines(data), end], page=plain(data), code=code)
     prediction = result.prediction.to_data(result.played["run"].job.arm)
     return _outcome(result.fit, folder, result.logs, [prediction])

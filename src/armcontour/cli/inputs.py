@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from armcontour.files.patch import Patch
     from armcontour.jobs import Job
 
-# Name of the built-in job, which can be used instead of a job file.
-PAPER = "paper"
-
 
 def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:
     """Read options that set job keys: values by key path, and options by key joined by dots."""
@@ -79,7 +76,7 @@ def is_job(file: FilePath) -> bool:
     """True if a file is a job file according to its extension; otherwise it is a drawing."""
     if file.is_dir():
         raise InvalidInput(f"{file} is a folder. Specify a job file or a drawing.")
-    return file.suffix.lower() in (*YAML, "")
+    return file.suffix.lower() in YAML
 
 
 def open_job(file: FilePath, options: Any, progress: Progress) -> Job:
@@ -99,7 +96,7 @@ def find_file(file: FilePath, cell: str | None) -> FilePath:
                 f"--cell is only allowed with a drawing, but {file.name} is a job, which has its "
                 "own arm. Remove --cell."
             )
-        return library_file("paper.yaml") if str(file) == PAPER and not file.exists() else file
+        return file
     # `find_reader` raises an error for files that are not drawings, such as robot descriptions.
     # This error is more helpful than the error about a missing cell.
     find_reader(file)
@@ -109,6 +106,12 @@ def find_file(file: FilePath, cell: str | None) -> FilePath:
             "cell such as ur5e, or a job file. `armcontour arms` lists the built-in cells."
         )
     return file
+
+
+def refuse_existing(file: FilePath, force: bool) -> None:
+    """Raise InvalidInput if a file exists, without --force."""
+    if file.exists() and not force:
+        raise InvalidInput(f"{file} exists. Choose another name, or add --force to replace it.")
 
 
 def to_quantity(text: str) -> str | int:

@@ -7,19 +7,11 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path as FilePath
 
+from armcontour.cli import play_command as playing
 from armcontour.cli.commands import Learn
 from armcontour.cli.console import data_lines, print_lines
-from armcontour.cli.execution import REPORT, SUMMARY, Outcome, report_line
+from armcontour.cli.execution import REPORT, Outcome, report_line, write_summary
 from armcontour.cli.inputs import open_job
-from armcontour.cli.play_command import (
-    DONE,
-    DRY,
-    STOPPED,
-    confirmed,
-    controller_of,
-    refuse_without_controller,
-    refuse_without_terminal,
-)
 from armcontour.cli.progress_bars import ProgressDisplay
 from armcontour.cli.quantity_options import read_option, read_window
 from armcontour.cli.run_command import write_motions
@@ -30,7 +22,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
 from armcontour.core.quantities import AngularDistance, Reserve
 from armcontour.core.render import plain
-from armcontour.files import ResultFolder, to_json
+from armcontour.files import ResultFolder
 from armcontour.files.log_file import log_text, read_log, read_run_log
 from armcontour.files.result_folder import kind_of, verify_file
 from armcontour.files.set_point_file import LESSON, read_set_points, write_lesson
@@ -49,7 +41,7 @@ def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay
     """Learn the set-points of the next run from a log; with --on, from runs on the robot."""
     if options.on is not None:
         return _learn_robot(options, progress)
-    refuse_without_controller(options)
+    playing.refuse_given(options, playing.OF_CONTROLLER, playing.NEEDS_ON)
     if options.set_points is None or options.log is None:
         raise InvalidInput(
             "learn requires the executed set-points and the log. Specify them with --set-points "
@@ -91,13 +83,12 @@ def _learn_robot(options: Learn, progress: ProgressDisplay) -> Outcome:
         options.execute and out is None,
         "--execute requires --out, the folder for logs, set-points and report.",
     )
-    refuse_without_terminal(options)
+    playing.refuse_without_terminal(options)
     reserve = read_option("--reserve", options.reserve, Reserve)
     band = read_option("--band", options.band, AngularDistance)
-    assert options.on is not None and reserve is not None
     job = open_job(options.job, options, progress)
     logs = _earlier_logs(out, job) if out is not None and not options.force else []
-    player = Player(controller_of(job, options.on, options), progress=progress)
+    player = Player(playing.controller_of(job, options), progress=progress)
     result = start_learning(job, player, options.run_name, reserve, logs)
     if result.continues(options.runs):
         rehearsed, stop = learn_next(result, player, band), threading.Event()
@@ -105,14 +96,14 @@ def _learn_robot(options: Learn, progress: ProgressDisplay) -> Outcome:
             result = rehearsed
         else:
             player = replace(player, execute=True, stop_requested=stop.is_set)
-            with confirmed(rehearsed.played, stop, progress):
+            with playing.confirmed(rehearsed.played, stop, progress):
                 while result.continues(options.runs):
                     # `ResultFolder` checks that the folder is writable before the robot moves.
                     with ResultFolder(out, force=options.force, replaces=KIND) as folder:
                         result = learn_next(result, player, band)
                         if result.study is not None:
                             _write_runs(result, result.study, folder)
-    code = STOPPED if result.stopped else DONE
+    code = playing.STOPPED if result.stopped else playing.DONE
     return Outcome(lines=_robot_lines(result, options), page=plain(result.to_data()), code=code)
 
 
@@ -131,8 +122,7 @@ def _write_runs(result: RobotLearning, study: LearningStudy, folder: ResultFolde
     for k, log in enumerate(result.logs, 1):
         folder.write(LOG.format(k), log_text(log))
     _write_study(study, folder)
-    page = plain(study.to_data()) | {"files": [*folder.files, SUMMARY]}
-    folder.write(SUMMARY, to_json(page))
+    write_summary(folder, plain(study.to_data()))
 
 
 def _write_study(study: LearningStudy, folder: ResultFolder) -> None:
@@ -146,11 +136,11 @@ def _write_study(study: LearningStudy, folder: ResultFolder) -> None:
 def _robot_lines(result: RobotLearning, options: Learn) -> list[str]:
     """Results of the runs, and the command that plays the best set-points."""
     if result.study is None:
-        end = DRY if not options.execute else "Stopped before anything was learned."
+        end = playing.DRY if not options.execute else "Stopped before anything was learned."
         return [*data_lines(result.to_data()), end]
     lines = data_lines(result.study.result)
     if not options.execute:
-        lines.append(DRY)
+        lines.append(playing.DRY)
     elif result.ended:
         lines.append(f"Ended: {result.ended}.")
     if options.out is None:

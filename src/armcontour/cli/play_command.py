@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import typer
@@ -16,14 +16,7 @@ from armcontour.cli.inputs import open_job
 from armcontour.cli.interrupts import on_interrupt
 from armcontour.cli.progress_bars import ProgressDisplay
 from armcontour.cli.quantity_options import read_option
-from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur
-from armcontour.controllers.player import (
-    Player,
-    SpeedFactor,
-    judge_motion,
-    plan_kept,
-    prepare_motion,
-)
+from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.quantities import AngularDistance
@@ -36,6 +29,11 @@ from armcontour.jobs import Job
 
 # Exit codes. DONE: the motion was as simulated, or dry run. STOPPED: it was stopped or differs.
 DONE, STOPPED = 0, 1
+# Fields of options that require --on, and the end of the message.
+OF_CONTROLLER = ("execute", "drives", "hal", "address")
+NEEDS_ON = "requires --on. Specify a controller with --on too."
+# Names of options that differ from those of their fields.
+OPTIONS = {"start": "from", "end": "to", "run_name": "run", "sets": "set"}
 DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
 
 
@@ -45,15 +43,14 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     if folder is not None and not execute:
         raise InvalidInput("--out requires --execute too, because only a motion has a log.")
     refuse_without_terminal(options)
-    speed_factor = read_option("--speed-factor", options.speed_factor, SpeedFactor)
+    speed_factor = read_option("--speed-factor", options.speed_factor, player.SpeedFactor)
     band = read_option("--band", options.band, AngularDistance)
-    assert speed_factor is not None
     job = open_job(options.job, options, progress)
-    controller = controller_of(job, options.on, options)
+    controller = controller_of(job, options)
     learned, name = options.set_points, options.run_name
     is_learned = learned is not None
-    job, plan = plan_kept(job, name, speed_factor, learned=is_learned, progress=progress)
-    ready = prepare_motion(
+    job, plan = player.plan_kept(job, name, speed_factor, learned=is_learned, progress=progress)
+    ready = player.prepare_motion(
         job,
         plan,
         controller,
@@ -61,15 +58,14 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
         speed_factor=speed_factor,
         band=band,
     )
-    played = Player(controller, progress=progress).play(ready)
+    played = player.Player(controller, progress=progress).play(ready)
     end, stop = [DRY], threading.Event()
     if execute:
         with confirmed(played, stop, progress):
-            played = Player(controller, True, stop.is_set, progress).play(ready)
-        played = judge_motion(played, controller.cycle, band)
-        moved = played.record is not None
-        end = [] if moved or played.approach else ["Stopped before the motion."]
-        if folder is not None and moved:
+            played = player.Player(controller, True, stop.is_set, progress).play(ready)
+        played = player.judge_motion(played, controller.cycle, band)
+        end = []
+        if folder is not None and played.record is not None:
             folder.write("log.csv", log_text(played.log))
             end = [f"Log: {folder.folder / 'log.csv'}"]
     data = played.to_data()
@@ -77,9 +73,9 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     return Outcome(lines=[*data_lines(data), *end], page=plain(data), code=code)
 
 
-def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller:
+def controller_of(job: Job, options: ControllerOptions) -> Controller:
     """Controller with the name of `--on`; joints of linuxcnc are simulated without `--hal`."""
-    check_choice("--on", name, ("linuxcnc", "franka", "ur"))
+    name = check_choice("--on", str(options.on), ("linuxcnc", "franka", "ur"))
     hal, address, drives = options.hal, options.address, options.drives
     if name == "linuxcnc":
         raise_if(address is not None, "--address is only allowed with --on franka or ur.")
@@ -97,11 +93,11 @@ def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller
     return Franka(address)
 
 
-def refuse_without_controller(options: ControllerOptions, *others: tuple[str, object]) -> None:
-    """Raise InvalidInput for options that require --on; `others`: further ones with values."""
-    named = [(f"--{x}", getattr(options, x)) for x in ("execute", "drives", "hal", "address")]
-    for option, value in (*named, *others):
-        raise_if(bool(value), f"{option} requires --on. Specify a controller with --on too.")
+def refuse_given(options: ControllerOptions, names: Iterable[str], reason: str) -> None:
+    """Raise InvalidInput if an option is given, by field; `reason` is the end of the message."""
+    for name in names:
+        option = OPTIONS.get(name, name)
+        raise_if(bool(getattr(options, name)), f"--{option} {reason}")
 
 
 def refuse_without_terminal(options: ControllerOptions) -> None:

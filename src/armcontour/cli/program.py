@@ -106,11 +106,11 @@ def program_for(arguments: Sequence[str] = ()) -> typer.Typer:
     return program
 
 
-def command(topic: str, example: str, module: str) -> Callable[[type[T]], type[T]]:
+def command(topic: str, example: str, module: str = "") -> Callable[[type[T]], type[T]]:
     """Decorator that makes a command of a dataclass: its fields are arguments and options.
 
     The docstring of the dataclass is the help. The command calls the function with the name of the
-    command in a module, which is imported only then.
+    command in a module (by default `run_command` for `run`), which is imported only then.
     """
 
     def declare(options: type[T]) -> type[T]:
@@ -118,7 +118,7 @@ def command(topic: str, example: str, module: str) -> Callable[[type[T]], type[T
 
         def call(**values: Any) -> None:
             keys = {x: values.pop(x) for x in SHORT if x in values}
-            work = getattr(import_module(f"armcontour.cli.{module}"), name)
+            work = getattr(import_module(f"armcontour.cli.{module or name + '_command'}"), name)
             raise typer.Exit(execute(work, options(**values, **({"keys": keys} if keys else {}))))
 
         def register() -> None:

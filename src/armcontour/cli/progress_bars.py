@@ -5,12 +5,10 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 from armcontour.cli.console import print_lines
-from armcontour.core.progress import COMPILING, Step, listen_to_compilation
+from armcontour.core.progress import COMPILING, Step
 from armcontour.core.text import to_line
 
 # Minimum time between progress lines, and before the first line, without a terminal [s].
@@ -20,7 +18,7 @@ EVERY = 10.0
 class ProgressDisplay:
     """Display of the current step and its completed fraction, from the first step on.
 
-    Call it with each step. A bar is removed at the end.
+    Call it with each step, and `hide` at the end.
     """
 
     def __init__(self, title: str) -> None:
@@ -28,7 +26,7 @@ class ProgressDisplay:
         self._bar: Any = None
         # Steps can come from the thread that compiles.
         self._lock = threading.Lock()
-        self._listening = listen_to_compilation(lambda name: self(Step((COMPILING, name))))
+        self._noted = False
 
     def __call__(self, step: Step) -> None:
         """Show a step."""
@@ -42,20 +40,25 @@ class ProgressDisplay:
             self._last = now
             print_lines(text if step.done is None else f"{text}, {step.done:.0%}", err=True)
 
+    def note_compilation(self, name: str) -> None:
+        """Show the compilation of a function, and print one line before the first."""
+        if not self._noted:
+            self._noted = True
+            # `name` can be the number of functions of a run, of which some may be compiled already.
+            subject = f"up to {name}" if name[:1].isdigit() else "functions"
+            print_lines(
+                f"Compiling {subject}, because no earlier command has used them. This happens only "
+                "once. `armcontour compile` compiles all functions in advance.",
+                err=True,
+            )
+        self(Step((COMPILING, name)))
+
     def hide(self) -> None:
         """Remove the bar until the next step, for a question on the terminal."""
         with self._lock:
             if self._bar is not None:
                 self._bar.stop()
             self._bar = None
-
-    def __enter__(self) -> ProgressDisplay:
-        self._listening.__enter__()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._listening.__exit__(None, None, None)
-        self.hide()
 
 
 def _start_bar() -> Any:
@@ -75,23 +78,3 @@ def _start_bar() -> Any:
     bar.add_task("", total=None)
     bar.start()
     return bar
-
-
-@contextmanager
-def compiling_notice() -> Iterator[None]:
-    """Context that writes one line before the first function is compiled."""
-    names: list[str] = []
-
-    def say(name: str) -> None:
-        if not names:
-            # `name` can be the number of functions of a run, of which some may be compiled already.
-            subject = f"up to {name}" if name[:1].isdigit() else "functions"
-            print_lines(
-                f"Compiling {subject}, because no earlier command has used them. This happens only "
-                "once. `armcontour compile` compiles all functions in advance.",
-                err=True,
-            )
-        names.append(name)
-
-    with listen_to_compilation(say):
-        yield

@@ -11,7 +11,7 @@ from armcontour.core.text import plain_number
 from armcontour.core.units import read_quantity
 
 
-def read_option(option: str, text: str | None, kind: Any) -> float | None:
+def read_option(option: str, text: str | None, kind: Any) -> Any:
     """Read a quantity in SI units; values other than 0 require a unit; None without the option."""
     if text is None:
         return None

@@ -30,16 +30,13 @@ def studio(options: Studio, _: None, progress: Progress) -> Outcome:
     def open_job(say: Callable[[bytes], None]) -> Session:
         return open_session(options.job, cell=options.cell, send=say)
 
-    session_hosts: list[SessionHost] = []
-    with (
-        before_interrupt(lambda: _unsaved(session_hosts)),
-        before_interrupt(lambda: _leave(session_hosts)),
-    ):
+    hosts: list[SessionHost] = []
+    with before_interrupt(lambda: _unsaved(hosts)), before_interrupt(lambda: _leave(hosts)):
         serve(
             open_job,
             port=options.port,
             announce=lambda address: _announce(address, options.open_page),
-            opened=session_hosts.append,
+            opened=hosts.append,
         )
     return Outcome()
 
@@ -63,14 +60,13 @@ def _announce(address: str, open_page: bool) -> None:
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
 
-def _leave(session_hosts: list[SessionHost]) -> None:
+def _leave(hosts: list[SessionHost]) -> None:
     """Close the sessions, which ends their task processes."""
-    for session_host in session_hosts:
-        if session_host.session is not None:
-            session_host.session.close()
+    for session in (x.session for x in hosts if x.session is not None):
+        session.close()
 
 
-def _unsaved(session_hosts: list[SessionHost]) -> str | None:
+def _unsaved(hosts: list[SessionHost]) -> str | None:
     """Message about unsaved changes of the document; None without any."""
-    session = session_hosts[0].session if session_hosts else None
-    return None if session is None else session.editor.document.unsaved()
+    sessions = (x.session for x in hosts if x.session is not None)
+    return next((x.editor.document.unsaved() for x in sessions), None)

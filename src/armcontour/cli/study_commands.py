@@ -29,8 +29,8 @@ JOB = "job.yaml"
 
 def place(options: Place, folder: files.ResultFolder, progress: Progress) -> Outcome:
     """Plan a job at every place of a grid; the exit code is 1 if no place is feasible."""
-    texts = {name: getattr(options, name) for name in places.AXES}
-    grid = {name: read_axis(name, x) for name, x in texts.items() if x is not None}
+    given = [x for x in places.AXES if getattr(options, x) is not None]
+    grid = {name: read_axis(name, getattr(options, name)) for name in given}
     if not grid:
         raise InvalidInput(
             "place requires an axis of the grid, such as --x '-300 mm .. 300 mm, 25'."
@@ -66,7 +66,7 @@ def read_axis(name: str, text: str) -> FloatArray:
             f"{option} requires a range and a number of values, such as '-300 mm .. 300 mm, 25', "
             f"not {text!r}."
         )
-    low, high = (read_option(option, x, kind) or 0.0 for x in match.groups()[:2])
+    low, high = (float(read_option(option, x, kind)) for x in match.groups()[:2])
     whole = name == "yaw" and abs(abs(high - low) - 2 * np.pi) < 1e-9
     # Without rounding, steps have rounding errors, for example at 0.
     return np.round(np.linspace(low, high, int(match[3]), endpoint=not whole), 12) + 0.0

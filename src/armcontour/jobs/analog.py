@@ -52,7 +52,7 @@ def _output(process: Process, name: str) -> Analog | None:
 
 def check_analog(program: Program, process: Process, limits: Limits) -> None:
     """Raise InvalidInput if an analog output depends on a velocity or S that is missing."""
-    events = [*_events(program), *(x for own in process.variants for x in own.events)]
+    events = [*events_of(program), *(x for own in process.variants for x in own.events)]
     s_words = [x.value for x in events if x.name == SPINDLE_SPEED]
     largest = max((float(x) for x in s_words if not isinstance(x, str)), default=None)
     for output in (x for own in process.variants for x in own.analog):
@@ -111,7 +111,7 @@ def _values(
     return values
 
 
-def _events(program: Program) -> Iterator[Event]:
+def events_of(program: Program) -> Iterator[Event]:
     """All events of a program: along contours, and between moves."""
     for move in program.moves:
         if isinstance(move, Event):

@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.text import clock, short_repr, show
-from armcontour.motion.log_checks import GAP, check_samples, find_wrap
+from armcontour.motion.log_checks import GAP, check_samples, refuse_wrapped
 
 # Interpolation of the command between two samples of a log.
 INTERPOLATIONS = ("linear", "step")
@@ -79,7 +79,8 @@ class Log(Checked):
         object.__setattr__(self, "joint_names", names)
         check_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._name_value)
         for j, name in product(range(dof), POSITIONS):
-            self._check_wrapping(name, j)
+            position = f"{self.source}: the {name} position of {names[j]}"
+            refuse_wrapped(position, self.t, getattr(self, name)[:, j], j)
 
     __repr__ = short_repr
 
@@ -127,20 +128,6 @@ class Log(Checked):
             return f"{self.source}: the time of sample {i + 1}"
         moment = f"at t = {clock(self.t[i])} s"
         return f"{self.source}: the {name} position of {self.joint_names[j]} {moment}"
-
-    def _check_wrapping(self, name: str, j: int) -> None:
-        """Raise InvalidInput if positions of joint j jump by a whole turn."""
-        values = getattr(self, name)[:, j]
-        i = find_wrap(values)
-        if i is not None:
-            raise InvalidInput(
-                f"{self.source}: the {name} position of {self.joint_names[j]} jumps by "
-                f"{values[i + 1] - values[i]:.4g} rad at t = {clock(self.t[i])} s, which is a "
-                "wrapped angle. Unwrap the positions, such as with numpy.unwrap.",
-                index=i,
-                t=float(self.t[i]),
-                joint=j,
-            )
 
 
 def cut_log(

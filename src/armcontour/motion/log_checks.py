@@ -175,6 +175,19 @@ def find_wrap(values: FloatArray) -> int | None:
     return i if wraps else None
 
 
+def refuse_wrapped(position: str, t: FloatArray, values: FloatArray, joint: int) -> None:
+    """Raise InvalidInput if the values of a position jump by a whole turn."""
+    i = find_wrap(values)
+    if i is not None:
+        raise InvalidInput(
+            f"{position} jumps by {values[i + 1] - values[i]:.4g} rad at t = {clock(t[i])} s, "
+            "which is a wrapped angle. Unwrap the positions, such as with numpy.unwrap.",
+            index=i,
+            t=float(t[i]),
+            joint=joint,
+        )
+
+
 # Largest distance of a measured position from the range of its joint [rad].
 RANGE_MARGIN = 0.1
 # Largest speed of a joint [rad/s]. The last joint of a fast delta robot turns at 60 rad/s.

@@ -13,8 +13,8 @@ import yaml
 from docs.pages import run_command
 from markdown_it import MarkdownIt
 
-from armcontour.cli.progress_bars import compiling_notice
-from armcontour.core.progress import report_compiling
+from armcontour.cli.progress_bars import ProgressDisplay
+from armcontour.core.progress import listen_to_compilation, report_compiling
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs/guides/troubles.md"
@@ -166,7 +166,7 @@ def test_the_page_quotes_the_messages_of_the_commands(name, tmp_path, monkeypatc
 
 
 def test_every_sentence_on_the_page_is_provoked(capsys):
-    with compiling_notice():
+    with listen_to_compilation(ProgressDisplay("run").note_compilation):
         report_compiling("armcontour.robot.newton.solve")
     assert capsys.readouterr().err == SAID["The first run is slow"] + "\n"
     assert SAID.keys() - {"The first run is slow"} == TROUBLES.keys()

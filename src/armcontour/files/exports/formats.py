@@ -76,6 +76,15 @@ class ExportFormat(Checked):
         return sentences
 
     @checked
+    def select(self, table: SetPointTable) -> SetPointTable:
+        """Table of the points that are written: all, or fewer for ros-yaml with `points`.
+
+        Args:
+            table: The table of all points.
+        """
+        return table
+
+    @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a path directly, without a temporary file.
 
