@@ -357,7 +357,6 @@ class Segments:
                 )
         if (self.lengths <= 0).any() or (self.curvatures < 0).any():
             raise InvalidInput("Segment lengths must be above zero and curvatures not negative.")
-        self._check_quintics()
         for name in ("speeds", "tolerances", "tags"):
             if getattr(self, name).shape != (n,):
                 raise InvalidInput(
@@ -368,22 +367,6 @@ class Segments:
             raise InvalidInput("Segment speeds must be above zero and tolerances not negative.")
         if (np.abs(np.linalg.norm(self.tangents, axis=1) - 1) > REPEATED_POINT).any():
             raise InvalidInput("The tangents of a path must be unit vectors.")
-
-    def _check_quintics(self) -> None:
-        """Raise InvalidInput if the coefficients of transitions have a wrong shape or value."""
-        quintics = self.quintics
-        if quintics.shape not in ((len(self), 0, 0), (len(self), 6, self.dimension)):
-            raise InvalidInput(
-                f"quintics of a path must have 6 coefficients per segment, or none, but have the "
-                f"shape {quintics.shape}."
-            )
-        if quintics.size and not np.array_equal(
-            np.isfinite(quintics).all(axis=(1, 2)), self.is_transition
-        ):
-            raise InvalidInput(
-                "quintics of a path must be finite with first coefficient 0 for a transition, and "
-                "NaN for a line or an arc."
-            )
 
     def check_gaps(self, apart: IntArray | None = None) -> None:
         """Raise InvalidInput if a segment not in `apart` does not start at the previous end."""
