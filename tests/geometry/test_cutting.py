@@ -11,7 +11,7 @@ from tests.geometry.tables import arc, each, jumps, line, path_of, refused
 import armcontour as ac
 from armcontour.core.frames import Frame
 from armcontour.geometry.biarcs import UNEVEN
-from armcontour.geometry.path_parts import cut_path, drop_z, join_paths
+from armcontour.geometry.path_parts import cut_path, drop_z
 
 TURN = 1.2
 END = (1 + 0.5 * np.sin(TURN), 0.5 - 0.5 * np.cos(TURN))
@@ -75,10 +75,11 @@ def test_a_part_is_the_path_between_two_places(path, cut):
 @held
 def test_parts_put_together_are_the_path(path):
     cuts = np.array([0, 0.31, 0.62, 1]) * path.length
-    joined = join_paths([cut_path(path, a, b) for a, b in zip(cuts, cuts[1:], strict=False)])
+    first, *others = [cut_path(path, a, b) for a, b in zip(cuts, cuts[1:], strict=False)]
+    joined = first.joined(*others)
     assert joined.length == pytest.approx(path.length, rel=1e-12)
     alike(joined, path, SHARES * path.length, SHARES * path.length)
-    assert join_paths([path]) is path
+    assert path.joined() is path
 
 
 def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
@@ -94,10 +95,9 @@ def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
         (lambda: cut_path(PLANE, 0.5, 0.2), "has no length"),
         # Next to nothing on both sides of a joint.
         (lambda: cut_path(corner, 1 - 0.8e-9, 1 + 0.8e-9), "has no length"),
-        (lambda: join_paths([]), "at least one path"),
-        (lambda: join_paths([flat, far]), "must be continuous"),
-        (lambda: join_paths([flat, one]), "plane or all in space"),
-        (lambda: join_paths([one, other]), "orientation, or none"),
+        (lambda: flat.joined(far), "must be continuous"),
+        (lambda: flat.joined(one), "plane or all in space"),
+        (lambda: one.joined(other), "orientation, or none"),
         (lambda: PLANE.placed(FLAT, scale=0.0), "scale"),
         (lambda: drop_z(leaning), "Segment 1", "not parallel to this plane", {"index": 0}),
         (lambda: drop_z(up), "path is vertical"),

@@ -13,7 +13,6 @@ from tests.geometry.tables import arc, each, line, path_of, refused
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
 from armcontour.geometry import Segments, angle_between
-from armcontour.geometry.path_parts import join_paths
 
 R = 0.3
 NORMAL = np.array([1.0, -2.0, 0.5])
@@ -268,7 +267,7 @@ def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
     refused(
         (lambda: near.placed(Frame(), scale=10), "Segment 2", {"index": 1}),
         (lambda: ROUNDED.placed(far), "must be continuous"),
-        (lambda: join_paths([ROUNDED, away]), f"Segment {n + 1}", {"index": n}),
+        (lambda: ROUNDED.joined(away), f"Segment {n + 1}", {"index": n}),
     )
 
 

@@ -7,7 +7,6 @@ from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
 from armcontour.geometry import corner_error, count_full_stops
-from armcontour.geometry.path_parts import join_paths
 
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
 
@@ -226,7 +225,7 @@ def test_round_corners_refuses_and_questions_large_tolerances():
 def test_a_corner_at_which_the_orientation_jumps_stays_and_so_do_both_orientations():
     first = ac.Path.polyline([(0, 0, 0), (1, 0, 0)]).pointing((0, 0, -1))
     second = ac.Path.polyline([(1, 0, 0), (1, 1, 0)]).pointing((0, 1, -1))
-    rounded = ac.round_corners(join_paths([first, second]), tolerance=0.01)
+    rounded = ac.round_corners(first.joined(second), tolerance=0.01)
     assert rounded.corners.reason.tolist() == ["tool orientation"]
     ends = rounded.orientation([0, rounded.length])[:, :, 2]
     np.testing.assert_allclose(ends, [(0, 0, -1), (0, np.sqrt(0.5), -np.sqrt(0.5))], atol=1e-15)

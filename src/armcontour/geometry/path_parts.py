@@ -1,8 +1,6 @@
-"""Functions that cut out a part of a path, join paths, and project a path onto the plane."""
+"""Functions that cut out a part of a path, and project a path onto the plane."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -46,13 +44,6 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
         orientation = orientation.cut(begin, float((u1 - u0).sum()), REPEATED_POINT)
     cut = path.segments.cut(i, u0, u1).replace(checked=True)
     return Path(segments=cut, orientation=orientation)
-
-
-def join_paths(paths: Sequence[Path]) -> Path:
-    """Join paths into one path; each path must start at the end of the previous one."""
-    if not paths:
-        raise InvalidInput("Joining requires at least one path.")
-    return paths[0].joined(*paths[1:])
 
 
 def drop_z(path: Path) -> Path:

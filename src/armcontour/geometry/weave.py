@@ -23,7 +23,7 @@ from armcontour.core.quantities import (
 )
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
-from armcontour.geometry.path_parts import cut_path, join_paths
+from armcontour.geometry.path_parts import cut_path
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
 UP = checks.frozen_array([0.0, 0.0, 1.0])
@@ -141,14 +141,14 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
         )
     assigned = float(path.speeds[0]) if (path.speeds == path.speeds[0]).all() else np.nan
     woven = Woven(
-        seam=join_paths(seams),
+        seam=seams[0].joined(*seams[1:]),
         crests=np.concatenate(crests),
         width=weave.width,
         pitch=pitch,
         frequency=assigned / pitch,
         left_out=left_out,
     )
-    return join_paths(parts), woven
+    return parts[0].joined(*parts[1:]), woven
 
 
 def _pitch_and_dwell_length(path: Path, weave: Weave) -> tuple[float, float]:

@@ -8,7 +8,7 @@ _HOME = {
     "options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
     "planner": "check_duration intervals_of plan",
     "program_timing": "check_jerk_support",
-    "program_tracing": "Tracing trace_fastest trace_program turn_along",
+    "program_tracing": "Tracing trace_program turn_along",
     "shaping": "shape",
     "stopping": "stop",
 }

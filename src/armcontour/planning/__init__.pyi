@@ -15,7 +15,6 @@ from armcontour.planning.planner import intervals_of as intervals_of
 from armcontour.planning.planner import plan as plan
 from armcontour.planning.program_timing import check_jerk_support as check_jerk_support
 from armcontour.planning.program_tracing import Tracing as Tracing
-from armcontour.planning.program_tracing import trace_fastest as trace_fastest
 from armcontour.planning.program_tracing import trace_program as trace_program
 from armcontour.planning.program_tracing import turn_along as turn_along
 from armcontour.planning.shaping import shape as shape

@@ -317,33 +317,6 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
     return replace(path, orientation=Orientation.even(path.lengths, starts, rates, axis_only=free))
 
 
-def trace_fastest(
-    path: Path,
-    arm: Arm,
-    limits: Limits | None = None,
-    *,
-    configuration: str | None = None,
-    seed: npt.ArrayLike | None = None,
-) -> JointPath:
-    """Trace a path in the configuration with the fastest optimal plan.
-
-    If several are equally fast, the configuration with the shortest joint path is used.
-
-    Args:
-        path: A tool path.
-        arm: The arm.
-        limits: Limits, including the joint ranges, without those of jerk; by default those of the
-            arm.
-        configuration: For an arm in the plane: the branch, as in `trace`, which leaves no choice.
-        seed: For an arm in space: joint positions near the required start [rad], (dof,).
-
-    Raises:
-        Unreachable: No configuration completes the path.
-        InvalidInput: The path does not fit the arm.
-    """
-    return next(trace_by_duration(path, arm, limits, configuration=configuration, seed=seed))[0]
-
-
 def trace_by_duration(
     path: Path,
     arm: Arm,
@@ -355,7 +328,7 @@ def trace_by_duration(
     """Trace a path in all configurations; yield equally fast joint paths, the fastest first."""
     # Yields lists of equally fast joint paths, the shortest joint path first. For a long path it
     # yields only the fastest joint path.
-    bounds = resolve_limits("trace_fastest", arm, limits)
+    bounds = resolve_limits("trace_by_duration", arm, limits)
     # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG_PATH and isinstance(arm, SerialArm):

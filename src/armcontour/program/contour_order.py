@@ -12,10 +12,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between, exp, log, shortest
-from armcontour.core.render import number
 from armcontour.core.text import count_noun
 from armcontour.geometry import Path
-from armcontour.geometry.path_parts import cut_path, join_paths
+from armcontour.geometry.path_parts import cut_path
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program.moves import Contour, Event, Program, Value, contour_called
 from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
@@ -73,8 +72,7 @@ def direct_contours(program: Program, process: Process) -> Program:
 def order_contours(program: Program, process: Process) -> Program:
     """Sort the contours of a program by the order of the process."""
     # For a shorter tour, a contour can start at another point or run backwards; later steps do not
-    # change this start. A remark reports the length of the links between contours. A note reports a
-    # contour that is cut before a contour inside it.
+    # change this start. A note reports a contour that is cut before a contour inside it.
     order = process.order
     if order == "auto":
         drawing = all(isinstance(x, Contour) for x in program.moves)
@@ -102,9 +100,7 @@ def order_contours(program: Program, process: Process) -> Program:
     choices = _Choices.from_contours(contours, process, free=order == "shortest")
     if order == "nearest":
         return replace(program, moves=choices.make_contours(*choices.nearest(parents)))
-    tour, option = choices.shortest(parents)
-    remarks = (*program.remarks, choices.describe(tour, option))
-    return replace(program, moves=choices.make_contours(tour, option), remarks=remarks)
+    return replace(program, moves=choices.make_contours(*choices.shortest(parents)))
 
 
 def _add_order_note(program: Program, process: Process) -> Program:
@@ -286,15 +282,6 @@ class _Choices:
         entries, exits = (np.ascontiguousarray(self.ends[:, k]) for k in (0, 1))
         return exits, entries, self.first
 
-    def describe(self, tour: IntArray, option: IntArray) -> str:
-        """A sentence on the length of a tour."""
-        length = self._length(tour, option)
-        drawn = self._length(np.arange(len(tour)), self.first[:-1])
-        return (
-            "In the order shortest, the straight links between contours have a total length of "
-            f"{number(length, 'm')} ({number(drawn, 'm')} in the order of the file)."
-        )
-
     def make_contours(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:
         """Contours of a tour in order, each made with its option."""
         return tuple(self.made[option[i]]() for i in tour)
@@ -404,7 +391,7 @@ def move_start(contour: Contour, start: float, outputs: Mapping[str, Value]) -> 
     _check_switching(contour, start, outputs)
     return replace(
         contour,
-        path=join_paths([cut_path(path, start, path.length), cut_path(path, 0.0, start)]),
+        path=cut_path(path, start, path.length).joined(cut_path(path, 0.0, start)),
         events=tuple(_move_event(x, start, path.length) for x in contour.events),
     )
 
@@ -445,12 +432,12 @@ def _add_overlap(path: Path, overlap: float) -> Path:
             f"{path.length:.4g} m and need more than {MAX_SEGMENTS} segments. Specify a shorter "
             "overlap or fewer passes."
         )
-    parts, remaining = [path], overlap
+    parts, remaining = list[Path](), overlap
     while remaining > REPEATED_POINT:
         step = min(remaining, path.length)
         parts.append(path if step == path.length else cut_path(path, 0.0, step))
         remaining -= step
-    return join_paths(parts)
+    return path.joined(*parts)
 
 
 def _check_switching(contour: Contour, start: float, outputs: Mapping[str, Value]) -> None:

@@ -37,7 +37,6 @@ from armcontour.geometry.path_parts import (
     arc_length_without_z,
     drop_z,
     has_length_without_z,
-    join_paths,
 )
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Woven
@@ -615,4 +614,5 @@ def _extend_rapid(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
     before, after = (
         [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in gaps
     )
-    return Rapid(path=join_paths([*before, replace(path, orientation=None), *after]))
+    parts = [*before, replace(path, orientation=None), *after]
+    return Rapid(path=parts[0].joined(*parts[1:]))

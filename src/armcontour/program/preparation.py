@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import checked
 from armcontour.core.text import count_noun, shorten
 from armcontour.geometry import Path, SegmentLimits
-from armcontour.geometry.path_parts import cut_path, join_paths
+from armcontour.geometry.path_parts import cut_path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Weave, weave_seam
 from armcontour.program.contour_order import close_contour, direct_contours, order_contours
@@ -323,7 +323,7 @@ def _add_leads(
         down = _axial_line(parts[0], 0.0, process.pierce.height, process.up, drop)
         parts.insert(0, down)
         before += parts[0].length
-    whole, work = join_paths(parts), (before, before + path.length)
+    whole, work = parts[0].joined(*parts[1:]), (before, before + path.length)
     events = tuple(_move_to_lead(x, process, work, whole.length) for x in contour.events)
     return replace(contour, path=whole, events=events, work=work)
 

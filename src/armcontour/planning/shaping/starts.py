@@ -15,7 +15,7 @@ from armcontour.geometry.shaped_path import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal, Shaped
-from armcontour.planning.program_tracing import trace_fastest
+from armcontour.planning.program_tracing import trace_by_duration
 from armcontour.robot import Arm, Limits
 
 # Angle between matched points along arcs [rad].
@@ -100,10 +100,11 @@ class Timer:
     intervals: int | None = None
 
     def trace(self, path: Path) -> JointPath:
-        """Joint path along a path."""
-        return trace_fastest(
+        """Joint path along a path, the fastest of the configuration."""
+        joint_paths = trace_by_duration(
             path, self.arm, self.limits, configuration=self.configuration, seed=self.seed
         )
+        return next(joint_paths)[0]
 
     def time(self, joint_path: JointPath) -> Trajectory:
         """Fastest motion along a joint path."""
