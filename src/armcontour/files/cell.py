@@ -109,15 +109,6 @@ def read_cell(
         return job_of(model, folder, reading, program)
 
 
-def read_cell_arm(cell: str | FilePath) -> Arm:
-    """Read the arm of a cell, or of a job file, with its tool, work frame and payload."""
-    text, source, folder = _read_cell_text(str(cell))
-    data = read_data(text, source)
-    with file_context(text, source):
-        model: CellModel = read_keys(CellModel, data)
-        return arm_of(model.arm, folder)
-
-
 def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
     """Arm (None if not specified) and scene of a cell or job file; other keys may be missing."""
     text, source, folder = _read_cell_text(str(cell))

@@ -558,34 +558,9 @@ def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
 
 
 def _column(name: str, values: Any, dof: int | None) -> FloatArray:
-    """Check a column of samples: times if `dof` is None, else values per joint."""
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"{name} must be numbers in {UNITS[name]}: {str(error).split('. ')[0].rstrip('.')}."
-        ) from None
-    if dof is None and array.ndim != 1:
-        raise InvalidInput(
-            f"t must be a one-dimensional array of times, but has shape {array.shape}."
-        )
-    if dof is not None and (array.ndim != 2 or array.shape[1] != dof):
-        raise InvalidInput(
-            f"{name} must have one row per sample and {dof} columns, one per joint of the arm, "
-            f"but has shape {array.shape}."
-        )
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        row = int(bad[0, 0])
-        joint = int(bad[0, 1]) if dof is not None else None
-        suffix = "" if joint is None else f" of joint {joint + 1}"
-        raise InvalidInput(
-            f"{name}{suffix} is {float(array[tuple(bad[0])])} in row {row + 1}, but every number "
-            "must be finite.",
-            index=row,
-            joint=joint,
-        )
-    return array
+    """Copy of a column of samples: times if `dof` is None, else values per joint."""
+    shape = (None,) if dof is None else (None, dof)
+    return np.array(checks.shaped(name, values, shape, UNITS[name]))
 
 
 def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> None:

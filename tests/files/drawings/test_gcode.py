@@ -208,15 +208,15 @@ def test_helices_and_ends_beside_their_circles():
 
 def test_words_that_move_nothing_are_left_out_with_a_note():
     check_points("""
-format/block_delete => 0,0 1,0 2,0 => lines with a slash ... 2 times, first in line 3
+format/block_delete => 0,0 1,0 2,0 => lines with a slash ... first in line 3
 frame/percent_signs => 0,0 1,0 2,0 => after the end of the program, line 5,
-references/unknown => 1,2,1 3,2,1 / > 7,7,4 7,7,1 / 7,7,1 8,7,1 => G28 (1 ... line 5 ... G53 (1
+references/unknown => 1,2,1 3,2,1 / > 7,7,4 7,7,1 / 7,7,1 8,7,1 => G28 (f ... line 5 ... G53 (f
 G1 X2 F60 => 0,0 2,0
 G1 X1 F60|G0 X1|G1 X2 => 0,0 1,0 2,0
-M104 S2|G1 X1 F6|M106 S2|M104 S0|X2 => 0,0 1,0 2,0 => M104 (2 ... line 1) ... M106 (1 time, f
+M104 S2|G1 X1 F6|M106 S2|M104 S0|X2 => 0,0 1,0 2,0 => M104 (first in line 1) ... M106 (f
 G1 X1 F60|G43 H2|X2 => 0,0 1,0 2,0 => first in line 2
 G1 X1 F60|G4|X2 => 0,0 1,0 / 1,0 2,0 => G4 without a time ... line 2
-M117 Hello X5|M862.3 P "MK3S"|M84 X Y E|G1 X1 F6 => 0,0 1,0 => M117 (1 ... M862.3 (1 ... M84 (1
+M117 Hello X5|M862.3 P "MK3S"|M84 X Y E|G1 X1 F6 => 0,0 1,0 => M117 (f ... M862.3 (f ... M84 (f
 G1 X1 F60 A0|X2 C0.0 => 0,0 1,0 2,0 => the word A with the value 0 ... word C with
 G1 X1 F60|X2 Y3 M60 => 0,0 1,0 2,3 => M60
 G0 X1|G1 X2 => 1,0 2,0 => without a feed rate, first in line 2

@@ -53,7 +53,7 @@ def table_of(limits: Limits, dof: int) -> Table:
     return table
 
 
-def override_limits(table: Table, joints: Sequence[str], file: FilePath) -> None:
+def override_limits(table: Table, joints: Sequence[str], file: str | FilePath) -> None:
     """Replace limits in a table by the limits of a `joint_limits.yaml`.
 
     A kind of limit that the file disables (`has_velocity_limits: false`) is removed; a kind that is

@@ -51,11 +51,6 @@ class ArmOptions(Checked):
     calibration: str | FilePath | None = None
     srdf: str | FilePath | None = None
 
-    @property
-    def limits_file(self) -> FilePath | None:
-        """Path of `joint_limits`; None if it is not specified."""
-        return None if self.joint_limits is None else FilePath(self.joint_limits)
-
 
 def check_options(options: ArmOptions, arm: str) -> None:
     """Check that only options of any arm are specified; `arm` is for messages."""

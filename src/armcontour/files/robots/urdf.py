@@ -85,7 +85,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     description = Description(tree, route, moving, start)
     chain = description.chain()
     limits, lacking, assumed = _limits(
-        tree, moving, options.limits_file, has_bodies=chain.masses is not None
+        tree, moving, options.joint_limits, has_bodies=chain.masses is not None
     )
     missing = missing_meshes(tree)
     notes = (*description.notes, lacking, missing)
@@ -156,7 +156,7 @@ def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
 
 
 def _limits(
-    tree: Tree, moving: list[Joint], file: FilePath | None, *, has_bodies: bool
+    tree: Tree, moving: list[Joint], file: str | FilePath | None, *, has_bodies: bool
 ) -> tuple[Limits, str, Limits | None]:
     """Limits of the moving joints, a note on missing limits, and those assumed for all joints.
 

@@ -345,23 +345,6 @@ class Cell:
             return True
         return _ClearanceSearch(motion, self._mounting, self._heights, np.inf).run()
 
-    def smallest_distances(self, q: FloatArray) -> dict[str, FloatArray]:
-        """Smallest distance of every kind of pair at joint positions, (n,) each [m].
-
-        For plots; `check` also proves the distances between these positions.
-
-        Args:
-            q: Joint positions [rad], (n, dof).
-        """
-        if self._distances is None:
-            return {}
-        index, pair = (x.ravel() for x in np.indices((len(q), len(self.pairs))))
-        distances = self._distances.measure(q, index, pair).reshape(len(q), len(self.pairs))
-        kinds = np.array([x.kind for x in self.pairs])
-        return {
-            kind: distances[:, kinds == kind].min(axis=1) for kind in dict.fromkeys(kinds.tolist())
-        }
-
     def fits(self, motion: Motion) -> bool:
         """True if a motion satisfies all margins and no link goes below the base.
 

@@ -153,7 +153,7 @@ class Machine:
                 value = words.pop(letter)
                 if abs(value) > ZERO_POSITION:
                     raise unsupported(f"{letter}{value:g}, a move of the axis {letter},")
-                self.notes.count(f"the word {letter} with the value 0")
+                self.notes.skip(f"the word {letter} with the value 0")
 
     def _draws_arc(self, block: Block) -> bool:
         """True if a line draws an arc."""
@@ -204,7 +204,7 @@ class Machine:
         letter = next((x for x in "PSX" if x in words), None)
         if letter is None:
             # In Marlin, G4 without a time waits until all moves are done.
-            self.notes.count("G4 without a time (a stop of 0 s)")
+            self.notes.skip("G4 without a time (a stop of 0 s)")
             return 0.0
         duration = words.pop(letter)
         if duration < 0:
@@ -347,7 +347,7 @@ class Machine:
         The draft continues at the next defined point. Before the first contour, the axes are set
         to zero of the program instead.
         """
-        self.notes.count(name, REFERENCE_NOTE)
+        self.notes.skip(name, REFERENCE_NOTE)
         self.draft.add_stop()
         if self.draft.begun:
             self.undefined_axes |= axes

@@ -115,10 +115,10 @@ class _Runner:
         if text.startswith("%"):
             # A percent sign starts or ends the program; a name may follow the first one.
             if text != "%" and (self.framed or self.has_words):
-                machine.notes.count("text after % on its line")
+                machine.notes.skip("text after % on its line")
             self.ended, self.framed = self.framed or self.has_words, True
         elif text.startswith("/"):
-            machine.notes.count("lines with a slash (block delete)", "Skipped: {}.")
+            machine.notes.skip("lines with a slash (block delete)", "Skipped: {}.")
         elif text:
             block = parse(line, machine.notes)
             self.has_words |= bool(block.g or block.m or block.words)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from armcontour.core.text import count_noun, list_some
+from armcontour.core.text import list_some
 
 MILLIMETRE, INCH = 1e-3, 0.0254
 LEFT_OUT_NOTE = "Left out because it causes no motion: {}."
@@ -38,14 +38,14 @@ class Notes:
 
     def __init__(self) -> None:
         self.line = 0
-        # Count and first line of each skipped kind, by note template and kind.
-        self.counts: dict[str, dict[str, list[int]]] = {LEFT_OUT_NOTE: {}}
+        # First line of each skipped kind, by note template and kind.
+        self.kinds: dict[str, dict[str, int]] = {LEFT_OUT_NOTE: {}}
         # First line that each note template of `add_once` applies to.
         self.firsts: dict[str, int] = {}
 
-    def count(self, kind: str, sentence: str = LEFT_OUT_NOTE) -> None:
-        """Count a skipped item; `{}` in the sentence is replaced by the list of all kinds."""
-        self.counts.setdefault(sentence, {}).setdefault(kind, [0, self.line])[0] += 1
+    def skip(self, kind: str, sentence: str = LEFT_OUT_NOTE) -> None:
+        """Note a skipped item; `{}` in the sentence is replaced by the list of all kinds."""
+        self.kinds.setdefault(sentence, {}).setdefault(kind, self.line)
 
     def add_once(self, sentence: str) -> None:
         """Note how lines are interpreted; `{}` is replaced by the number of the first such line."""
@@ -53,18 +53,14 @@ class Notes:
 
     def sentences(self) -> list[str]:
         """All notes as complete sentences."""
-        listed = {
-            sentence: list_some(
-                [
-                    f"{x} ({count_noun(n, 'time')}, first in line {i})"
-                    for x, (n, i) in kinds.items()
-                ],
-                MAX_KINDS,
+        skipped = [
+            sentence.format(
+                list_some([f"{x} (first in line {i})" for x, i in kinds.items()], MAX_KINDS)
             )
-            for sentence, kinds in self.counts.items()
-        }
-        counted = [sentence.format(x) for sentence, x in listed.items() if x]
-        return counted + [sentence.format(line) for sentence, line in self.firsts.items()]
+            for sentence, kinds in self.kinds.items()
+            if kinds
+        ]
+        return skipped + [sentence.format(line) for sentence, line in self.firsts.items()]
 
 
 # Maximum length of a number [characters]. Seventeen digits distinguish all doubles.
@@ -163,7 +159,7 @@ def parse(line: str, notes: Notes) -> Block:
             raise unsupported(ascii(match[1][:SHOWN_CHARACTERS]))
         return block
     if (match := LEADING_M.match(text)) and _is_left_out(float(match[1])):
-        notes.count(f"M{float(match[1]):g}")
+        notes.skip(f"M{float(match[1]):g}")
         return block
     position = 0
     while position < len(text):
@@ -200,7 +196,7 @@ def _add(block: Block, letter: str, number: str, position: int, notes: Notes) ->
         if value < 0:
             raise unsupported(text)
         if _is_left_out(value):
-            notes.count(f"M{value:g}")
+            notes.skip(f"M{value:g}")
             return
         _add_code(block.m, round(value), M_GROUP, "M{:d}".format)
     elif letter in block.words:
