@@ -17,7 +17,6 @@ from armcontour.core.progress import Progress, Step
 from armcontour.core.render import cells, compare, lay_out, plain, text, verdict
 from armcontour.core.result import VERDICT
 from armcontour.jobs.advice import is_small, with_advice
-from armcontour.jobs.plan_quantities import assumed_numbers
 from armcontour.jobs.run_notes import unknown_notes
 
 WRITING = Step(("writing the results",))
@@ -114,6 +113,6 @@ def _result_lines(study: jobs.JobResult) -> Sequence[str]:
     lines += [f"Warning: {x}" for x in jobs.warnings_of(study.runs.values())]
     lines += [f"Note: {x}" for x in job.arm.notes]
     has_experiment = any(x.run.experiment is not None for x in study.runs.values())
-    if has_experiment and (assumed := assumed_numbers(job.arm)):
+    if has_experiment and (assumed := job.arm.chain.assumed):
         lines.append(f"Masses: {assumed}")
     return [*lines, *unknown_notes(study)]

@@ -174,10 +174,10 @@ def units(results: Iterable[Data]) -> dict[str, str]:
     return units_by_name
 
 
-def frame(data: Data, level: int = TABLE) -> list[dict[str, Any]]:
+def frame(data: Data) -> list[dict[str, Any]]:
     """Values of a result for the page of the Studio."""
     figures = []
-    for row in data.shown(level):
+    for row in data.shown():
         digits_shown, unit = split(row.figure, row.unit)
         figures.append(
             {

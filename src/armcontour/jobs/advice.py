@@ -146,10 +146,10 @@ def _contour_errors(job: Job, planned: RunResult) -> Errors:
     return errors
 
 
-def _rounded(value: float, digits: int = 3) -> float:
-    """Round a value down to `digits` significant digits."""
-    step = 10.0 ** (floor(log10(value)) - digits + 1)
-    return float(f"{floor(value / step * (1 + 1e-12)) * step:.{digits}g}")
+def _rounded(value: float) -> float:
+    """Round a value down to three significant digits."""
+    step = 10.0 ** (floor(log10(value)) - 2)
+    return float(f"{floor(value / step * (1 + 1e-12)) * step:.3g}")
 
 
 def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:

@@ -164,11 +164,6 @@ class Torques(Frozen):
         return np.asarray(np.abs(self.values).max(axis=0))
 
 
-def assumed_numbers(arm: Arm) -> str:
-    """Text about the assumed mass parameters of an arm; empty if nothing is assumed."""
-    return arm.chain.assumed
-
-
 def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
     """Torques of a plan over time; None if the masses of the arm are unknown."""
     # Every inner time occurs twice, with the torques before and after a possible jump.

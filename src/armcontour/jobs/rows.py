@@ -20,7 +20,6 @@ from armcontour.jobs.plan_quantities import (
     Torques,
     angular_speed,
     applied_torques,
-    assumed_numbers,
     full_stops,
 )
 from armcontour.motion import Execution
@@ -68,7 +67,7 @@ def job_data(study: JobResult, warnings: Sequence[str], parts: Mapping[str, Data
             Row("arm.source", arm.source),
             Row("arm.joints", arm.joint_names),
             Row("arm.masses_known", arm.has_bodies),
-            Row("arm.assumed", assumed_numbers(arm) or None),
+            Row("arm.assumed", arm.chain.assumed or None),
             Row("arm.notes", arm.notes),
             Row("simulated", study.simulated),
             Row("units", units([*runs.values(), *parts.values()])),
@@ -320,7 +319,7 @@ def _torque_rows(
     peak = torques.peak
     yield Row("torque.peak", peak, "N m")
     yield Row("torque.limit", limit, "N m")
-    yield Row("torque.assumed", assumed_numbers(arm) or None)
+    yield Row("torque.assumed", arm.chain.assumed or None)
     if limit is None:
         yield Row("torque_ratio", None)
         return

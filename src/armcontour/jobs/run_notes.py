@@ -21,7 +21,7 @@ from armcontour.jobs.rows import shaping_rows
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.set_point_check import describe_excess
 from armcontour.planning import Conventional
-from armcontour.program import Contour, Program, contour_called
+from armcontour.program import Program, contour_called
 from armcontour.robot import compare_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
@@ -184,37 +184,24 @@ def _slow(result: RunResult) -> str:
     run, slow = result.run, list[tuple[float, str]]()
     spans = result.trajectory.contour_spans
     for i, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True)):
-        if span.trajectory is not None:
-            name = contour_called(contour, i)
-            slow += (
-                (
-                    speed / assigned,
-                    f"{name} {word} at {number(speed, 'm/s')} instead of "
-                    f"{number(assigned, 'm/s')}, with a lead of {number(lead, 'm')}",
-                )
-                for word, speed, assigned, lead in slow_ends(contour, span.trajectory, run)
-            )
-            if not result.jerk_stops and not isinstance(run.timing, Conventional):
-                slow += _missed_speed(name, contour.path, span.trajectory, run)
+        path, motion, name = contour.path, span.trajectory, contour_called(contour, i)
+        if motion is None:
+            continue
+        begin, end = contour.work or (0.0, path.length)
+        for word, s, lead, side in (
+            ("begins", begin, begin, "right"),
+            ("ends", end, path.length - end, "left"),
+        ):
+            assigned = float(path.assigned_speeds(run.limits.speed, s, side=side))
+            speed = float(motion.speed_at(s, side=side))
+            if lead > REPEATED_POINT and speed < assigned * (1 - SAME_SPEED) < np.inf:
+                words = f"{name} {word} at {number(speed, 'm/s')} instead of "
+                words += f"{number(assigned, 'm/s')}, with a lead of {number(lead, 'm')}"
+                slow.append((speed / assigned, words))
+        if not result.jerk_stops and not isinstance(run.timing, Conventional):
+            slow += _missed_speed(name, path, motion, run)
     others = f" (the slowest of {len(slow)} cases)" if len(slow) > 1 else ""
     return f"{min(slow)[1]}{others}." if slow else ""
-
-
-def slow_ends(
-    contour: Contour, motion: Trajectory, run: Run
-) -> Iterator[tuple[str, float, float, float]]:
-    """Yield "begins" or "ends", speed, assigned velocity and lead [m] for each slow contour end."""
-    if contour.work is None:
-        return
-    start, end = contour.work
-    for word, s, lead, side in (
-        ("begins", start, start, "right"),
-        ("ends", end, contour.path.length - end, "left"),
-    ):
-        assigned = float(contour.path.assigned_speeds(run.limits.speed, s, side=side))
-        speed = float(motion.speed_at(s, side=side))
-        if lead > REPEATED_POINT and speed < assigned * (1 - SAME_SPEED) < np.inf:
-            yield word, speed, assigned, lead
 
 
 def _missed_speed(

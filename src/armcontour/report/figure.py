@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import pkgutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
 from typing import Any
@@ -97,11 +97,7 @@ class Figure:
         """Add a horizontal line across a plot."""
         x_name, y_name = map(_short, self._axes[row, col])
         place = {"x0": 0, "x1": 1, "xref": f"{x_name} domain", "y0": y, "y1": y, "yref": y_name}
-        self.add_shapes([{"type": "line", "line": line, **place}])
-
-    def add_shapes(self, shapes: Iterable[Mapping[str, Any]]) -> None:
-        """Add shapes to the layout."""
-        self.layout["shapes"] += map(Node, shapes)
+        self.layout["shapes"].append(Node({"type": "line", "line": line, **place}))
 
     def update_layout(self, **values: Any) -> None:
         """Merge values into the layout."""

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -338,18 +338,12 @@ def _stops(result: RunResult) -> list[Mark]:
 
 def _events(result: RunResult) -> list[Mark]:
     """Marks at the points at which outputs are switched."""
-    return [Mark(np.asarray(x.point), event_words(x)) for x in result.trajectory.events]
-
-
-def event_words(event: Any) -> str:
-    """Text with the value, time and arc length of an event."""
-    value = (
-        {True: "on", False: "off"}[event.value] if isinstance(event.value, bool) else event.value
-    )
-    side = "before" if event.t < event.due else "after"
-    lead = (
-        ""
-        if event.t == event.due
-        else f", {number(abs(event.due - event.t), 's')} {side} the tool is there"
-    )
-    return f"{event.name} = {value}, t = {number(event.t, 's')}{lead}, s = {number(event.s, 'm')}"
+    words = {True: "on", False: "off"}
+    return [
+        Mark(
+            np.asarray(x.point),
+            f"{x.name} = {words[x.value] if isinstance(x.value, bool) else x.value}, "
+            f"t = {number(x.t, 's')}, s = {number(x.s, 'm')}",
+        )
+        for x in result.trajectory.events
+    ]

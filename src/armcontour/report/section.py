@@ -98,13 +98,13 @@ def tiles(data: Data, level: int = VERDICT) -> tuple[Tile, ...]:
     return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in rows[:3])
 
 
-def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str = "") -> TextTable:
-    """Table of the values up to a level, one column per result; rows with sentences are omitted."""
-    header, *rows = compare(results, level, texts=True)
+def side_by_side(results: Mapping[str, Data], caption: str = "") -> TextTable:
+    """Table of the values, one column per result; rows with sentences are omitted."""
+    header, *rows = compare(results, TABLE, texts=True)
     columns = zip(header, *rows, strict=True)
     figures = [x for x in list(columns)[1:] if max(map(len, x[1:])) <= LONGEST]
     if len(rows) == 1:
-        notes = {x.label: x.note for data in results.values() for x in data.shown(level)}
+        notes = {x.label: x.note for data in results.values() for x in data.shown()}
         figures = [(*x, notes[x[0]]) for x in figures]
         return TextTable(header=("figure", "value", ""), rows=tuple(figures), caption=caption)
     return TextTable(header=("figure", *results), rows=tuple(figures), caption=caption)

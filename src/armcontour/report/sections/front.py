@@ -8,7 +8,6 @@ from armcontour.core.render import compare, figure, number
 from armcontour.core.result import VERDICT, Data
 from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.jobs import JobResult, RunResult, warnings_of
-from armcontour.jobs.plan_quantities import assumed_numbers
 from armcontour.jobs.run_notes import unknown_notes
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
@@ -132,7 +131,7 @@ def notes(study: JobResult, warnings: Sequence[str] = ()) -> Section | None:
     uses_masses = any(
         x.run.experiment is not None or x.run.limits.joint_torque is not None for x in runs
     )
-    assumed = assumed_numbers(study.job.arm)
+    assumed = study.job.arm.chain.assumed
     shown_warnings = tuple(warnings) or warnings_of(runs)
     others = (
         *dict.fromkeys(z for y in runs for z in (*y.path.remarks, *y.remarks)),

@@ -27,6 +27,12 @@ from armcontour.verification import Evaluation
 MAX_PATH_POINTS, EVEN, PATH_HEIGHT = 6000, 800, 420
 # Deviation of a drawn executed path that is visible in an enlarged figure [m].
 VISIBLE = 1e-6
+TITLE = "Path of the tool"
+# Look of an axis in space.
+SPACE_AXIS = {
+    **{"nticks": 6, "backgroundcolor": "#FAFAFA"},
+    **dict.fromkeys(("gridcolor", "zerolinecolor"), "#DDDDDD"),
+}
 # Minimum ratio of the shortest to the longest side of a scene.
 FLATTEST = 0.4
 # Length of the longest side of a scene in units of plotly, with which the scene fits in every view.
@@ -45,9 +51,9 @@ def paths(study: JobResult) -> Section:
     kind = "executed" if study.simulated else "planned"
     return Section(
         key="paths",
-        title="Path of the tool",
+        title=TITLE,
         summary="interactive figure",
-        text=f"The {kind} path of the tool. Drag a rectangle to enlarge a corner.",
+        text=f"The {kind} path of the tool. Drag a rectangle, or turn the wheel, to enlarge it.",
         parts=(draw_path(study),),
     )
 
@@ -60,12 +66,10 @@ def draw_path(study: JobResult) -> Any:
     for tool in tools_of(study):
         figure.add_trace(curve(executed_points(tool), tool.name, **tool.look))
     if objective.shape[1] == 3:
-        everywhere = np.concatenate([np.stack([x.x, x.y, x.z], axis=1) for x in figure.data])
-        in_space(figure, everywhere, title="Path of the tool", height=PATH_HEIGHT)
-        return figure
+        return lay_out_in_space(figure)
     figure.update_xaxes(title="x [mm]")
     figure.update_yaxes(title="y [mm]", scaleanchor="x")
-    return finish(figure, title="Path of the tool", height=PATH_HEIGHT)
+    return finish(figure, title=TITLE, height=PATH_HEIGHT)
 
 
 def executed_points(tool: Tool) -> FloatArray:
@@ -127,63 +131,42 @@ def tools_of(study: JobResult) -> list[Tool]:
 
 
 def curve(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
-    """Trace of a curve through points [m], (n, 2) or (n, 3)."""
+    """Trace of a curve through points [m], (n, 2) or (n, 3); in space rounded to 0.1 µm."""
     if points.shape[1] == 2:
         x, y = points.T * 1e3
         return line(x, y, name, colour, **look)
-    look["width"] = look.get("width", 2) + 2
-    return line_in_space(points * 1e3, name, colour, **look)
-
-
-def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
-    """Trace of a curve in space through points [mm], (n, 3), rounded to 0.1 µm."""
-    line = {"color": colour, "width": look.pop("width", 4), "dash": look.pop("dash", "solid")}
-    x, y, z = np.round(points, 4).astype(np.float32).T
-    hover = "x %{x:.3f} mm<br>y %{y:.3f} mm<br>z %{z:.3f} mm"
-    return make_trace(
-        "scatter3d", x=x, y=y, z=z, name=name, mode="lines", line=line, hovertemplate=hover, **look
-    )
-
-
-def in_space(
-    figure: Any, points: FloatArray, *, title: str, height: int, top: int = 12, span: int = 6
-) -> None:
-    """Set the layout of a figure in space for points [mm], (n, 3), with axes of equal scale."""
-    finish(figure, title=title, height=height, span=span)
-    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    size = high - low
-    longest = float(size.max())
-    # A flat scene gets a margin, because the tick labels of its short axis would overlap.
-    edge = np.maximum(FLATTEST * longest - size, 0.0) / 2 + 0.03 * longest
-    size = size + 2 * edge
-    ratio = size / float(size.max()) * SCENE_SIZE
-    axis = {
-        "nticks": 6,
-        "backgroundcolor": "#FAFAFA",
-        "gridcolor": "#DDDDDD",
-        "zerolinecolor": "#DDDDDD",
+    drawn = {
+        "color": colour,
+        "width": look.pop("width", 2) + 2,
+        "dash": look.pop("dash", "solid"),
     }
+    x, y, z = np.round(points * 1e3, 4).astype(np.float32).T
+    hover = "x %{x:.3f} mm<br>y %{y:.3f} mm<br>z %{z:.3f} mm"
+    shown = {"mode": "lines", "line": drawn, "hovertemplate": hover, **look}
+    return make_trace("scatter3d", x=x, y=y, z=z, name=name, **shown)
+
+
+def lay_out_in_space(figure: Any) -> Any:
+    """Set the layout of a figure in space, with axes of equal scale."""
+    points = np.concatenate([np.stack([x.x, x.y, x.z], axis=1) for x in figure.data])
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    longest = float((high - low).max())
+    # A flat scene gets a margin, because the tick labels of its short axis would overlap.
+    edge = np.maximum(FLATTEST * longest - (high - low), 0.0) / 2 + 0.03 * longest
+    low, high = low - edge, high + edge
+    ratio = (high - low) / float((high - low).max()) * SCENE_SIZE
+    finish(figure, title=TITLE, height=PATH_HEIGHT)
     figure.update_layout(
         scene={
             "aspectmode": "manual",
             "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
             "camera": CAMERA,
             **{
-                f"{x}axis": {"title": {"text": f"{x} [mm]"}, "range": [a, b], **axis}
-                for x, a, b in zip(
-                    "xyz", (low - edge).tolist(), (high + edge).tolist(), strict=True
-                )
+                f"{x}axis": {"title": {"text": f"{x} [mm]"}, "range": [a, b], **SPACE_AXIS}
+                for x, a, b in zip("xyz", low.tolist(), high.tolist(), strict=True)
             },
         },
-        legend={
-            "orientation": "v",
-            "x": 0,
-            "xref": "paper",
-            "xanchor": "left",
-            "yref": "paper",
-            "y": 1,
-            "yanchor": "top",
-            "bgcolor": "rgba(255,255,255,0.8)",
-        },
-        margin={"l": 10, "r": 10, "t": top, "b": 10},
+        legend={"orientation": "v", "xref": "paper", "yref": "paper", "y": 1, "yanchor": "top"},
+        margin={"l": 10, "r": 10, "t": 12, "b": 10},
     )
+    return figure
