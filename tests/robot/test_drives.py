@@ -7,7 +7,7 @@ from scipy.sparse.linalg import spsolve
 import armcontour as ac
 from armcontour.motion import SetPoints
 from armcontour.robot.drives import Drives, respond_along
-from armcontour.robot.servo.simulation import command_weights, polynomials, sample_command
+from armcontour.robot.servo.simulation import command_pieces, command_weights, sample_command
 
 pytest.importorskip("mujoco")
 CYCLE = 4e-3
@@ -141,13 +141,12 @@ def test_without_masses_the_response_is_that_of_the_servo(options):
 
 def test_weights_of_set_points_give_the_command():
     for kind in ("linear", "step", "cubic"):
-        servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=kind)
         for count in (2, 3, 8):
             rng = np.random.default_rng(count)
             q = rng.normal(size=(count, 1))
             t = np.concatenate([rng.uniform(-0.01, 0.05, 200), np.arange(count) * CYCLE])
             index, weight = command_weights(count, CYCLE, kind, t)
-            pieces = polynomials(q, CYCLE, servo)
+            pieces = command_pieces(q, CYCLE, kind).plain
             expected = sample_command(pieces, CYCLE, np.zeros(1), t)[:, 0]
             commands = (q[index, 0] * weight).sum(axis=1)
             np.testing.assert_allclose(commands, expected, atol=1e-12, err_msg=f"{kind} {count}")

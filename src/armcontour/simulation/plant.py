@@ -348,8 +348,6 @@ class ServoPlant(LimitedPlant):
         self, set_points: SetPoints, steps: int
     ) -> tuple[list[Part], FloatArray | None]:
         """Parts of the run from the initial state until rest, and `Execution.unsettled`."""
-        # Writable copies, because the kernels would be compiled again for read-only arrays.
-        bounds = np.array(self.lower), np.array(self.acceleration)
         simulation = ServoSimulation(
             set_points.q, set_points.cycle, self.servo, self.lower, self.acceleration, steps=steps
         )
@@ -358,11 +356,11 @@ class ServoPlant(LimitedPlant):
         def advance(begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
             """Simulate `count` cycles from cycle `begin`, with q [rad] and dq [rad/s] there."""
             nonlocal held
-            run = simulation.run(begin, begin + count, q, dq, bounds, held)
+            run = simulation.run(begin, begin + count, q, dq, held)
             held = run.held
             position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
             extremes = np.stack([run.lowest, run.highest])
-            ddq = np.clip(demand, *bounds)
+            ddq = np.clip(demand, self.lower, self.acceleration)
             return Part(position, velocity, demand, ddq, run.saturated, extremes)
 
         first, last = set_points.q[0], set_points.q[-1]

@@ -18,7 +18,7 @@ from armcontour.motion import Execution, FineMotion, SetPoints
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.chain import Chain
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.simulation import polynomials, sample_command
+from armcontour.robot.servo.simulation import add_feedforward, command_pieces, sample_command
 from armcontour.simulation import drive_loop, mujoco_model
 from armcontour.simulation.drive_loop import Bodies, Loops, Rows
 from armcontour.simulation.mujoco_model import count_parts
@@ -218,7 +218,7 @@ class RigidBodyPlant(LimitedPlant):
         plain = servo.interpolation != "cubic" and not servo.has_feedforward
         if plain and not servo.dead_time.any():
             return lambda k, count: _interpolate(q[k : k + count + 1], steps, servo.interpolation)
-        pieces = polynomials(q, cycle, servo)
+        pieces = add_feedforward(command_pieces(q, cycle, servo.interpolation), servo)
         return lambda k, count: sample_command(
             pieces,
             cycle,

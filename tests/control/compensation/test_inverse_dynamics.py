@@ -11,7 +11,7 @@ import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.motion import Law
 from armcontour.robot.drives import Drives
-from armcontour.robot.servo.simulation import polynomials, sample_command
+from armcontour.robot.servo.simulation import command_pieces, sample_command
 
 pytest.importorskip("mujoco")
 DURATION, CYCLE = 0.4, 4e-3
@@ -123,7 +123,7 @@ def test_means_of_the_command_are_those_of_the_exact_one(heavy):
         servo = SERVO.replace(interpolation=interpolation).for_joints(6)
         set_points = compensate(SWING, heavy, servo, cycle=0.02)
         drives = Drives(arm=heavy, servo=servo)
-        pieces = polynomials(set_points.q, 0.02, servo)
+        pieces = command_pieces(set_points.q, 0.02, interpolation).plain
         for k in range(2, len(set_points.q) - 2):
             t = set_points.t[k] + 0.02 * x
             exact = drives.command(SWING(t), SWING(t, 1), SWING(t, 2))

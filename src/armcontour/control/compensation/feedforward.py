@@ -10,7 +10,7 @@ from armcontour.control.compensation.set_points import SETTLING, integrator_tail
 from armcontour.core.checks import FloatArray
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
-from armcontour.robot.servo.simulation import ServoSimulation, polynomials
+from armcontour.robot.servo.simulation import ServoSimulation, add_feedforward, command_pieces
 
 # A set-point has settled if it differs from the last set-point by at most this [rad].
 SETTLED_DISTANCE = 1e-10
@@ -89,7 +89,7 @@ def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -
 
 def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
     """Means of the command over the interval before each set-point [rad], (n, dof)."""
-    pieces = polynomials(q, cycle, servo)[:, :-1]
+    pieces = add_feedforward(command_pieces(q, cycle, servo.interpolation), servo)[:, :-1, :4]
     return np.asarray((pieces @ (cycle ** np.arange(4) / np.arange(1, 5))).T)
 
 

@@ -1,5 +1,16 @@
 """Compiled simulation of joints under piecewise polynomial commands."""
 
+# One loop describes every joint. With the demand z, the position q, the velocity w, the integral x
+# and the command u, joints of second order follow
+#
+#     z = kv (kp (u - q) - w + ki x),  dw = clip(z, lower, upper),
+#     dx = kp (u - lead - q) - w - (z - dw) / kv.
+#
+# The last term of dx stops the integrator in saturation. `lead` is the part of the command that
+# bypasses the integrator. Joints of first order (kv = 0) follow `dq = kp (u - q)`. The command is a
+# cubic in time. A step without saturation is a linear map, which is a matrix exponential. Other
+# steps are Taylor series, whose crossings of the bounds are found by Newton's method.
+
 from __future__ import annotations
 
 import math
@@ -9,38 +20,53 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.robot.servo.cascade import march_cascade, march_lines
-from armcontour.robot.servo.joint_response import (
-    LARGEST_STEP,
-    Cubic,
-    FreeMotionMap,
-    Motion,
-    Servo,
-    advance_freely,
-    demand,
-    fastest_rate,
-    progresses,
-    respond,
-    shift,
-    transition,
-)
 
+# Kinds of simulations: with saturation, without saturation and with positions as the only results,
+# and of drives that hold their acceleration or velocity in each piece of the command.
+SATURATING, LINEAR, HELD = range(3)
+# Longest step that may saturate, as a multiple of the shortest time constant of the servo. Within
+# it, the slope of the demand has at most one extremum, and the series converge up to rounding
+# errors.
+LARGEST_STEP = 0.5
 # Factor for the number of steps in a time span, so that rounding errors do not add a step.
 SLACK = 1 - 1e-9
+# Largest number of Taylor coefficients of a step, and relative size below which terms are
+# negligible.
+TERMS, NOTHING = 20, 1e-15
+INVERSE = tuple(1.0 / n for n in range(1, TERMS + 2))
+# Columns of a linear map: position minus command, velocity, integral, rate and further coefficients
+# of the command, and its lead. Rows: position minus command, velocity, integral.
+RATE, LEAD, COLUMNS, ENTRIES = 3, 6, 7, 21
+# Number of Taylor coefficients of a map, and its longest time before it is squared, as a multiple
+# of the shortest time constant.
+MAP_TERMS, MAP_LENGTH = 16, 0.25
+# Number of cached maps of a joint.
+KEPT = 4
 # Times and time spans [s] that differ by less than this are equal; rounding errors are smaller.
 NEAR = 4e-12
-# Number of cached free motions, and number of columns of one: span, repetitions, and map of a step.
-KEPT, COLUMNS = 4, 13
+# The demand is kp kv times a difference of positions. If its excess over a bound is below this
+# fraction of kp kv times these positions, the excess is a rounding error and not saturation.
+ROUNDING = 1e-14
+# Fraction of the curvature of the demand in a step by which a cubic through both ends may differ.
+CUBIC_ERROR = 0.005
+THIRD = 1 / 3
+# Precision of the times at which bounds are crossed and extrema are reached, relative to the step.
+PASSAGE, EXTREMUM = 1e-15, 1e-8
+# Largest number of steps per time span, and of phases (free or saturated) per step; more are never
+# necessary, and more phases have durations that round to 0.
+MAX_STEPS, MAX_PHASES = 1e5, 100_000
 
 
 class Joints(NamedTuple):
-    """Gains and acceleration bounds of all joints, (rows,) each, as in `Servo`."""
+    """Gains [1/s] and acceleration bounds [rad/s²] of all joints, (rows,) each."""
+
+    # kv = 0 means first order, ki = 0 means no integrator, an infinite kp means a pure delay.
 
     kp: FloatArray
     kv: FloatArray
+    ki: FloatArray
     lower: FloatArray
     upper: FloatArray
-    ki: FloatArray
 
 
 class JointMotions(NamedTuple):
@@ -59,25 +85,315 @@ class JointMotions(NamedTuple):
     stuck: BoolArray
 
 
+class Servo(NamedTuple):
+    """Gains and bounds of one joint, as in `Joints`."""
+
+    kp: float
+    kv: float
+    ki: float
+    lower: float
+    upper: float
+
+
+class Command(NamedTuple):
+    """Coefficients of a command that is a cubic in time [rad, rad/s, ...], and its lead [rad]."""
+
+    value: float
+    rate: float
+    second: float
+    third: float
+    lead: float
+
+
+class Motion(NamedTuple):
+    """State of a joint, and results accumulated during its motion."""
+
+    # q: position [rad]. w: velocity [rad/s]. x: integral [rad]. saturated: time in saturation [s].
+    # lowest, highest: extremes of the demand [rad/s²].
+
+    q: float
+    w: float
+    x: float
+    saturated: float
+    lowest: float
+    highest: float
+
+
 @compiled(inner=True, fastmath=FUSED)
-def piece_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -> Cubic:
+def shift(u: Command, t: float) -> Command:
+    """The same command with its time origin moved to t."""
+    value = u.value + t * (u.rate + t * (u.second + t * u.third))
+    rate = u.rate + t * (2 * u.second + t * 3 * u.third)
+    return Command(value, rate, u.second + 3 * u.third * t, u.third, u.lead)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def command_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -> Command:
     """Command in its piece `piece`, with the time origin at `now` [s]."""
-    u = Cubic(pieces[piece, 0], pieces[piece, 1], pieces[piece, 2], pieces[piece, 3])
+    # Without views of rows, because counting references to arrays takes time.
+    u = Command(
+        pieces[piece, 0], pieces[piece, 1], pieces[piece, 2], pieces[piece, 3], pieces[piece, 4]
+    )
     # The command is constant before the first set-point and after the last one.
-    return shift(u, now - starts[piece - 1]) if 0 < piece < len(starts) else u
+    return shift(u, now - starts[piece - 1] if 0 < piece < len(starts) else 0.0)
 
 
 @compiled(inner=True, fastmath=FUSED)
-def write_step(kp: float, kv: float, span: float, straight: bool, row: FloatArray) -> bool:
-    """Write span, repetitions and map of a step of a free motion; False if steps are too many."""
-    if not progresses(kp, kv, span):
-        return False
-    repeats = max(int(math.ceil(span * fastest_rate(kp, kv) / LARGEST_STEP * SLACK)), 1)
-    s = transition(kp, kv, span / repeats, straight)
-    row[0], row[1] = span, repeats
-    row[2], row[3], row[4], row[5], row[6], row[7] = s.time, s.qq, s.qw, s.wq, s.ww, s.q1
-    row[8], row[9], row[10], row[11], row[12] = s.q2, s.q3, s.w1, s.w2, s.w3
-    return True
+def fastest_rate(servo: Servo) -> float:
+    """Upper bound of the inverse of the shortest time constant [1/s]."""
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
+    if kv == 0.0:
+        return kp
+    return max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
+
+
+@compiled(inner=True, fastmath=FUSED)
+def demand(servo: Servo, u: Command, q: float, w: float, x: float) -> tuple[float, float]:
+    """Acceleration of the servo before saturation [rad/s²], and its unsaturated slope [rad/s³]."""
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
+    if kv == 0.0:
+        z = kp * (u.rate - kp * (u.value - q))
+        return z, kp * (2 * u.second - z)
+    error = kp * (u.value - q) - w
+    z = kv * (error + ki * x)
+    return z, kv * (kp * (u.rate - w) - z + ki * (error - kp * u.lead))
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def series_of_map(servo: Servo) -> FloatArray:
+    """Taylor coefficients of the linear map of a motion over time t, (MAP_TERMS, ENTRIES)."""
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
+    matrix, series = np.zeros((COLUMNS, COLUMNS)), np.zeros((MAP_TERMS, ENTRIES))
+    matrix[0, RATE], matrix[RATE, RATE + 1], matrix[RATE + 1, RATE + 2] = -1.0, 2.0, 3.0
+    if kv == 0.0:
+        matrix[0, 0] = -kp
+    else:
+        matrix[0, 1] = 1.0
+        matrix[1, 0], matrix[1, 1], matrix[1, 2] = -kp * kv, -kv, kv * ki
+        matrix[2, 0], matrix[2, 1], matrix[2, LEAD] = -kp, -1.0, -kp
+    for row in range(3):
+        series[0, row * COLUMNS + row] = 1.0
+    for k in range(1, MAP_TERMS):
+        for i in range(ENTRIES):
+            row, column = divmod(i, COLUMNS)
+            for m in range(COLUMNS):
+                series[k, i] += (
+                    series[k - 1, row * COLUMNS + m] * matrix[m, column] * INVERSE[k - 1]
+                )
+    return series
+
+
+@compiled(inner=True, fastmath=FUSED)
+def write_map(series: FloatArray, rate: float, span: float, maps: FloatArray, slot: int) -> None:
+    """Write the linear map of a motion over a time span [s] into row `slot` of maps."""
+    # The last row of maps is overwritten.
+    squarings, h = 0, span
+    while h * rate > MAP_LENGTH:
+        h, squarings = h / 2, squarings + 1
+    for i in range(ENTRIES):
+        maps[slot, i] = 0.0
+    for k in range(MAP_TERMS - 1, -1, -1):
+        for i in range(ENTRIES):
+            maps[slot, i] = series[k, i] + h * maps[slot, i]
+    for _ in range(squarings):
+        for i in range(ENTRIES):
+            maps[KEPT, i] = maps[slot, i]
+        for row in range(0, ENTRIES, COLUMNS):
+            a, b, c = maps[KEPT, row], maps[KEPT, row + 1], maps[KEPT, row + 2]
+            r, s = maps[KEPT, row + RATE], maps[KEPT, row + RATE + 1]
+            for i in range(COLUMNS):
+                maps[slot, row + i] = (
+                    a * maps[KEPT, i]
+                    + b * maps[KEPT, COLUMNS + i]
+                    + c * maps[KEPT, 2 * COLUMNS + i]
+                )
+            # The command at the half time.
+            maps[slot, row + RATE] += r
+            maps[slot, row + RATE + 1] += s + 2 * h * r
+            maps[slot, row + RATE + 2] += maps[KEPT, row + RATE + 2] + 3 * h * (s + h * r)
+            maps[slot, row + LEAD] += maps[KEPT, row + LEAD]
+        h *= 2
+
+
+@compiled(inner=True, fastmath=FUSED)
+def apply_map(
+    servo: Servo, f: FloatArray, i: int, u: Command, end: Command, q: float, w: float, x: float
+) -> tuple[float, float, float]:
+    """Position, velocity and integral after a step without saturation, by the map f[i]."""
+    # end: the command at the end.
+    e = q - u.value
+    p = f[i, 0] * e + f[i, 1] * w + f[i, 3] * u.rate + f[i, 4] * u.second + f[i, 5] * u.third
+    v = f[i, 7] * e + f[i, 8] * w + f[i, 10] * u.rate + f[i, 11] * u.second + f[i, 12] * u.third
+    if servo.kv == 0.0:
+        return p + end.value, -servo.kp * p, 0.0
+    if servo.ki > 0.0:
+        p, v = p + f[i, 2] * x + f[i, 6] * u.lead, v + f[i, 9] * x + f[i, 13] * u.lead
+        x = f[i, 14] * e + f[i, 15] * w + f[i, 16] * x + f[i, 20] * u.lead
+        x += f[i, 17] * u.rate + f[i, 18] * u.second + f[i, 19] * u.third
+    return p + end.value, v, x
+
+
+@compiled(inner=True, fastmath=FUSED)
+def evaluate(a: FloatArray, terms: int, order: int, t: float) -> float:
+    """Derivative of an order of a polynomial at time t."""
+    value = 0.0
+    for k in range(terms - 1, order - 1, -1):
+        factor = a[k]
+        for i in range(order):
+            factor *= k - i
+        value = factor + t * value
+    return value
+
+
+@compiled(inner=True, fastmath=FUSED)
+def find_passage(
+    a: FloatArray, terms: int, order: int, low: float, high: float, level: float
+) -> float:
+    """Time at which a derivative of a polynomial crosses `level`; `high` if it does not."""
+    start = evaluate(a, terms if low > 0.0 else order + 1, order, low) - level
+    end = evaluate(a, terms, order, high) - level
+    if start * end >= 0.0:
+        return high
+    # The value at an extremum is more accurate than its time.
+    tolerance = high * (PASSAGE if order == 0 else EXTREMUM)
+    t = low + (high - low) * start / (start - end)
+    for _ in range(100):
+        value, slope = evaluate(a, terms, order, t) - level, evaluate(a, terms, order + 1, t)
+        if (value > 0.0) == (end > 0.0):
+            high = t
+        else:
+            low = t
+        last, t = t, t - value / slope if slope != 0.0 else low
+        if not low < t < high:
+            t = 0.5 * (low + high)
+        if min(high - low, abs(t - last)) <= tolerance:
+            break
+    return t
+
+
+@compiled(inner=True, fastmath=FUSED)
+def count_terms(x: float) -> int:
+    """Number of Taylor terms if the terms decrease like `x^k / k!`."""
+    term, n = 1.0, 0
+    while term > NOTHING and n < TERMS - 3:
+        term *= x * INVERSE[n]
+        n += 1
+    return n + 3
+
+
+@compiled(inner=True, fastmath=FUSED)
+def expand(
+    servo: Servo,
+    u: Command,
+    side: float,
+    terms: int,
+    q: FloatArray,
+    x: FloatArray,
+    z: FloatArray,
+) -> None:
+    """Compute the Taylor coefficients of position minus command value, integral and demand."""
+    # q: the first two are input. x: the first is input. z: `terms` coefficients, output. `side` is
+    # 1 at the upper bound of the acceleration, -1 at the lower bound, otherwise 0.
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
+    bound = servo.upper if side > 0.0 else servo.lower
+    if kv == 0.0:
+        q[1] = -kp * q[0]
+    command = (0.0, u.rate, u.second, u.third, 0.0)
+    for k in range(terms):
+        p = command[min(k, 4)]
+        w = (k + 1) * q[k + 1]
+        if kv == 0.0:
+            z[k] = kp * ((k + 1) * command[min(k + 1, 4)] - w)
+        else:
+            z[k] = kv * (kp * (p - q[k]) - w + ki * x[k])
+        a = z[k]
+        if side != 0.0:
+            a = bound if k == 0 else 0.0
+        q[k + 2] = a * INVERSE[k] * INVERSE[k + 1]
+        if ki > 0.0:
+            p -= u.lead if k == 0 else 0.0
+            x[k + 1] = (kp * (p - q[k]) - w - (z[k] - a) / kv) * INVERSE[k]
+
+
+@compiled(inner=True, fastmath=FUSED)
+def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m: Motion) -> Motion:
+    """Simulate a step from event to event, where events are starts and ends of saturation."""
+    q, w, x, saturated, lowest, highest = m
+    position, integral, demands = taylor[0], taylor[1], taylor[2]
+    now = side = 0.0
+    known = False  # True if the last event determines the side.
+    for _ in range(MAX_PHASES):
+        v, end = shift(u, now), h - now
+        z, _ = demand(servo, v, q, w, x)
+        scale = abs(v.value) + abs(q) + servo.ki * abs(x)
+        tolerance = ROUNDING * (servo.kp * servo.kv * scale + abs(z))
+        if not known:
+            side = 1.0 if z > servo.upper + tolerance else 0.0
+            side = -1.0 if z < servo.lower - tolerance else side
+        position[0], position[1], integral[0] = q - v.value, w, x
+        # In saturation without an integrator, the demand is a cubic.
+        n = 4 if side != 0.0 and servo.ki == 0.0 else count_terms(2 * fastest_rate(servo) * end)
+        expand(servo, v, side, n, position, integral, demands)
+        # The slope of the demand has at most one extremum in a step.
+        first, second = find_passage(demands, n, 1, 0.0, end, 0.0), end
+        if first == end:
+            turn = find_passage(demands, n, 2, 0.0, end, 0.0)
+            first = find_passage(demands, n, 1, 0.0, turn, 0.0)
+            second = find_passage(demands, n, 1, turn, end, 0.0)
+        lowest, highest, begin, following = min(lowest, z), max(highest, z), 0.0, side
+        for t in (first, second, end):
+            value = evaluate(demands, n, 0, t)
+            if side == 0.0 and value > servo.upper + tolerance:
+                bound, following = servo.upper, 1.0
+            elif side == 0.0 and value < servo.lower - tolerance:
+                bound, following = servo.lower, -1.0
+            elif side > 0.0 and value < servo.upper:
+                bound, following = servo.upper, 0.0
+            elif side < 0.0 and value > servo.lower:
+                bound, following = servo.lower, 0.0
+            else:
+                lowest, highest, begin = min(lowest, value), max(highest, value), t
+                continue
+            end = find_passage(demands, n, 0, begin, t, bound)
+            break
+        saturated += end if side != 0.0 else 0.0
+        q, w = evaluate(position, n + 2, 0, end) + v.value, evaluate(position, n + 2, 1, end)
+        x = evaluate(integral, n + 1, 0, end)
+        known = following != side
+        side = following
+        now += end
+        if not known:
+            return Motion(q, w, x, saturated, lowest, highest)
+    return Motion(math.nan, math.nan, x, saturated, lowest, highest)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def respond(
+    servo: Servo,
+    f: FloatArray,
+    i: int,
+    taylor: FloatArray,
+    h: float,
+    u: Command,
+    end: Command,
+    m: Motion,
+) -> Motion:
+    """Simulate a step of duration h with the map f[i]; not finite with too many phases."""
+    z, slope = demand(servo, u, m.q, m.w, m.x)
+    if servo.lower <= z <= servo.upper:
+        q, w, x = apply_map(servo, f, i, u, end, m.q, m.w, m.x)
+        last, after = demand(servo, end, q, w, x)
+        low, high = min(m.lowest, z, last), max(m.highest, z, last)
+        # The demand is between its values at both ends and the inner control points of a cubic.
+        rise, a, b = last - z, h * slope, h * after
+        margin = CUBIC_ERROR * (abs(a - rise) + abs(b - rise))
+        first, second = z + a * THIRD, last - b * THIRD
+        bottom, top = min(first, second) - margin, max(first, second) + margin
+        # Most steps return here, without saturation and without a new extreme of the demand.
+        if max(servo.lower, low) <= bottom and top <= min(servo.upper, high):
+            if servo.lower <= last <= servo.upper:
+                return Motion(q, w, x, m.saturated, low, high)
+    return respond_by_events(servo, taylor, h, u, m)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -86,19 +402,18 @@ def march_held(
     pieces: FloatArray,
     starts: FloatArray,
     times: FloatArray,
+    held: float,
     m: Motion,
     piece: int,
     out: FloatArray,
-) -> Motion:
+) -> tuple[Motion, float]:
     """Simulate a joint whose drive holds acceleration or velocity in each piece; as `march`."""
-    # `piece` is the number of pieces that have begun at times[0]. The integral changes once per
-    # piece, by the equation in `cascade.py`, before the demand is computed.
-    q, w, held, saturated, lowest, highest = m
+    # `piece` is the number of pieces that have begun before times[0]. The integral changes once per
+    # piece, by the equation above, before the demand is computed.
+    q, w, x, saturated, lowest, highest = m
     first, last, now = servo.kv == 0.0, len(starts), times[0]
     kp, kv, ki = servo.kp, servo.kv, servo.ki
-    if 0 < piece and starts[piece - 1] > now - NEAR:
-        piece -= 1
-    z, x, drive_cycle = held, 0.0, starts[1] - starts[0] if last > 1 else 0.0
+    z, drive_cycle = held, starts[1] - starts[0] if last > 1 else 0.0
     if ki > 0.0 and piece > 0:
         # The integral follows from the demand of the last cycle and the position at its start.
         held = min(max(z, servo.lower), servo.upper)
@@ -115,7 +430,7 @@ def march_held(
                     held, z = kp * (pieces[piece, 0] - q), 0.0
                 else:
                     if ki > 0.0:
-                        x += drive_cycle * (kp * (pieces[piece, 4] - q) - w)
+                        x += drive_cycle * (kp * (pieces[piece, 0] - pieces[piece, 4] - q) - w)
                     z = kv * (kp * (pieces[piece, 0] - q) - w + ki * x)
                     held = min(max(z, servo.lower), servo.upper)
                     x -= drive_cycle * (z - held) / kv
@@ -131,7 +446,7 @@ def march_held(
             now = stop
         now = until
         out[row - 1, 0], out[row - 1, 1], out[row - 1, 2] = q, w, z
-    return Motion(q, w, z if ki > 0.0 else held, saturated, lowest, highest)
+    return Motion(q, w, x, saturated, lowest, highest), z if ki > 0.0 else held
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
@@ -141,72 +456,77 @@ def march(
     pieces: FloatArray,
     starts: FloatArray,
     times: FloatArray,
-    motion: Motion,
+    state: FloatArray,
     out: FloatArray,
-) -> Motion:
-    """Simulate one joint from times[0] on; results are not finite if steps are too short."""
-    # kind 0: held or linear commands; 1: cubics; 2: a drive holds its acceleration in each piece;
-    # 3: as 0, without saturation, with positions as the only results. An infinite kp means a pure
-    # delay. pieces: coefficients of the command, (n + 1, 4), of which the first and the last are
-    # constant; with an integrator also of the command v of `cascade.py`, (n + 1, 8). starts: times
-    # at which all pieces but the first reach the joint [s], (n,). times: start, and times of the
-    # results [s], (m + 1,). out: position, velocity and demand, (m, 3).
-    if servo.ki > 0.0 and kind != 2:
-        return march_cascade(servo, pieces, starts, times, motion, out)
-    m, delays, last, now = motion, math.isinf(servo.kp), len(starts), times[0]
+) -> tuple[Motion, float]:
+    """Simulate one joint from times[0] on; returns its motion and its held value."""
+    # pieces: coefficients of the command and its lead, (n + 1, 5), of which the first and the last
+    # are constant. starts: times at which all pieces but the first reach the joint [s], (n,).
+    # times: start, and times of the results [s], (m + 1,). state: position, velocity and held value
+    # at the start, (3,). out: position, velocity and demand, (m, 3). Results are not finite if the
+    # servo requires too many steps.
+    m, held = Motion(state[0], state[1], 0.0, 0.0, 0.0, 0.0), state[2]
+    last, now = len(starts), times[0]
     # Number of pieces that have begun, by bisection.
     piece, high = 0, last
     while piece < high:
         middle = (piece + high) // 2
-        if starts[middle] <= now + NEAR:
+        if starts[middle] < now - NEAR:
             piece = middle + 1
         else:
             high = middle
-    if kind == 2 and not delays:
-        return march_held(servo, pieces, starts, times, m, piece, out)
-    cache, oldest = np.empty((KEPT, COLUMNS)), 0
-    for i in range(KEPT):
-        cache[i, 0] = -1.0
+    delays, rate = math.isinf(servo.kp), fastest_rate(servo)
+    if kind == HELD and not delays:
+        return march_held(servo, pieces, starts, times, held, m, piece, out)
+    u = command_at(pieces, starts, piece, now)
+    if servo.ki > 0.0:
+        x = (held / servo.kv - servo.kp * (u.value - m.q) + m.w) / servo.ki
+        m = Motion(m.q, m.w, x, 0.0, 0.0, 0.0)
+    if not delays and (times[-1] - now) * rate > MAX_STEPS * LARGEST_STEP * len(times):
+        return Motion(math.nan, math.nan, 0.0, 0.0, 0.0, 0.0), held
+    series, maps = series_of_map(servo), np.empty((KEPT + 1, ENTRIES))
+    spans, oldest, taylor = np.full(KEPT, -1.0), 0, np.zeros((3, TERMS + 2))
     for row in range(1, len(times)):
         until = times[row]
-        u = piece_at(pieces, starts, piece, now)
         while until - now > NEAR:
             if piece < last and starts[piece] - now <= NEAR:
                 piece += 1
-                u = piece_at(pieces, starts, piece, now)
+                u = command_at(pieces, starts, piece, now)
                 continue
             stop = starts[piece] if piece < last and starts[piece] < until - NEAR else until
-            span, now, slot = stop - now, stop, -1
+            h, now = stop - now, stop
             if delays:
                 continue
+            repeats = 1
+            if kind == SATURATING:
+                repeats = max(int(math.ceil(h * rate / LARGEST_STEP * SLACK)), 1)
+                h /= repeats
+            slot = -1
             for i in range(KEPT):
-                if abs(cache[i, 0] - span) <= NEAR:
+                if abs(spans[i] - h) <= NEAR:
                     slot = i
             if slot < 0:
                 slot, oldest = oldest, (oldest + 1) % KEPT
-                if not write_step(servo.kp, servo.kv, span, kind != 1, cache[slot]):
-                    return Motion(math.nan, math.nan, 0.0, m.saturated, m.lowest, m.highest)
-            x = cache[slot]
-            step = FreeMotionMap(
-                x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12]
-            )
-            for _ in range(int(x[1])):
-                if kind == 3:
-                    q, w = advance_freely(step, u, m.q, m.w)
-                    m = Motion(q, w, 0.0, m.saturated, m.lowest, m.highest)
+                write_map(series, rate, h, maps, slot)
+                spans[slot] = h
+            for _ in range(repeats):
+                end = shift(u, h)
+                if kind == SATURATING:
+                    m = respond(servo, maps, slot, taylor, h, u, end, m)
                 else:
-                    m = respond(servo, step, u, m)
-                u = shift(u, step.time)
+                    q, w, x = apply_map(servo, maps, slot, u, end, m.q, m.w, m.x)
+                    m = Motion(q, w, x, 0.0, 0.0, 0.0)
+                u = end
         now = until
         if delays:
-            u, z = piece_at(pieces, starts, piece, now), 0.0
-            m = Motion(u.value, u.rate, 0.0, m.saturated, m.lowest, m.highest)
+            u = command_at(pieces, starts, piece, now)
+            m, z = Motion(u.value, u.rate, 0.0, 0.0, m.lowest, m.highest), 0.0
             out[row - 1, 2] = 2 * u.second
         else:
-            out[row - 1, 2] = z = demand(servo, u, m.q, m.w)
+            z, _ = demand(servo, u, m.q, m.w, m.x)
+            out[row - 1, 2] = held = z
         out[row - 1, 0], out[row - 1, 1] = m.q, m.w
-        m = Motion(m.q, m.w, 0.0, m.saturated, min(m.lowest, z), max(m.highest, z))
-    return m
+    return m, held
 
 
 @compiled(fastmath=FUSED)
@@ -219,21 +539,15 @@ def run_joints(
     states: FloatArray,
 ) -> JointMotions:
     """Simulate all joints, or one joint with several sets of parameters, row by row."""
-    # kind and pieces as in `march`. commands: (rows, n + 1, 4 or 8). starts: (rows, n) [s]. times:
-    # (m + 1,) [s]. states: initial position [rad], velocity [rad/s] and value that a drive holds,
-    # (3, rows).
+    # Arguments as in `march`, with one row per joint, and states with one column per joint.
     rows = len(joints.kp)
     out = np.empty((rows, len(times) - 1, 3))
     saturated, lowest, highest, held = np.empty((4, rows))
     stuck = np.empty(rows, np.bool_)
     for j in range(rows):
-        bounds = joints.lower[j], joints.upper[j]
-        servo = Servo(joints.kp[j], joints.kv[j], bounds[0], bounds[1], joints.ki[j])
-        m = Motion(states[0, j], states[1, j], states[2, j], 0.0, 0.0, 0.0)
-        if joints.ki[j] > 0.0 and kind == 3:
-            m = march_lines(servo, commands[j], starts[j], times, m, out[j])
-        else:
-            m = march(servo, kind, commands[j], starts[j], times, m, out[j])
-        saturated[j], lowest[j], highest[j], held[j] = m.saturated, m.lowest, m.highest, m.held
+        lower, upper = joints.lower[j], joints.upper[j]
+        servo = Servo(joints.kp[j], joints.kv[j], joints.ki[j], lower, upper)
+        m, held[j] = march(servo, kind, commands[j], starts[j], times, states[:, j], out[j])
+        saturated[j], lowest[j], highest[j] = m.saturated, m.lowest, m.highest
         stuck[j] = not math.isfinite(m.q + m.w)
     return JointMotions(out, saturated, lowest, highest, held, stuck)

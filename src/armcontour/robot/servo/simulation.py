@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ExecutionError
-from armcontour.robot.servo.march import JointMotions, Joints, run_joints
+from armcontour.robot.servo.march import (
+    HELD,
+    LINEAR,
+    SATURATING,
+    JointMotions,
+    Joints,
+    run_joints,
+)
 from armcontour.robot.servo.model import ServoModel, lead_of, sliding
 
-# Kinds of commands, as in `march`: held or linear, cubic, held by drives, linear without
-# saturation.
-STRAIGHT, CUBIC, HELD, LINES = range(4)
 # Times within this distance of a set-point, in cycles, are equal to its time.
 SNAP = 1e-9
 
@@ -38,50 +41,35 @@ class ServoSimulation:
         self.q, self.cycle, self.servo, self.steps = q, cycle, servo, steps
         free = np.full(len(servo.kp), np.inf)
         bounds = -free if lower is None else lower, free if upper is None else upper
-        gains, ki = (servo.kp, _loops(servo.kv, free)), np.broadcast_to(servo.ki, free.shape)
-        self.joints = Joints(*(np.array(x) for x in (*gains, *bounds, ki)))
-        self.kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
+        self.joints = _joints(servo, free, *bounds)
+        command = command_pieces(q, cycle, servo.interpolation)
         if servo.drive_cycle:
-            self.kind = HELD
-            self.commands = command_polynomials(q, cycle, servo.interpolation)[0]
+            self.commands = command.plain
             return
-        self.commands = add_integrator_pieces(servo, lambda x: polynomials(q, cycle, x))
+        self.commands = add_feedforward(command, servo)
         self.starts = np.arange(len(q)) * cycle + servo.dead_time[:, None]
 
     def run(
-        self,
-        begin: int,
-        end: int,
-        q: FloatArray,
-        dq: FloatArray,
-        bounds: tuple[FloatArray, FloatArray] | None = None,
-        held: FloatArray | None = None,
+        self, begin: int, end: int, q: FloatArray, dq: FloatArray, held: FloatArray | None = None
     ) -> JointMotions:
         """Simulate all joints from the start of interval `begin` to the start of `end`."""
         # q [rad] and dq [rad/s], (dof,): initial state. held: initial values that drives with a
         # cycle hold, (dof,): accelerations [rad/s²], for order "first" velocities, with an
         # integrator demands.
         results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
-        return self.run_at(results * (self.cycle / self.steps), q, dq, bounds, held)
+        held = np.zeros_like(q) if held is None else held
+        return self.run_at(results * (self.cycle / self.steps), (q, dq, held))
 
     def run_at(
-        self,
-        times: FloatArray,
-        q: FloatArray,
-        dq: FloatArray,
-        bounds: tuple[FloatArray, FloatArray] | None = None,
-        held: FloatArray | None = None,
+        self, times: FloatArray, state: tuple[FloatArray, FloatArray, FloatArray]
     ) -> JointMotions:
         """Simulate all joints as `run`, from times[0] on, with results at the other times [s]."""
-        joints = self.joints
-        if bounds is not None:
-            joints = joints._replace(lower=np.array(bounds[0]), upper=np.array(bounds[1]))
-        states = np.stack([q, dq, np.zeros_like(q) if held is None else held])
-        if self.servo.drive_cycle:
+        kind = HELD if self.servo.drive_cycle else SATURATING
+        if kind == HELD:
             commands, starts = self._cycles(times[0], times[-1])
         else:
             commands, starts = self.commands, self.starts
-        run = run_joints(joints, self.kind, commands, starts, times, states)
+        run = run_joints(self.joints, kind, commands, starts, times, np.stack(state))
         if run.stuck.any():
             j, kv = int(np.argmax(run.stuck)), self.servo.kv
             gains = f"kp = {self.servo.kp[j]:g}" + ("" if kv is None else f" and kv = {kv[j]:g}")
@@ -116,40 +104,35 @@ class ServoSimulation:
         count = int(np.ceil(end / drive_cycle - SNAP)) - first + 1
         starts = (first + np.arange(max(count, 2), dtype=np.float64)) * drive_cycle
 
-        def commands(servo: ServoModel) -> FloatArray:
-            # Feed-forward is computed from two earlier cycles.
-            times = np.asarray((first + np.arange(-2, len(starts))) * drive_cycle, np.float64)
-            u = sample_command(pieces, cycle, servo.dead_time, times).T
-            return make_held_pieces(
-                cycle_feedforward(u, drive_cycle, servo), starts, self.joints.kp
-            )
-
-        return add_integrator_pieces(self.servo, commands), np.tile(starts, (len(pieces), 1))
+        # Feed-forward is computed from two earlier cycles.
+        times = np.asarray((first + np.arange(-2, len(starts))) * drive_cycle, np.float64)
+        u = sample_command(pieces, cycle, self.servo.dead_time, times).T
+        return held_pieces(u, starts, self.servo), np.tile(starts, (len(pieces), 1))
 
 
-def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
-    """Velocity loop gains [1/s], 0 for joints without a velocity loop."""
-    if kv is None:
-        return np.zeros_like(like)
-    return np.where(np.isinf(kv), 0.0, kv)
+def _joints(
+    servo: ServoModel | JointServo, like: FloatArray, lower: FloatArray, upper: FloatArray
+) -> Joints:
+    """Gains and bounds for the compiled simulation, in writable arrays, (rows,) each."""
+    kv = np.broadcast_to(np.inf if servo.kv is None else servo.kv, like.shape)
+    # Joints without a velocity loop do not saturate.
+    loop = np.isfinite(kv)
+    lower, upper = np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
+    kp, ki = (np.array(np.broadcast_to(x, like.shape)) for x in (servo.kp, servo.ki))
+    return Joints(kp, np.where(loop, kv, 0.0), ki, lower, upper)
 
 
-def add_integrator_pieces(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
-    """Pieces of commands; with integrators, each also has the coefficients of their command."""
-    pieces = commands(servo)
-    if not np.any(servo.ki):
-        return pieces
-    replace = servo._replace if isinstance(servo, JointServo) else servo.replace
-    integrated = replace(friction=0.0, acceleration_feedforward=0.0)
-    return np.concatenate([pieces, commands(integrated)], axis=2)
-
-
-def make_held_pieces(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
-    """Pieces of held commands; for joints with a pure delay, pieces of lines."""
-    pieces = np.zeros((len(values), values.shape[1] + 1, 4))
-    pieces[:, 1:, 0] = values
-    lines = np.isinf(kp)
-    pieces[lines, 1:-1, 1] = np.diff(values[lines], axis=1) / np.diff(starts)
+def held_pieces(u: FloatArray, starts: FloatArray, servo: ServoModel | JointServo) -> FloatArray:
+    """Pieces of held commands with feed-forward and friction; lines for pure delays, as `march`."""
+    # `u`: command without them in each drive cycle, (rows, count + 2), two cycles earlier.
+    width = starts[1] - starts[0]
+    du, ddu = np.diff(u, axis=1)[:, 1:] / width, np.diff(u, 2, axis=1) / width**2
+    a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (*servo.lead, servo.friction))
+    pieces = np.zeros((len(u), u.shape[1] - 1, 5))
+    pieces[:, 1:, 4] = b * ddu - c * sliding(du)
+    pieces[:, 1:, 0] = values = u[:, 2:] + a * du + pieces[:, 1:, 4]
+    lines = np.isinf(servo.kp)
+    pieces[lines, 1:-1, 1] = np.diff(values[lines], axis=1) / width
     return pieces
 
 
@@ -176,7 +159,7 @@ def respond_within(
     first = max(min(k - int(delay.max()) - 3, len(q) - 4), 0) if not servo.drive_cycle else 0
     active_points = q[first : max(k - int(delay.min()) + 4, first + 4)]
     active = ServoSimulation(active_points, cycle, servo, *bounds)
-    run = active.run_at((k - first) * cycle + times, *state[:2], held=state[2])
+    run = active.run_at((k - first) * cycle + times, state)
     position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state[:2]))
     after = velocity.copy()
     if not servo.drive_cycle:
@@ -201,8 +184,8 @@ def follow(
     rows = int(np.prod(shape))
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
     limit = each.acceleration_limit
-    joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit, each.ki)
-    kind = LINES if np.isinf(limit).all() else STRAIGHT
+    joints = _joints(each, limit, -limit, limit)
+    kind = LINEAR if np.isinf(limit).all() else SATURATING
     if drive_cycle:
         kind = HELD
         origin = command.knots[0]
@@ -210,16 +193,12 @@ def follow(
         count = int(np.ceil((command.t[-1] - origin) / drive_cycle - SNAP)) + 1
         times = origin + np.arange(first - 3, count) * drive_cycle
         u = np.stack([command.evaluate(times - delay) for delay in each.dead_time])
-
-        def held_pieces(shifted: JointServo) -> FloatArray:
-            return make_held_pieces(cycle_feedforward(u, drive_cycle, shifted), times[2:], each.kp)
-
-        pieces, starts = add_integrator_pieces(each, held_pieces), np.tile(times[2:], (rows, 1))
+        pieces, starts = held_pieces(u, times[2:], each), np.tile(times[2:], (rows, 1))
     else:
         # Set-points before the first simulated one reach the joint before the motion.
         early = command.t[0] - np.max(each.dead_time)
         first = max(int(np.searchsorted(command.knots, early)) - 1, 0)
-        pieces = add_integrator_pieces(each, lambda x: command.for_servo(x, rows, first))
+        pieces = add_feedforward(command.pieces, each, first)
         starts = command.knots[first:] + each.dead_time[:, None]
     states = np.zeros((3, rows))
     states[0], states[1], states[2] = q0, dq0, ddq0
@@ -227,32 +206,6 @@ def follow(
     begin = np.where(np.isinf(each.kp), command.evaluate(command.t[0] - each.dead_time), states[0])
     positions = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
     return np.asarray(positions.reshape(*shape, -1))
-
-
-def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Command in each cycle as a cubic in the time since the cycle's start, (dof, n + 1, 4)."""
-    # The command includes feed-forward and friction, so that a servo without them responds in the
-    # same way. Interval k is between set-points k - 1 and k. Before the first and after the last
-    # set-point the command is constant.
-    command, first, second = command_polynomials(q, cycle, servo.interpolation)
-    if servo.has_feedforward:
-        a, b = (np.broadcast_to(x, q.shape[1:])[:, None, None] for x in servo.lead)
-        command += a * first + b * second
-    if servo.friction.any():
-        stepped = servo.interpolation == "step"
-        rate = first[:, 1:-1, 0] if stepped else np.diff(q, axis=0).T / cycle
-        command[:, 1:-1, 0] -= np.broadcast_to(servo.friction, q.shape[1:])[:, None] * sliding(rate)
-    return command
-
-
-def cycle_feedforward(
-    u: FloatArray, drive_cycle: float, servo: ServoModel | JointServo
-) -> FloatArray:
-    """Command in each drive cycle, including feed-forward and friction, (rows, count)."""
-    # `u`: command without them, (rows, count + 2), which starts two cycles earlier.
-    du, ddu = np.diff(u, axis=1)[:, 1:] / drive_cycle, np.diff(u, 2, axis=1) / drive_cycle**2
-    a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (*servo.lead, servo.friction))
-    return np.asarray(u[:, 2:] + a * du + b * ddu - c * sliding(du))
 
 
 class JointServo(NamedTuple):
@@ -285,30 +238,7 @@ class LoggedCommand:
     ) -> None:
         self.knots, self.every, self.linear = np.array(t), np.array(u), interpolation == "linear"
         self.t, self.u = self.knots[begin:], self.every[begin:]
-        width = np.diff(t)
-        chord = np.diff(u) / width
-        self.pieces = np.zeros((len(t) + 1, 4))
-        self.pieces[:, 0] = np.append(u[0], u)
-        self.rate, self.bend = np.zeros((2, len(t) + 1))
-        if self.linear:
-            self.pieces[1:-1, 1] = self.rate[1:-1] = chord
-            self.bend[2:-1] = np.diff(chord) / width[1:]
-        else:
-            self.rate[2:] = chord
-        self.slide = sliding(self.rate)
-
-    def for_servo(self, servo: JointServo, rows: int, first: int) -> FloatArray:
-        """Pieces from index `first` on, with feed-forward and friction of the servos."""
-        lead, acceleration, slide = (
-            np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction)
-        )
-        pieces = np.tile(self.pieces[first:], (rows, 1, 1))
-        pieces[:, :, 0] += lead * self.rate[first:]
-        if acceleration.any():
-            pieces[:, :, 0] += acceleration * self.bend[first:]
-        if slide.any():
-            pieces[:, :, 0] -= slide * self.slide[first:]
-        return pieces
+        self.pieces = command_pieces(self.every[:, None], np.diff(t), interpolation, rest=False)
 
     def evaluate(self, t: FloatArray) -> FloatArray:
         """The command at times t [rad], (n,)."""
@@ -318,35 +248,77 @@ class LoggedCommand:
         return np.asarray(self.every[np.maximum(k, 0)])
 
 
-def command_polynomials(
-    q: FloatArray, cycle: float, interpolation: str
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Command without feed-forward, its velocity and acceleration, (dof, n + 1, 4) each."""
-    n, dof = q.shape
-    coefficients = np.zeros((3, dof, n + 1, 4))
-    command, first, second = coefficients
-    command[:, 0, 0] = q[0]
-    command[:, 1:, 0] = q.T
+class CommandPieces(NamedTuple):
+    """Commands of all joints as polynomials in the time since the start of each piece."""
+
+    # Piece k is between set-points k - 1 and k. Before the first and after the last set-point the
+    # command is constant. plain: the command itself, (dof, n + 1, 4). rate, bend: its velocity and
+    # acceleration, (dof, n + 1, 1), for cubics (dof, n + 1, 3). sliding: factor of dry friction,
+    # (dof, n + 1).
+
+    plain: FloatArray
+    rate: FloatArray
+    bend: FloatArray
+    sliding: FloatArray
+
+
+def command_pieces(
+    q: FloatArray, width: float | FloatArray, interpolation: str, *, rest: bool = True
+) -> CommandPieces:
+    """Command through set-points q [rad], (n, dof), which are `width` apart [s], (n - 1,)."""
+    # Without rest, the command before the first set-point is unknown.
+    (n, dof), cubic = q.shape, interpolation == "cubic"
+    plain = np.zeros((dof, n + 1, 4))
+    rate, bend = np.zeros((2, dof, n + 1, 3 if cubic else 1))
+    plain[:, 0, 0], plain[:, 1:, 0] = q[0], q.T
+    pieces = CommandPieces(plain, rate, bend, np.zeros((dof, n + 1)))
     if n == 1:
-        return command, first, second
+        return pieces
     inner = slice(1, -1)
-    chord = np.diff(q, axis=0).T / cycle
-    before = np.concatenate([np.zeros((dof, 1)), chord[:, :-1]], axis=1)
+    chord = np.diff(q, axis=0).T / width
+    known = rest or interpolation == "step"
+    before = np.concatenate([0.0 * chord[:, :1] if known else chord[:, :1], chord[:, :-1]], axis=1)
+    pieces.sliding[:, inner] = sliding(before if interpolation == "step" else chord)
     if interpolation == "step":
-        first[:, inner, 0] = before
+        rate[:, inner, 0] = before
     elif interpolation == "linear":
-        command[:, inner, 1] = first[:, inner, 0] = chord
-        second[:, inner, 0] = (chord - before) / cycle
+        plain[:, inner, 1] = rate[:, inner, 0] = chord
+        bend[:, inner, 0] = (chord - before) / width
     else:
         slope = np.zeros_like(q.T)
-        slope[:, 1:-1] = (q[2:] - q[:-2]).T / (2 * cycle)
+        slope[:, 1:-1] = (q[2:] - q[:-2]).T / (2 * width)
         start, end = slope[:, :-1], slope[:, 1:]
-        command[:, inner, 1] = start
-        command[:, inner, 2] = (3 * chord - 2 * start - end) / cycle
-        command[:, inner, 3] = (start + end - 2 * chord) / cycle**2
-        first[:, :, :3] = command[:, :, 1:] * [1, 2, 3]
-        second[:, :, :2] = first[:, :, 1:3] * [1, 2]
-    return command, first, second
+        plain[:, inner, 1] = start
+        plain[:, inner, 2] = (3 * chord - 2 * start - end) / width
+        plain[:, inner, 3] = (start + end - 2 * chord) / width**2
+        rate[:] = plain[:, :, 1:] * [1, 2, 3]
+        bend[:, :, :2] = rate[:, :, 1:] * [1, 2]
+    return pieces
+
+
+def add_feedforward(
+    command: CommandPieces, servo: ServoModel | JointServo, first: int = 0
+) -> FloatArray:
+    """Pieces from `first` on for servos without feed-forward and friction, (rows, n + 1, 5)."""
+    # A servo with feed-forward and friction responds to the command as one without them to these
+    # pieces. The last column is the part of the command that bypasses the integrator.
+    plain, rate, bend = (x[:, first:] for x in command[:3])
+    shape = np.broadcast_shapes(np.shape(servo.lead[0]), np.shape(servo.friction), (len(plain),))
+    lead, acceleration, friction = (
+        np.broadcast_to(x, shape)[:, None, None] for x in (*servo.lead, servo.friction)
+    )
+    pieces = np.zeros((*shape, plain.shape[1], 5))
+    pieces[:, :, :4] = plain
+    if lead.any():
+        pieces[:, :, : rate.shape[2]] += lead * rate
+    if acceleration.any():
+        pieces[:, :, : bend.shape[2]] += acceleration * bend
+        pieces[:, :, 4] = acceleration[:, 0] * bend[:, :, 0]
+    if friction.any():
+        rub = friction[:, 0] * command.sliding[:, first:]
+        pieces[:, :, 0] -= rub
+        pieces[:, :, 4] -= rub
+    return pieces
 
 
 def sample_command(
