@@ -21,22 +21,24 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.kernels import FUSED, compiled
 
-# Kinds of simulations: with saturation, without saturation and with positions as the only results,
-# and of drives that hold their acceleration or velocity in each piece of the command.
-SATURATING, LINEAR, HELD = range(3)
+# Kinds of simulations: with extremes of the demand, without them, without saturation and with
+# positions as the only results, and of drives that hold their acceleration or velocity in each
+# piece of the command.
+COMPLETE, SATURATING, LINEAR, HELD = range(4)
 # Longest step that may saturate, as a multiple of the shortest time constant of the servo. Within
 # it, the slope of the demand has at most one extremum, and the series converge up to rounding
 # errors.
-LARGEST_STEP = 0.5
+LARGEST_STEP = 1.0
 # Factor for the number of steps in a time span, so that rounding errors do not add a step.
 SLACK = 1 - 1e-9
 # Largest number of Taylor coefficients of a step, and relative size below which terms are
 # negligible.
-TERMS, NOTHING = 20, 1e-15
+TERMS, NOTHING = 28, 1e-15
 INVERSE = tuple(1.0 / n for n in range(1, TERMS + 2))
-# Columns of a linear map: position minus command, velocity, integral, rate and further coefficients
-# of the command, and its lead. Rows: position minus command, velocity, integral.
-RATE, LEAD, COLUMNS, ENTRIES = 3, 6, 7, 21
+# Columns of a linear map: position minus command, velocity, rate and further coefficients of the
+# command; with an integrator also integral and lead. Rows: position minus command, velocity,
+# integral.
+RATE, INTEGRAL, LEAD, COLUMNS = 2, 5, 6, 7
 # Number of Taylor coefficients of a map, and its longest time before it is squared, as a multiple
 # of the shortest time constant.
 MAP_TERMS, MAP_LENGTH = 16, 0.25
@@ -161,57 +163,58 @@ def demand(servo: Servo, u: Command, q: float, w: float, x: float) -> tuple[floa
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def series_of_map(servo: Servo) -> FloatArray:
-    """Taylor coefficients of the linear map of a motion over time t, (MAP_TERMS, ENTRIES)."""
+    """Taylor coefficients of the linear map of a motion over time t, (MAP_TERMS, 3, COLUMNS)."""
     kp, kv, ki = servo.kp, servo.kv, servo.ki
-    matrix, series = np.zeros((COLUMNS, COLUMNS)), np.zeros((MAP_TERMS, ENTRIES))
+    matrix, series = np.zeros((COLUMNS, COLUMNS)), np.zeros((MAP_TERMS, 3, COLUMNS))
     matrix[0, RATE], matrix[RATE, RATE + 1], matrix[RATE + 1, RATE + 2] = -1.0, 2.0, 3.0
     if kv == 0.0:
         matrix[0, 0] = -kp
     else:
         matrix[0, 1] = 1.0
-        matrix[1, 0], matrix[1, 1], matrix[1, 2] = -kp * kv, -kv, kv * ki
-        matrix[2, 0], matrix[2, 1], matrix[2, LEAD] = -kp, -1.0, -kp
-    for row in range(3):
-        series[0, row * COLUMNS + row] = 1.0
+        matrix[1, 0], matrix[1, 1], matrix[1, INTEGRAL] = -kp * kv, -kv, kv * ki
+        matrix[INTEGRAL, 0], matrix[INTEGRAL, 1], matrix[INTEGRAL, LEAD] = -kp, -1.0, -kp
+    series[0, 0, 0] = series[0, 1, 1] = series[0, 2, INTEGRAL] = 1.0
     for k in range(1, MAP_TERMS):
-        for i in range(ENTRIES):
-            row, column = divmod(i, COLUMNS)
-            for m in range(COLUMNS):
-                series[k, i] += (
-                    series[k - 1, row * COLUMNS + m] * matrix[m, column] * INVERSE[k - 1]
-                )
+        for row in range(3):
+            for i in range(COLUMNS):
+                for j in range(COLUMNS):
+                    series[k, row, j] += series[k - 1, row, i] * matrix[i, j] * INVERSE[k - 1]
     return series
 
 
 @compiled(inner=True, fastmath=FUSED)
-def write_map(series: FloatArray, rate: float, span: float, maps: FloatArray, slot: int) -> None:
-    """Write the linear map of a motion over a time span [s] into row `slot` of maps."""
-    # The last row of maps is overwritten.
+def write_map(
+    series: FloatArray, integrates: bool, rate: float, span: float, maps: FloatArray, slot: int
+) -> None:
+    """Write the linear map of a motion over a time span [s] into maps[slot], (3, COLUMNS)."""
+    # The last map is overwritten.
+    rows, columns = (3, COLUMNS) if integrates else (2, INTEGRAL)
     squarings, h = 0, span
     while h * rate > MAP_LENGTH:
         h, squarings = h / 2, squarings + 1
-    for i in range(ENTRIES):
-        maps[slot, i] = 0.0
-    for k in range(MAP_TERMS - 1, -1, -1):
-        for i in range(ENTRIES):
-            maps[slot, i] = series[k, i] + h * maps[slot, i]
+    for i in range(rows):
+        for j in range(columns):
+            value = 0.0
+            for k in range(MAP_TERMS - 1, -1, -1):
+                value = series[k, i, j] + h * value
+            maps[slot, i, j] = value
     for _ in range(squarings):
-        for i in range(ENTRIES):
-            maps[KEPT, i] = maps[slot, i]
-        for row in range(0, ENTRIES, COLUMNS):
-            a, b, c = maps[KEPT, row], maps[KEPT, row + 1], maps[KEPT, row + 2]
-            r, s = maps[KEPT, row + RATE], maps[KEPT, row + RATE + 1]
-            for i in range(COLUMNS):
-                maps[slot, row + i] = (
-                    a * maps[KEPT, i]
-                    + b * maps[KEPT, COLUMNS + i]
-                    + c * maps[KEPT, 2 * COLUMNS + i]
-                )
+        for i in range(rows):
+            for j in range(columns):
+                maps[KEPT, i, j] = maps[slot, i, j]
+        for i in range(rows):
+            a, b = maps[KEPT, i, 0], maps[KEPT, i, 1]
+            for j in range(columns):
+                maps[slot, i, j] = a * maps[KEPT, 0, j] + b * maps[KEPT, 1, j]
             # The command at the half time.
-            maps[slot, row + RATE] += r
-            maps[slot, row + RATE + 1] += s + 2 * h * r
-            maps[slot, row + RATE + 2] += maps[KEPT, row + RATE + 2] + 3 * h * (s + h * r)
-            maps[slot, row + LEAD] += maps[KEPT, row + LEAD]
+            r, s = maps[KEPT, i, RATE], maps[KEPT, i, RATE + 1]
+            maps[slot, i, RATE] += r
+            maps[slot, i, RATE + 1] += s + 2 * h * r
+            maps[slot, i, RATE + 2] += maps[KEPT, i, RATE + 2] + 3 * h * (s + h * r)
+            if integrates:
+                for j in range(columns):
+                    maps[slot, i, j] += maps[KEPT, i, INTEGRAL] * maps[KEPT, 2, j]
+                maps[slot, i, LEAD] += maps[KEPT, i, LEAD]
         h *= 2
 
 
@@ -222,14 +225,18 @@ def apply_map(
     """Position, velocity and integral after a step without saturation, by the map f[i]."""
     # end: the command at the end.
     e = q - u.value
-    p = f[i, 0] * e + f[i, 1] * w + f[i, 3] * u.rate + f[i, 4] * u.second + f[i, 5] * u.third
-    v = f[i, 7] * e + f[i, 8] * w + f[i, 10] * u.rate + f[i, 11] * u.second + f[i, 12] * u.third
+    p = f[i, 0, 0] * e + f[i, 0, 1] * w
+    p += f[i, 0, 2] * u.rate + f[i, 0, 3] * u.second + f[i, 0, 4] * u.third
+    v = f[i, 1, 0] * e + f[i, 1, 1] * w
+    v += f[i, 1, 2] * u.rate + f[i, 1, 3] * u.second + f[i, 1, 4] * u.third
     if servo.kv == 0.0:
         return p + end.value, -servo.kp * p, 0.0
     if servo.ki > 0.0:
-        p, v = p + f[i, 2] * x + f[i, 6] * u.lead, v + f[i, 9] * x + f[i, 13] * u.lead
-        x = f[i, 14] * e + f[i, 15] * w + f[i, 16] * x + f[i, 20] * u.lead
-        x += f[i, 17] * u.rate + f[i, 18] * u.second + f[i, 19] * u.third
+        y = f[i, 2, 0] * e + f[i, 2, 1] * w + f[i, 2, 5] * x + f[i, 2, 6] * u.lead
+        y += f[i, 2, 2] * u.rate + f[i, 2, 3] * u.second + f[i, 2, 4] * u.third
+        p += f[i, 0, 5] * x + f[i, 0, 6] * u.lead
+        v += f[i, 1, 5] * x + f[i, 1, 6] * u.lead
+        x = y
     return p + end.value, v, x
 
 
@@ -380,19 +387,28 @@ def respond(
 ) -> Motion:
     """Simulate a step of duration h with the map f[i]; not finite with too many phases."""
     z, slope = demand(servo, u, m.q, m.w, m.x)
-    if servo.lower <= z <= servo.upper:
+    ddq = min(max(z, servo.lower), servo.upper)
+    if z != ddq and servo.ki > 0.0:
+        return respond_by_events(servo, taylor, h, u, m)
+    saturated, least, most = m.saturated, servo.lower, servo.upper
+    if z == ddq:
         q, w, x = apply_map(servo, f, i, u, end, m.q, m.w, m.x)
-        last, after = demand(servo, end, q, w, x)
-        low, high = min(m.lowest, z, last), max(m.highest, z, last)
-        # The demand is between its values at both ends and the inner control points of a cubic.
-        rise, a, b = last - z, h * slope, h * after
-        margin = CUBIC_ERROR * (abs(a - rise) + abs(b - rise))
-        first, second = z + a * THIRD, last - b * THIRD
-        bottom, top = min(first, second) - margin, max(first, second) + margin
-        # Most steps return here, without saturation and without a new extreme of the demand.
-        if max(servo.lower, low) <= bottom and top <= min(servo.upper, high):
-            if servo.lower <= last <= servo.upper:
-                return Motion(q, w, x, m.saturated, low, high)
+    else:
+        q, w, x = m.q + h * (m.w + h / 2 * ddq), m.w + h * ddq, 0.0
+        saturated += h
+        least, most = (servo.upper, math.inf) if z > ddq else (-math.inf, servo.lower)
+    last, after = demand(servo, end, q, w, x)
+    # The slope in saturation.
+    slope, after = slope + servo.kv * (z - ddq), after + servo.kv * (last - ddq) * (z != ddq)
+    low, high = min(m.lowest, z, last), max(m.highest, z, last)
+    # The demand is between its values at both ends and the inner control points of a cubic.
+    rise, a, b = last - z, h * slope, h * after
+    margin = CUBIC_ERROR * (abs(a - rise) + abs(b - rise))
+    first, second = z + a * THIRD, last - b * THIRD
+    bottom, top = min(first, second) - margin, max(first, second) + margin
+    # Most steps return here, without a start or end of saturation and without a new extreme.
+    if least <= min(last, bottom) and max(last, top) <= most and low <= bottom and top <= high:
+        return Motion(q, w, x, saturated, low, high)
     return respond_by_events(servo, taylor, h, u, m)
 
 
@@ -465,7 +481,9 @@ def march(
     # times: start, and times of the results [s], (m + 1,). state: position, velocity and held value
     # at the start, (3,). out: position, velocity and demand, (m, 3). Results are not finite if the
     # servo requires too many steps.
-    m, held = Motion(state[0], state[1], 0.0, 0.0, 0.0, 0.0), state[2]
+    # Without extremes, no demand is a new one.
+    extreme = 0.0 if kind in (COMPLETE, HELD) else math.inf
+    m, held = Motion(state[0], state[1], 0.0, 0.0, -extreme, extreme), state[2]
     last, now = len(starts), times[0]
     # Number of pieces that have begun, by bisection.
     piece, high = 0, last
@@ -481,10 +499,10 @@ def march(
     u = command_at(pieces, starts, piece, now)
     if servo.ki > 0.0:
         x = (held / servo.kv - servo.kp * (u.value - m.q) + m.w) / servo.ki
-        m = Motion(m.q, m.w, x, 0.0, 0.0, 0.0)
+        m = Motion(m.q, m.w, x, 0.0, m.lowest, m.highest)
     if not delays and (times[-1] - now) * rate > MAX_STEPS * LARGEST_STEP * len(times):
         return Motion(math.nan, math.nan, 0.0, 0.0, 0.0, 0.0), held
-    series, maps = series_of_map(servo), np.empty((KEPT + 1, ENTRIES))
+    series, maps = series_of_map(servo), np.empty((KEPT + 1, 3, COLUMNS))
     spans, oldest, taylor = np.full(KEPT, -1.0), 0, np.zeros((3, TERMS + 2))
     for row in range(1, len(times)):
         until = times[row]
@@ -498,7 +516,7 @@ def march(
             if delays:
                 continue
             repeats = 1
-            if kind == SATURATING:
+            if kind != LINEAR:
                 repeats = max(int(math.ceil(h * rate / LARGEST_STEP * SLACK)), 1)
                 h /= repeats
             slot = -1
@@ -507,11 +525,11 @@ def march(
                     slot = i
             if slot < 0:
                 slot, oldest = oldest, (oldest + 1) % KEPT
-                write_map(series, rate, h, maps, slot)
+                write_map(series, servo.ki > 0.0, rate, h, maps, slot)
                 spans[slot] = h
             for _ in range(repeats):
                 end = shift(u, h)
-                if kind == SATURATING:
+                if kind != LINEAR:
                     m = respond(servo, maps, slot, taylor, h, u, end, m)
                 else:
                     q, w, x = apply_map(servo, maps, slot, u, end, m.q, m.w, m.x)

@@ -9,6 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ExecutionError
 from armcontour.robot.servo.march import (
+    COMPLETE,
     HELD,
     LINEAR,
     SATURATING,
@@ -64,7 +65,7 @@ class ServoSimulation:
         self, times: FloatArray, state: tuple[FloatArray, FloatArray, FloatArray]
     ) -> JointMotions:
         """Simulate all joints as `run`, from times[0] on, with results at the other times [s]."""
-        kind = HELD if self.servo.drive_cycle else SATURATING
+        kind = HELD if self.servo.drive_cycle else COMPLETE
         if kind == HELD:
             commands, starts = self._cycles(times[0], times[-1])
         else:
