@@ -12,8 +12,6 @@ import armcontour as ac
 from armcontour.motion import LapLaw
 
 CYCLE = 0.02
-# None, whole intervals, a fraction of one, more than one, and another for each joint.
-DEAD_TIMES = (0.0, 0.06, 0.0137, 0.0281, [0.011, 0.047])
 # Overdamped, critical, underdamped.
 GAINS = ((25.0, 150.0), (25.0, 100.0), (60.0, 40.0))
 # Also nearly critical, hardly damped and stiff.
@@ -41,7 +39,7 @@ def command(q, interpolation, cycle=CYCLE):
 
 def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), cycle=CYCLE, fine=1.0):
     """One joint by DOP853, piece by piece between the instants at which its command has a kink."""
-    kp = servo.kp[j]
+    kp, kv = servo.kp[j], servo.kv[j]
     kinks = np.arange(-1, len(times) + 50) * cycle + dead
     stops = np.union1d(times, kinks[(kinks > 0) & (kinks < times[-1])])
     stops = stops[np.append(True, np.diff(stops) > 1e-10)]
@@ -49,15 +47,13 @@ def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), cycle=
     def motion(t, x, inside):
         # A held command jumps at the ends of a piece: it is looked at from the inside.
         command_seen = u(min(max(t, inside[0] + 1e-11), inside[1] - 1e-11) - dead)
-        if servo.kv is None:
-            return [kp * (command_seen - x[0])]
         # `np.clip` would take ten times as long.
         return [
             x[1],
-            min(max(servo.kv[j] * (kp * (command_seen - x[0]) - x[1]), bounds[0]), bounds[1]),
+            min(max(kv * (kp * (command_seen - x[0]) - x[1]), bounds[0]), bounds[1]),
         ]
 
-    state = np.array([start] if servo.kv is None else [start, 0.0])
+    state = np.array([start, 0.0])
     states = {float(stops[0]): state}
     for a, b in zip(stops[:-1], stops[1:], strict=True):
         step = np.inf if np.isinf(bounds[1]) else fine
@@ -68,27 +64,6 @@ def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), cycle=
         states[float(b)] = state
     keys = np.array(list(states))
     return np.array([states[keys[np.argmin(np.abs(keys - t))]] for t in times])
-
-
-@pytest.mark.parametrize("order", ["second", "first"])
-@pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
-def test_unsaturated_against_an_integrator(arm, order, interpolation):
-    gains = {"kp": [25.0, 40.0], "kv": [150.0, 70.0] if order == "second" else None}
-    q = 0.1 * np.random.default_rng(2).normal(size=(9, 2))
-    for dead in DEAD_TIMES[1:] if order == "second" else DEAD_TIMES[4:]:
-        servo = ac.ServoModel(**gains, interpolation=interpolation, dead_time=dead, order=order)
-        servo = servo.for_joints(2)
-        execution = ac.simulate(
-            taught_data(q), ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=0.005
-        )
-        n = round(0.3 / execution.t[1])
-        times = execution.t[: n + 1]
-        for j in range(2):
-            u = command(q[:, j], interpolation)
-            expected = integrated(servo, j, u, servo.dead_time[j], times, q[0, j])
-            np.testing.assert_allclose(execution.q[: n + 1, j], expected[:, 0], atol=1e-9)
-            if order == "second":
-                np.testing.assert_allclose(execution.dq[: n + 1, j], expected[:, 1], atol=1e-7)
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "step"])

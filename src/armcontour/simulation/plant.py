@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from armcontour.core.quantities import Interval
 from armcontour.motion import Execution, FineMotion, SetPoints, arm_of
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.march import JointMotions
 from armcontour.robot.servo.simulation import ServoSimulation, respond_within
 
 # Longest time until rest after the last set-point [s]. For rigid bodies it is at least
@@ -173,32 +174,6 @@ def longest_settling(duration: float) -> float:
     return max(LONGEST_SETTLING, SETTLING_DURATIONS * duration)
 
 
-class Part(NamedTuple):
-    """Motion of all joints over some cycles."""
-
-    q: FloatArray  # Positions at the results [rad], (n, dof)
-    dq: FloatArray  # Velocities [rad/s], (n, dof)
-    demand: FloatArray  # Demanded accelerations [rad/s²], (n, dof)
-    ddq: FloatArray  # Accelerations after saturation [rad/s²], (n, dof)
-    saturated: FloatArray  # Time in saturation [s], (dof,)
-    # demand_range: lowest and highest demand, also between results [rad/s²], (2, dof).
-    demand_range: FloatArray
-
-
-def join_parts(parts: list[Part]) -> Part:
-    """Join consecutive parts into one part."""
-    ends = np.concatenate([x.demand_range for x in parts])
-    q, dq, demand, ddq = (np.concatenate([x[i] for x in parts]) for i in range(4))
-    return Part(
-        q,
-        dq,
-        demand,
-        ddq,
-        saturated=np.sum([x.saturated for x in parts], axis=0),
-        demand_range=np.stack([ends.min(axis=0), ends.max(axis=0)]),
-    )
-
-
 class ServoPlant(LimitedPlant):
     """Plant of independent joints, each with its own servo.
 
@@ -277,18 +252,22 @@ class ServoPlant(LimitedPlant):
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
         """Execute set-points with the limits of this plant, which `for_plan` has set."""
         steps = int(np.ceil(set_points.cycle / resolution * (1 - 1e-12)))
-        parts, unsettled = self._until_rest(set_points, steps)
-        whole = join_parts(parts)
+        runs, unsettled = self._until_rest(set_points, steps)
+        start = np.zeros((self.arm.dof, 1, 3))
+        start[:, 0, 0] = set_points.q[0]
+        states = np.concatenate([start, *(x.states for x in runs)], axis=1)
+        q, dq, demand = (np.ascontiguousarray(states[:, :, i].T) for i in range(3))
+        lowest, highest = np.min([x.lowest for x in runs], 0), np.max([x.highest for x in runs], 0)
         return Execution(
             arm=self.arm,
             set_points=set_points,
-            t=set_points.times(len(whole.q), set_points.cycle / steps),
-            q=whole.q,
-            dq=whole.dq,
-            ddq=whole.ddq,
-            demand=whole.demand,
-            demand_range=whole.demand_range,
-            saturated_time=whole.saturated,
+            t=set_points.times(len(q), set_points.cycle / steps),
+            q=q,
+            dq=dq,
+            ddq=np.clip(demand, self.lower, self.acceleration),
+            demand=demand,
+            demand_range=np.stack([lowest, highest]),
+            saturated_time=np.sum([x.saturated for x in runs], axis=0),
             unsettled=unsettled,
             model_error=self.servo.model_error,
             plant=self,
@@ -346,40 +325,25 @@ class ServoPlant(LimitedPlant):
 
     def _until_rest(
         self, set_points: SetPoints, steps: int
-    ) -> tuple[list[Part], FloatArray | None]:
-        """Parts of the run from the initial state until rest, and `Execution.unsettled`."""
+    ) -> tuple[list[JointMotions], FloatArray | None]:
+        """Consecutive runs from rest until rest, and `Execution.unsettled`."""
+        cycle = set_points.cycle
         simulation = ServoSimulation(
-            set_points.q, set_points.cycle, self.servo, self.lower, self.acceleration, steps=steps
+            set_points.q, cycle, self.servo, self.lower, self.acceleration, steps=steps
         )
-        held: FloatArray | None = None
-
-        def advance(begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
-            """Simulate `count` cycles from cycle `begin`, with q [rad] and dq [rad/s] there."""
-            nonlocal held
-            run = simulation.run(begin, begin + count, q, dq, held)
-            held = run.held
-            position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
-            extremes = np.stack([run.lowest, run.highest])
-            ddq = np.clip(demand, self.lower, self.acceleration)
-            return Part(position, velocity, demand, ddq, run.saturated, extremes)
-
         first, last = set_points.q[0], set_points.q[-1]
-        still = np.zeros((1, len(first)))
-        begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
         done = count_intervals(set_points, self.servo)
-        parts = [begin, advance(0, done, first, np.zeros_like(first))]
-        chunk = int(np.ceil(REST_CHUNK / set_points.cycle))
-        last_one = done + int(np.ceil(LONGEST_SETTLING / set_points.cycle))
-        q, dq = (
-            x[-1] if len(x) else y for x, y in zip(parts[1][:2], (first, 0 * first), strict=True)
-        )
+        runs = [simulation.run(0, done, first, np.zeros_like(first))]
+        longest = done + int(np.ceil(LONGEST_SETTLING / cycle))
+        chunk = int(np.ceil(REST_CHUNK / cycle))
+        q, dq = (runs[0].states[:, -1, :2].T if done else np.stack([first, 0.0 * first])).copy()
         while (np.abs(dq) > REST_VELOCITY).any() or (np.abs(q - last) > REST_DISTANCE).any():
-            if done > last_one:
-                return parts, np.abs(q - last)
-            parts.append(advance(done, chunk, q, dq))
-            q, dq = parts[-1].q[-1], parts[-1].dq[-1]
+            if done > longest:
+                return runs, np.abs(q - last)
+            runs.append(simulation.run(done, done + chunk, q, dq, runs[-1].held))
+            q, dq = runs[-1].states[:, -1, :2].T.copy()
             done += chunk
-        return parts, None
+        return runs, None
 
 
 def _resolve_saturation(requested: str | None, servo: ServoModel, limits: Limits) -> str:

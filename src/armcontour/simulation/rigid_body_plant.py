@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -197,34 +196,17 @@ class RigidBodyPlant(LimitedPlant):
         robot.refine(count_parts(robot.model, set_points, span, loop, viscous))
         rows = max(1, round(BLOCK_DURATION / set_points.cycle))
         logs = []
-        command = self._command(set_points, steps, self.servo)
-        integrated = command
-        if self.servo.ki.any() and self.servo.acceleration_feedforward.any():
-            integrated = self._command(
-                set_points, steps, self.servo.replace(acceleration_feedforward=0.0)
-            )
-        count = count_intervals(set_points, self.servo)
+        servo, cycle = self.servo, set_points.cycle
+        pieces = add_feedforward(command_pieces(set_points.q, cycle, servo.interpolation), servo)
+        count = count_intervals(set_points, servo)
         for k in range(0, count, rows):
-            both = (x(k, min(rows, count - k)) for x in (command, integrated))
-            logs.append(robot.advance(*both).thinned(every))
+            t = (k + np.arange(min(rows, count - k) * steps) / steps) * cycle
+            commands = sample_command(pieces, cycle, servo.dead_time, t)
+            # Acceleration feed-forward bypasses the integrators.
+            integrated = commands - sample_command(pieces[:, :, 4:], cycle, servo.dead_time, t)
+            logs.append(robot.advance(commands, integrated).thinned(every))
         logs += self._come_to_rest(robot, set_points, steps, every)
         return self._execution(set_points, logs, span * every)
-
-    def _command(
-        self, set_points: SetPoints, steps: int, servo: ServoModel
-    ) -> Callable[[int, int], FloatArray]:
-        """Function (k, count): commands of all steps in `count` cycles from cycle k, (n, dof)."""
-        q, cycle = set_points.q, set_points.cycle
-        plain = servo.interpolation != "cubic" and not servo.has_feedforward
-        if plain and not servo.dead_time.any():
-            return lambda k, count: _interpolate(q[k : k + count + 1], steps, servo.interpolation)
-        pieces = add_feedforward(command_pieces(q, cycle, servo.interpolation), servo)
-        return lambda k, count: sample_command(
-            pieces,
-            cycle,
-            servo.dead_time,
-            (k + np.arange(count * steps) / steps) * cycle,
-        )
 
     def _come_to_rest(
         self, robot: _Robot, set_points: SetPoints, steps: int, every: int
@@ -497,15 +479,6 @@ def rest_window(servo: ServoModel) -> float:
     # With an integrator, the slowest time constant of a position loop is at most `1 / kp + 1 / ki`.
     slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
     return min(max(REST_TIME, float(slowest.max())), LONGEST_SETTLING)
-
-
-def _interpolate(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
-    """Interpolated or held commands at the starts of all steps between set-points q [rad]."""
-    if interpolation == "step":
-        return np.repeat(q[:-1], steps, axis=0)
-    fraction = np.arange(steps)[:, None] / steps
-    between = q[:-1, None] + fraction * np.diff(q, axis=0)[:, None]
-    return np.asarray(between.reshape(-1, q.shape[1]))
 
 
 def _require_chain(arm: Arm) -> Chain:

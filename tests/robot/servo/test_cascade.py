@@ -1,10 +1,9 @@
-"""The P-PI cascade: against an integrator of SciPy, compensated, limited, and in a job."""
+"""The P-PI cascade: compensated, limited, and in a job."""
 
 import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
@@ -14,8 +13,6 @@ CYCLE, SLIDING = 8e-3, 5e-3
 ARM = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
 T = np.arange(40) * CYCLE
 Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1)
-# Usual, without integrator in one joint, and hardly damped with a large integral gain.
-GAINS = (((12.0, 15.0), (80.0, 60.0), (6.0, 0.0)), ((9.0, 9.0), (25.0, 25.0), (20.0, 2.0)))
 
 
 @pytest.fixture(scope="module")
@@ -24,63 +21,6 @@ def plan():
     path = ac.round_corners(corner, tolerance=2e-3, continuity="curvature")
     limits = ac.Limits(joint_acceleration=[5.0, 5.0], joint_jerk=[60.0, 60.0], speed=0.1)
     return ac.plan(path, ARM, limits, ac.Optimal(intervals=300))
-
-
-def command(q, interpolation, t):
-    """Position, velocity and acceleration of the command at a time, from their definition."""
-    k = int(np.clip(np.floor(t / CYCLE + 1e-9), -1, len(q) - 1))
-    if k < 0 or k == len(q) - 1:
-        return q[k if k > 0 else 0], 0.0, 0.0
-    rate, before = (q[k + 1] - q[k]) / CYCLE, (q[k] - q[k - 1]) / CYCLE if k else 0.0
-    if interpolation == "step":
-        return q[k], before, 0.0
-    return q[k] + rate * (t - k * CYCLE), rate, (rate - before) / CYCLE
-
-
-@pytest.mark.parametrize("gains", GAINS)
-@pytest.mark.parametrize("interpolation", ["linear", "step"])
-@pytest.mark.parametrize("limit", [math.inf, 1.5])
-def test_against_an_integrator(plan, gains, interpolation, limit):
-    (kp, kv, ki), dead_time, f, c = gains, (3e-3, 13e-3), (0.4, 0.9), (3e-4, 0.0)
-    g = (0.3, 0.2) if interpolation == "linear" else (0.0, 0.0)
-    servo = ac.ServoModel(
-        kp=kp, kv=kv, ki=ki, dead_time=dead_time, velocity_feedforward=f,
-        acceleration_feedforward=g, friction=c, interpolation=interpolation,
-        acceleration_limit=limit,
-    )  # fmt: skip
-    set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
-    execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
-    for j in range(2):
-
-        def law(t, s, j=j, middle=0.0):
-            # The command is continued over an edge, so that no step sees a jump.
-            k = np.floor((middle - dead_time[j]) / CYCLE + 1e-9) * CYCLE
-            u, du, ddu = command(Q[:, j], interpolation, k)
-            u += du * (t - dead_time[j] - k) * (interpolation == "linear")
-            error = kp[j] * (u - s[0]) + f[j] * du - s[1]
-            rub = kp[j] * kv[j] * c[j] * du / np.hypot(du, SLIDING)
-            demand = kv[j] * (error + ki[j] * s[2]) + g[j] * ddu - rub
-            ddq = np.clip(demand, -limit, limit)
-            return [s[1], ddq, error - (demand - ddq) / kv[j]]
-
-        state, positions = np.array([Q[0, j], 0.0, 0.0]), [Q[0, j]]
-        edges = np.union1d(T, np.arange(len(T)) * CYCLE + dead_time[j])
-        step = 2e-4 if np.isfinite(limit) else np.inf
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
-            if b - a > 1e-9:
-                solver_options = {
-                    "max_step": step,
-                    "rtol": 1e-10,
-                    "atol": 1e-12,
-                    "method": "DOP853",
-                }
-                middle = lambda t, s, m=(a + b) / 2: law(t, s, middle=m)  # noqa: E731
-                state = solve_ivp(middle, (a, b), state, **solver_options).y[:, -1]
-            if np.abs(T - b).min() < 1e-9 and b <= T[-1] + 1e-9:
-                positions.append(state[0])
-        near = 2e-8 if np.isfinite(limit) else 1e-10
-        np.testing.assert_allclose(execution.q[: len(T), j], positions[: len(T)], atol=near)
-        assert (execution.saturated_time[j] > 0.02) == np.isfinite(limit)
 
 
 @pytest.mark.parametrize("limit", [math.inf, 1.5])

@@ -1,21 +1,17 @@
-"""Estimates of parameters, and base classes of the results of identification."""
+"""Estimates of the parameters of a servo."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from armcontour.control.identification.least_squares import allowed_deviation
-from armcontour.core.checks import FloatArray, Frozen
-from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import quantities
 from armcontour.core.render import Result, number_range
-from armcontour.core.result import Data, Row, Table
-from armcontour.core.text import short_repr
-from armcontour.motion.log import Log
+from armcontour.core.result import Data, Row
 from armcontour.robot.servo import ServoModel
 
 PARAMETERS = (
@@ -96,92 +92,3 @@ class Estimate(Result):
         if not (self.determined or math.isnan(self.value)):
             note = f"{note} open".strip()
         return Row(self.name, self.value, self.unit, self.label, note)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Estimates(Result, Frozen):
-    """Base of results with estimates, which are also attributes, such as `kp`.
-
-    Args:
-        parameters: Estimates of the parameters by name.
-    """
-
-    parameters: dict[str, Estimate] = field(default_factory=dict)
-
-    def __getattr__(self, name: str) -> Estimate:
-        """The estimate of a parameter; its value is nan if the model has none."""
-        if name not in UNITS:
-            raise AttributeError(f"{type(self).__name__} has no {name}.")
-        none = Estimate(name=name, unit=UNITS[name], value=math.nan, low=math.nan, high=math.nan)
-        return self.parameters.get(name, none)
-
-    @property
-    def estimates(self) -> tuple[Estimate, ...]:
-        """The estimates of all parameters of the model."""
-        return tuple(self.parameters.values())
-
-    def table(self, name: str) -> Table:
-        """Table of the estimates, one row per estimate.
-
-        Args:
-            name: Name of the table.
-        """
-        return Table.from_rows(name, [x.to_data().rows for x in self.estimates])
-
-    __repr__ = short_repr
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointEstimates(Estimates):
-    """Base of the results of one joint.
-
-    Args:
-        name: Name of the joint.
-        rms: RMS error of the model on the logs that were fitted [rad].
-        rests: Residuals of each log: measured less predicted positions [rad], (n,); nan at samples
-            that do not count. Empty if no model was fitted.
-    """
-
-    name: str
-    rms: float = math.nan
-    rests: tuple[FloatArray, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class IdentifiedJoints(Estimates):
-    """Base of the result of an identification.
-
-    Args:
-        logs: The logs.
-        interpolation: Interpolation of set-points that was assumed.
-        joints: The result of each joint.
-    """
-
-    logs: tuple[Log, ...]
-    interpolation: str
-    joints: tuple[JointEstimates, ...] = field(repr=False)
-
-    def __getitem__(self, name: str | int) -> Any:
-        """The result of a joint by its name, or by its number from 1."""
-        for j, joint in enumerate(self.joints):
-            if name in (joint.name, j + 1):
-                return joint
-        names = ", ".join(x.name for x in self.joints)
-        raise InvalidInput(f"{self.source} has no joint {name!r}: its joints are {names}.")
-
-    @property
-    def source(self) -> str:
-        """Sources of the logs (file names), separated by commas."""
-        return ", ".join(dict.fromkeys(x.source for x in self.logs))
-
-    def _tables(self) -> tuple[Table, Table]:
-        """Two tables: all rows of each joint, and only the estimates of each joint."""
-        every = [x.to_data() for x in self.joints]
-        rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in every]
-        names = [x for x in UNITS if any(x in y.parameters for y in self.joints)]
-        parameters = [
-            (Row("joint", x.name, "", "joint"), *(getattr(x, name).row for name in names))
-            for x in self.joints
-            if x.parameters
-        ]
-        return Table.from_rows("joints", rows), Table.from_rows("parameters", parameters)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.control.identification.estimates import IdentifiedJoints, JointEstimates
+from armcontour.control.identification.estimates import UNITS, Estimate
 from armcontour.control.identification.joint_fit import (
     LogSegment,
     predict,
@@ -19,11 +19,11 @@ from armcontour.control.identification.joint_fit import (
 )
 from armcontour.control.identification.least_squares import fastest_motion
 from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
-from armcontour.core.result import VERDICT, Data, Row
+from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
 from armcontour.motion.log import Log
 from armcontour.robot import Arm
@@ -40,10 +40,16 @@ ROUND_UP = 1 + 10.0 ** (1 - DIGITS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointIdentification(JointEstimates):
-    """The identified servo of one joint.
+class JointIdentification(Result, Frozen):
+    """The identified servo of one joint; its estimates are also attributes, such as `kp`.
 
     Args:
+        name: Name of the joint.
+        parameters: Estimates of the parameters by name.
+        rms: RMS error of the model on the logs that were fitted [rad].
+        rests: Residuals of each log: measured less predicted positions [rad], (n,); nan at samples
+            that do not count. Empty if no model was fitted. Predictions are those from the other
+            parts of the logs.
         order: Order of the servo that is written to the file: "second", "first" or "delay";
             "unknown" if none is written. `parameters` then are those of the rejected model.
         servo: Values that are written to the file.
@@ -62,10 +68,12 @@ class JointIdentification(JointEstimates):
             without compensation, in the worst log.
         offsets: Static deviation of the joint (or offset of its encoder) that was fitted with
             `servo` [rad], by index of the log.
-
-    The residuals in `rests` are those of predictions from the other parts of the logs.
     """
 
+    name: str
+    parameters: dict[str, Estimate] = field(default_factory=dict)
+    rms: float = math.nan
+    rests: tuple[FloatArray, ...] = ()
     order: str = "unknown"
     servo: JointServo = field(default_factory=lambda: JointServo(math.inf))
     tracking_rms: float = math.nan
@@ -79,6 +87,18 @@ class JointIdentification(JointEstimates):
     saturation: str = ""
     contour_ratio: float = math.nan
     offsets: dict[int, float] = field(default_factory=dict)
+
+    def __getattr__(self, name: str) -> Estimate:
+        """The estimate of a parameter; its value is nan if the model has none."""
+        if name not in UNITS:
+            raise AttributeError(f"{type(self).__name__} has no {name}.")
+        none = Estimate(name=name, unit=UNITS[name], value=math.nan, low=math.nan, high=math.nan)
+        return self.parameters.get(name, none)
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The estimates of all parameters of the model."""
+        return tuple(self.parameters.values())
 
     def to_data(self) -> Data:
         """Data of the errors on parts that were not fitted, and of the estimates."""
@@ -99,7 +119,7 @@ class JointIdentification(JointEstimates):
                 *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
                 *(Row(x, getattr(self, x)) for x in ("noise", "note", "saturation")),
             ),
-            (self.table("parameters"),),
+            (Table.from_rows("parameters", [x.to_data().rows for x in self.estimates]),),
             notes=tuple(filter(None, notes)),
         )
 
@@ -112,6 +132,8 @@ class JointIdentification(JointEstimates):
     def determined(self) -> bool:
         """True if the logs determine all parameters of the model."""
         return bool(self.parameters) and all(x.determined for x in self.estimates)
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -141,19 +163,37 @@ class Judgement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Identification(IdentifiedJoints):
+class Identification(Result, Frozen):
     """The identified servos of all joints.
 
     Args:
+        logs: The logs.
+        interpolation: Interpolation of set-points that was assumed.
+        joints: The result of each joint.
         drive_cycle: Cycle of the drives [s], 0 for continuous loops.
         judgement: Contour errors with and without compensation on motion that was not fitted.
         repeats: Sentences about repeated positions in the logs, which `logs` does not contain.
     """
 
+    logs: tuple[Log, ...]
+    interpolation: str
     joints: tuple[JointIdentification, ...] = field(repr=False)
     drive_cycle: float
     judgement: Judgement
     repeats: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str | int) -> JointIdentification:
+        """The result of a joint by its name, or by its number from 1."""
+        for j, joint in enumerate(self.joints):
+            if name in (joint.name, j + 1):
+                return joint
+        names = ", ".join(x.name for x in self.joints)
+        raise InvalidInput(f"{self.source} has no joint {name!r}: its joints are {names}.")
+
+    @property
+    def source(self) -> str:
+        """Sources of the logs (file names), separated by commas."""
+        return ", ".join(dict.fromkeys(x.source for x in self.logs))
 
     def to_data(self) -> Data:
         """Data of the verdict, then of every joint and its parameters."""
@@ -186,6 +226,18 @@ class Identification(IdentifiedJoints):
             notes=(*dict.fromkeys(x.note for x in self.joints if x.note), *self.remarks),
         )  # fmt: skip
 
+    def _tables(self) -> tuple[Table, Table]:
+        """Two tables: all rows of each joint, and only the estimates of each joint."""
+        every = [x.to_data() for x in self.joints]
+        rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in every]
+        names = [x for x in UNITS if any(x in y.parameters for y in self.joints)]
+        parameters = [
+            (Row("joint", x.name, "", "joint"), *(getattr(x, name).row for name in names))
+            for x in self.joints
+            if x.parameters
+        ]
+        return Table.from_rows("joints", rows), Table.from_rows("parameters", parameters)
+
     @property
     def trusted(self) -> bool:
         """True if all joints have a good model, and compensation halves the contour error."""
@@ -206,6 +258,8 @@ class Identification(IdentifiedJoints):
         )
         sentences = [*self.repeats, *(x.saturation for x in self.joints if x.saturation)]
         return (*sentences, effective) if names else tuple(sentences)
+
+    __repr__ = short_repr
 
     def servo_model(self) -> ServoModel:
         """Servo model for a servo file; joints without a model have the order "unknown".

@@ -12,11 +12,11 @@ import numpy as np
 
 from armcontour.control.identification.estimates import LOGARITHMIC, Estimate
 from armcontour.control.identification.least_squares import (
-    Precision,
     correlation_length,
     invert,
     normalize,
     solve,
+    standard_deviations,
 )
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import white_noise
@@ -420,7 +420,7 @@ def estimate_parameters(
     residuals, jacobian = p.linearize(fit.x)
     freedom = max(len(residuals) - int(np.sum(free)), 1)
     variance = float(np.sum(residuals**2)) / freedom * correlation_length(residuals)
-    deviations = np.where(free, Precision.from_jacobian(jacobian, variance).sd(free), math.nan)
+    deviations = np.where(free, standard_deviations(jacobian, variance, free), math.nan)
     servo, estimates = fit.servo, {}
     cycled = add_drive_cycle(servo, longest_cycle)
     for name, sd in zip(names, deviations.tolist(), strict=False):

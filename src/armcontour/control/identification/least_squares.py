@@ -1,10 +1,10 @@
-"""Least squares for both identifications: solver, covariance and tolerances of parameters."""
+"""Least squares for identification: solver, standard deviations, and tests of residuals."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -136,31 +136,12 @@ def solve(
         )  # fmt: skip
 
 
-class Precision(NamedTuple):
-    """Fisher information about the unknowns, scaled so that its diagonal is 1."""
-
-    # information: Gram matrix of the normalized derivatives of the residuals, (unknowns, unknowns).
-    information: FloatArray
-    # scores: covariance of the scores (sums of derivatives times residuals), (unknowns, unknowns).
-    scores: FloatArray
-    size: FloatArray  # Norms of the derivatives before normalization, (unknowns,)
-
-    @classmethod
-    def from_jacobian(cls, jacobian: FloatArray, variance: float = 1.0) -> Precision:
-        """Precision of a fit with independent residuals; jacobian (samples, unknowns)."""
-        unit, size = normalize(jacobian)
-        information = np.einsum("ki,kj->ij", unit, unit)
-        return cls(information, variance * information, size)
-
-    def covariance(self, free: BoolArray) -> FloatArray:
-        """Covariance of the free unknowns, 0 for the others, (unknowns, unknowns)."""
-        block, covariance = np.ix_(free, free), np.zeros_like(self.information)
-        inverse, dependent = invert(self.information[block])
-        part = inverse @ self.scores[block] @ inverse
-        part[dependent, dependent] = math.inf
-        covariance[block] = part / np.outer(self.size[free], self.size[free])
-        return covariance
-
-    def sd(self, free: BoolArray) -> FloatArray:
-        """Standard deviations of the free unknowns, 0 for the others, (unknowns,)."""
-        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance(free)), 0.0)))
+def standard_deviations(jacobian: FloatArray, variance: float, free: BoolArray) -> FloatArray:
+    """Standard deviations of the free unknowns, 0 for the others, (unknowns,)."""
+    # jacobian: derivatives of the residuals, (samples, unknowns). variance: variance of residuals.
+    columns, sizes = normalize(jacobian[:, free])
+    inverse, dependent = invert(np.einsum("ki,kj->ij", columns, columns))
+    variances = np.where(dependent, math.inf, variance * np.diag(inverse))
+    deviations = np.zeros(len(free))
+    deviations[free] = np.sqrt(np.maximum(variances, 0.0)) / sizes
+    return deviations

@@ -483,7 +483,7 @@ def march(
     # servo requires too many steps.
     # Without extremes, no demand is a new one.
     extreme = 0.0 if kind in (COMPLETE, HELD) else math.inf
-    m, held = Motion(state[0], state[1], 0.0, 0.0, -extreme, extreme), state[2]
+    m, held = Motion(state[0], state[1], 0.0, 0.0, 0.0 - extreme, extreme), state[2]
     last, now = len(starts), times[0]
     # Number of pieces that have begun, by bisection.
     piece, high = 0, last

@@ -326,7 +326,7 @@ def sample_command(
     pieces: FloatArray, cycle: float, dead_time: FloatArray, t: FloatArray
 ) -> FloatArray:
     """Delayed command at the joint servos at times t since the first set-point [rad], (n, dof)."""
-    commands = np.empty((len(t), len(pieces)))
+    commands = np.zeros((len(t), len(pieces)))
     for j, joint_pieces in enumerate(pieces):
         phase = (t - dead_time[j]) / cycle
         k = np.clip(np.floor(phase + SNAP), -1, len(joint_pieces) - 2).astype(np.intp)
@@ -334,8 +334,9 @@ def sample_command(
         elapsed = np.where(
             (k < 0) | (k > len(joint_pieces) - 3), 0.0, np.maximum(phase - k, 0.0) * cycle
         )
-        a = joint_pieces[k + 1]
-        commands[:, j] = a[:, 0] + elapsed * (a[:, 1] + elapsed * (a[:, 2] + elapsed * a[:, 3]))
+        degrees = reversed(joint_pieces[:, :4].T)
+        for coefficients in degrees:
+            commands[:, j] = coefficients[k + 1] + elapsed * commands[:, j]
     return commands
 
 
