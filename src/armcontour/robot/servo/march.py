@@ -146,7 +146,7 @@ def fastest_rate(servo: Servo) -> float:
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     if kv == 0.0:
         return kp
-    return max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
+    return max(kv, math.sqrt(kv * (kp + ki)), math.pow(kv * kp * ki, 1 / 3))
 
 
 @compiled(inner=True, fastmath=FUSED)
