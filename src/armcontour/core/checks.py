@@ -29,6 +29,7 @@ from armcontour.core.text import capitalise, make_printable, show, suggest
 
 P = ParamSpec("P")
 R = TypeVar("R")
+C = TypeVar("C")
 # Longest name [characters]; names appear in lines of robot programs, tables and terminals.
 LONGEST_NAME = 80
 # Fields are checked by these annotations. They name the class, because `npt.NDArray` is an alias
@@ -458,6 +459,21 @@ def _form_of_value(function: Callable[..., Any], slots: Mapping[str, Parameter],
             if name == "method" and hasattr(kind, name):
                 return f"write {argument}={kind.__name__}()"
     return ""
+
+
+def hint_attributes(**forms: str) -> Callable[[type[C]], type[C]]:
+    """Decorate a class so that errors about attributes that users guess state the right form."""
+
+    def get(self: Any, name: str) -> Any:
+        words = f"{type(self).__name__!r} object has no attribute {name!r}"
+        form = f": use {forms[name]}" if name in forms else ""
+        raise AttributeError(words + form, name=name, obj=self)
+
+    def decorate(kind: type[C]) -> type[C]:
+        kind.__getattr__ = get  # type: ignore[attr-defined]
+        return kind
+
+    return decorate
 
 
 def kinds_of(annotation: Any) -> tuple[type, ...]:

@@ -218,8 +218,8 @@ def find_verdict(case: Case, robots: Sequence[BoxErrors]) -> Verdict:
     if case.budget <= 0:
         raise NotRealizable(
             f"The errors across the path that the servo model does not explain must be less than "
-            f"the allowed {case.servo_allowed * 1e3:.4g} mm, but can be up to "
-            f"{case.model_error * 1e3:.4g} mm. Allow a larger error, or use a servo model with a "
+            f"the allowed {case.servo_allowed * 1e3:.3g} mm, but can be up to "
+            f"{case.model_error * 1e3:.3g} mm. Allow a larger error, or use a servo model with a "
             "smaller `model_error`.",
             limit="contour error",
             needed=case.model_error,

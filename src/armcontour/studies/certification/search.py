@@ -323,13 +323,13 @@ def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
     tool, error = (1 + SPEED_SLACK) * ratio**0.5, ratio * case.budget
     over = " of the worst robot of the box" * (cause == "box")
     contour_error = (
-        f"the largest contour error{over} must be at most {case.budget * 1e3:.4g} mm, but is at "
-        f"least {error * 1e3:.4g} mm. {advice}, or allow a larger error"
+        f"the largest contour error{over} must be at most {case.budget * 1e3:.3g} mm, but is at "
+        f"least {error * 1e3:.3g} mm. {advice}, or allow a larger error"
     )
     limit, needed, allowed, text = {
         "acceleration": (
             *("joint_acceleration", ratio, 1.0),
-            f"set-points every {cycle * 1e3:g} ms{', which are held,' * held} require {ratio:.4g} "
+            f"set-points every {cycle * 1e3:g} ms{', which are held,' * held} require {ratio:.3g} "
             f"times the acceleration limit of a joint. Use {finer}",
         ),
         "speed": (
@@ -347,7 +347,7 @@ def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
     }.get(cause, ("contour error", error, case.budget, contour_error))
     with move.step.named():
         raise NotRealizable(
-            f"No plan within {case.goal.slowest:g} times the {move.fastest.duration:.4g} s of the "
+            f"No plan within {case.goal.slowest:g} times the {move.fastest.duration:.3g} s of the "
             f"uncertified optimum is certified, because {text}.",
             limit=limit,
             needed=needed,
