@@ -29,7 +29,6 @@ from armcontour.verification import Evaluation, evaluate
 from armcontour.verification.clearance import Clearance
 
 STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
-PLAN_STEPS = STEPS[:5]
 EXPERIMENT = "experiment"
 # Fields of a run that determine its plan.
 SHARED = "limits", "timing", "rounding", "end_time"
