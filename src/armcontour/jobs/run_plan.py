@@ -38,17 +38,18 @@ def plan_one(
     run: Run,
     progress: Progress | None = None,
     *,
+    objective: Program | None = None,
     clear: bool = True,
 ) -> RunResult:
     """Plan a run: prepare, round and trace its program, and time it on a collision-free joint path.
 
-    `clear`: whether to avoid collisions.
+    `objective`: the prepared program, if known; `clear`: whether to avoid collisions.
 
     Raises:
         ArmContourError: The run cannot be planned.
     """
     report = subprogress(progress)
-    objective = prepare_program(job, run, report)
+    objective = prepare_program(job, run, report) if objective is None else objective
     path = round_program(job, run, objective, report)
     traced = trace_run(job, run, path, report)
     time = time_clear if clear else time_run
