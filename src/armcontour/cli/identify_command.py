@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
 
-from armcontour.cli import play_command as playing
-from armcontour.cli.check_command import named_arm
 from armcontour.cli.commands import Identify
 from armcontour.cli.console import data_lines, print_lines
 from armcontour.cli.execution import REPORT, Outcome
-from armcontour.cli.inputs import open_job
+from armcontour.cli.inputs import NEEDS_ON, OF_CONTROLLER, refuse_given
 from armcontour.cli.progress_bars import ProgressDisplay
 from armcontour.cli.quantity_options import read_option, read_window
 from armcontour.control import identification
 from armcontour.control.identification import Identification, ServoFit
-from armcontour.controllers import robot_identification
-from armcontour.controllers.player import Player
-from armcontour.core.checks import raise_if
-from armcontour.core.quantities import Interval, Reserve
+from armcontour.core.quantities import Interval
 from armcontour.core.render import plain
 from armcontour.core.result import Data, Row
 from armcontour.files import ResultFolder
@@ -42,10 +36,22 @@ def identify(options: Identify, folder: ResultFolder | None, progress: ProgressD
         drive_cycle=read_option("--drive-cycle", options.drive_cycle, Interval),
     )
     if options.on is not None:
-        return _identify_robot(options, fitting, folder, progress)
-    needing = (*playing.OF_CONTROLLER, "run_name", "sets")
-    playing.refuse_given(options, needing, playing.NEEDS_ON)
-    arm = None if options.arm is None else named_arm(options.arm)
+        # The adapters of controllers take as long to load as an identification takes.
+        from armcontour.cli.identify_robot import identify_robot
+
+        result = identify_robot(options, fitting, folder, progress)
+        if isinstance(result, Outcome):
+            return result
+        assert result.fit is not None and result.prediction is not None
+        prediction = result.prediction.to_data(result.played["run"].job.arm)
+        return _outcome(result.fit, folder, result.logs, [prediction])
+    needing = (*OF_CONTROLLER, "run_name", "sets")
+    refuse_given(options, needing, NEEDS_ON)
+    arm = None
+    if options.arm is not None:
+        from armcontour.cli.check_command import named_arm
+
+        arm = named_arm(options.arm)
     unseen = [_read(log, options) for log in options.validate or []]
     samples = [_read(log, options) for log in options.logs]
     fit = identification.identify(samples, replace(fitting, kinematics=arm), progress=progress)
@@ -53,41 +59,6 @@ def identify(options: Identify, folder: ResultFolder | None, progress: ProgressD
     printed = validated or [fit.predict(log) for log in fit.logs if arm is not None]
     predictions = (Row("predictions", [plain(x.to_data()) for x in validated]),) * bool(validated)
     return _outcome(fit, folder, {}, [x.to_data(arm) for x in printed], predictions)
-
-
-def _identify_robot(
-    options: Identify, fitting: ServoFit, folder: ResultFolder | None, progress: ProgressDisplay
-) -> Outcome:
-    """Identify the servos of a robot from motions that it executes; a dry run without --execute."""
-    count = len(options.logs)
-    raise_if(count != 1, f"--on requires exactly one job, but {count} files are given.")
-    of_logs = ("arm", "validate", "columns", "start", "end")
-    playing.refuse_given(options, of_logs, "applies only to logs. Remove it, or remove --on.")
-    raise_if(
-        options.execute and folder is None,
-        "--execute requires --out, the folder for servo.yaml and the logs.",
-    )
-    playing.refuse_without_terminal(options)
-    reserve = read_option("--reserve", options.reserve, Reserve)
-    job = open_job(options.logs[0], options, progress)
-    controller = playing.controller_of(job, options)
-    motions = robot_identification.prepare_identification(
-        job, controller, options.run_name, reserve, progress
-    )
-    fitting, stop = replace(fitting, kinematics=job.arm), threading.Event()
-    result = robot_identification.play_identification(
-        motions, Player(controller, progress=progress), fitting
-    )
-    if options.execute:
-        player = Player(controller, True, stop.is_set, progress)
-        with playing.confirmed(result.played["run"], stop, progress):
-            result = robot_identification.play_identification(motions, player, fitting)
-    if result.fit is None or result.prediction is None:
-        data, code = result.to_data(), playing.STOPPED if result.stopped else DONE
-        end = "Stopped: nothing was identified." if result.stopped else playing.DRY
-        return Outcome(lines=[*data_lines(data), end], page=plain(data), code=code)
-    prediction = result.prediction.to_data(result.played["run"].job.arm)
-    return _outcome(result.fit, folder, result.logs, [prediction])
 
 
 def _read(log: FilePath, options: Identify) -> Log:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path as FilePath
@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     from armcontour.core.progress import Progress
     from armcontour.files.patch import Patch
     from armcontour.jobs import Job
+
+# Fields of options that require --on, and the end of the message.
+OF_CONTROLLER = ("execute", "drives", "hal", "address")
+NEEDS_ON = "requires --on. Specify a controller with --on too."
+# Names of options that differ from those of their fields.
+OPTIONS = {"start": "from", "end": "to", "run_name": "run", "sets": "set"}
 
 
 def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:
@@ -106,6 +112,14 @@ def find_file(file: FilePath, cell: str | None) -> FilePath:
             "cell such as ur5e, or a job file. `armcontour arms` lists the built-in cells."
         )
     return file
+
+
+def refuse_given(options: Any, names: Iterable[str], reason: str) -> None:
+    """Raise InvalidInput if an option is given, by field; `reason` is the end of the message."""
+    for name in names:
+        option = OPTIONS.get(name, name)
+        if getattr(options, name):
+            raise InvalidInput(f"--{option} {reason}")
 
 
 def refuse_existing(file: FilePath, force: bool) -> None:

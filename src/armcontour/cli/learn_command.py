@@ -11,7 +11,7 @@ from armcontour.cli import play_command as playing
 from armcontour.cli.commands import Learn
 from armcontour.cli.console import data_lines, print_lines
 from armcontour.cli.execution import REPORT, Outcome, report_line, write_summary
-from armcontour.cli.inputs import open_job
+from armcontour.cli.inputs import NEEDS_ON, OF_CONTROLLER, open_job, refuse_given
 from armcontour.cli.progress_bars import ProgressDisplay
 from armcontour.cli.quantity_options import read_option, read_window
 from armcontour.cli.run_command import write_motions
@@ -41,7 +41,7 @@ def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay
     """Learn the set-points of the next run from a log; with --on, from runs on the robot."""
     if options.on is not None:
         return _learn_robot(options, progress)
-    playing.refuse_given(options, playing.OF_CONTROLLER, playing.NEEDS_ON)
+    refuse_given(options, OF_CONTROLLER, NEEDS_ON)
     if options.set_points is None or options.log is None:
         raise InvalidInput(
             "learn requires the executed set-points and the log. Specify them with --set-points "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import typer
@@ -29,11 +29,6 @@ from armcontour.jobs import Job
 
 # Exit codes. DONE: the motion was as simulated, or dry run. STOPPED: it was stopped or differs.
 DONE, STOPPED = 0, 1
-# Fields of options that require --on, and the end of the message.
-OF_CONTROLLER = ("execute", "drives", "hal", "address")
-NEEDS_ON = "requires --on. Specify a controller with --on too."
-# Names of options that differ from those of their fields.
-OPTIONS = {"start": "from", "end": "to", "run_name": "run", "sets": "set"}
 DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
 
 
@@ -91,13 +86,6 @@ def controller_of(job: Job, options: ControllerOptions) -> Controller:
     if name == "ur":
         return Ur(address)
     return Franka(address)
-
-
-def refuse_given(options: ControllerOptions, names: Iterable[str], reason: str) -> None:
-    """Raise InvalidInput if an option is given, by field; `reason` is the end of the message."""
-    for name in names:
-        option = OPTIONS.get(name, name)
-        raise_if(bool(getattr(options, name)), f"--{option} {reason}")
 
 
 def refuse_without_terminal(options: ControllerOptions) -> None:

@@ -15,7 +15,7 @@ import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from armcontour._version import __version__
-from armcontour.cli.execution import execute
+from armcontour.cli.execution import Outcome, execute
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import describe_fields
 
@@ -116,10 +116,15 @@ def command(topic: str, example: str, module: str = "") -> Callable[[type[T]], t
     def declare(options: type[T]) -> type[T]:
         name = options.__name__.lower()
 
+        def work(*arguments: Any) -> Outcome:
+            called = import_module(f"armcontour.cli.{module or name + '_command'}")
+            outcome: Outcome = getattr(called, name)(*arguments)
+            return outcome
+
         def call(**values: Any) -> None:
             keys = {x: values.pop(x) for x in SHORT if x in values}
-            work = getattr(import_module(f"armcontour.cli.{module or name + '_command'}"), name)
-            raise typer.Exit(execute(work, options(**values, **({"keys": keys} if keys else {}))))
+            given = options(**values, **({"keys": keys} if keys else {}))
+            raise typer.Exit(execute(work, given))
 
         def register() -> None:
             call.__signature__ = Signature(list(_parameters(options)))  # type: ignore[attr-defined]
