@@ -196,11 +196,11 @@ def test_cells_take_a_drawing(folder):
     bare = {key: value for key, value in JOB.items() if key != "path"}
     for data, path, length in (
         # A unit that a column has itself is kept, but a scale is one of all lengths.
-        ({**JOB, "path": path_keys}, {"scale": 0.5}, 0.05),
-        (bare, {"frame": frame}, 0.1),
+        ({**JOB, "path": path_keys}, {("path", "scale"): 0.5}, 0.05),
+        (bare, {("path", "frame"): frame}, 0.1),
     ):
         (folder / "cell.yaml").write_text(yaml.safe_dump(data))
-        cell_job = read_cell(folder / "cell.yaml", folder / "plain.csv", path=path).program.path
+        cell_job = read_cell(folder / "cell.yaml", folder / "plain.csv", patch=path).program.path
         np.testing.assert_allclose(cell_job(0.0), [0.3, 0.08])
         assert cell_job.length == pytest.approx(length)
 
@@ -229,7 +229,8 @@ def test_settings_for_layers_do_not_demand_them(tmp_path, folder):
     file.write_text("x,y,layer\n0,0,CUT\n50,0,CUT\n")
 
     def read(layers):
-        return read_cell("pmk3s", file, path={"units": "mm", "layers": layers})
+        keys = {("path", "units"): "mm", ("path", "layers"): layers}
+        return read_cell("pmk3s", file, patch=keys)
 
     processes = read({"CUT": {"speed": 0.02}, "MARK": {}})
     speeds = ac.prepare(processes.path, processes.process).contours[0].path.speeds

@@ -8,8 +8,8 @@ from tests.files.tables import refusals, values
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job, parse_set
 from armcontour.files.cell import read_cell
-from armcontour.files.job_text_edits import REMOVE
-from armcontour.files.patch import apply_patch, key_of, locate_key, write_patch
+from armcontour.files.job_text_edits import REMOVE, change_data
+from armcontour.files.patch import key_of, locate_key, resolve_patch, write_patch
 from armcontour.jobs import Rounding
 from armcontour.program import prepare
 
@@ -168,7 +168,8 @@ def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
     ):
         assert ".".join(locate_key(key_of(text), JOB, run)) == expected
     assert locate_key(key_of("path.points.0.1"), JOB) == ("path", "points", 0, 1)
-    new = apply_patch(JOB, patch("{limits.speed: 1, timing.reserve: 0.1}"), "own")
+    changes = resolve_patch(JOB, patch("{limits.speed: 1, timing.reserve: 0.1}"), "own")
+    new = change_data(JOB, changes)
     assert new["limits"] == JOB["limits"] and "timing" not in new["runs"]["plain"]
     assert new["runs"]["own"]["limits"]["speed"] == 1
     assert new["runs"]["own"]["timing"] == {"reserve": 0.1}

@@ -197,8 +197,8 @@ def test_units_and_scales(tmp_path):
     # Whoever says the unit is believed.
     assert read_mesh(small, unit="m").size == pytest.approx(4e-4)
     table = [
-        ((large,), "400 m large ... unit: mm ... 0.4 m"),
-        ((small,), "0.0004 m large ... unit: km ... 0.4 m"),
+        ((large,), "400 m large ... unit: mm"),
+        ((small,), "0.0004 m large ... unit: mm"),
         ((small, "s"), "must be a unit of length such as mm, but is 's'"),
     ]
     refusals(lambda x: read_mesh(x[0], **({"unit": x[1]} if x[1:] else {})), table)

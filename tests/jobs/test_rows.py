@@ -10,10 +10,10 @@ import yaml
 from tests.cli.test_one_number import PAPER, text_of
 
 import armcontour as ac
-from armcontour.core.render import frame
+from armcontour.core.render import frame, plain
 from armcontour.core.result import FIRST, Row
 from armcontour.files import parse_job
-from armcontour.files.result_folder import data_json
+from armcontour.files.result_folder import to_json
 from armcontour.report import render_report
 from armcontour.verification import Evaluation
 
@@ -48,7 +48,7 @@ def test_a_new_figure_is_one_row(study):
         assert "wobble" in text and "1.23" in text and "1.234" not in text
     shown = {x["name"].split(".")[-1]: x for x in frame(result.to_data())}["wobble"]
     assert (shown["text"], shown["unit"], shown["note"]) == ("1.23", "mm", "of the tool")
-    saved = json.loads(data_json(study.to_data()))["runs"]["optimal"]
+    saved = json.loads(to_json(plain(study.to_data())))["runs"]["optimal"]
     assert saved["wobble"] == 1.23456e-3
     assert study.figures["optimal"]["wobble"].value == 1.23456e-3
 

@@ -188,12 +188,12 @@ def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):
     "name, cell, path",
     [
         ("lettering.svg", "pmk3s", {}),
-        ("pocket.ngc", "pmk3s", {"ignore_z": True}),
-        ("gasket.dxf", DRAWINGS / "laser.yaml", {"names": ["handle 33", "handle 38"]}),
+        ("pocket.ngc", "pmk3s", {("path", "ignore_z"): True}),
+        ("gasket.dxf", DRAWINGS / "laser.yaml", {("path", "names"): ["handle 33", "handle 38"]}),
     ],
 )
 def test_a_sample_drawing_runs_to_a_report(name, cell, path):
-    done = run(read_cell(cell, DRAWINGS / name, path=path))
+    done = run(read_cell(cell, DRAWINGS / name, patch=path))
     page = render_report(done)
     assert '<details id="contours">' in page and name in page
     (result,) = done.runs.values()

@@ -93,14 +93,12 @@ def read_cell(
     cell: str | FilePath,
     drawing: str | FilePath,
     *,
-    path: Mapping[str, Any] | None = None,
     patch: Patch | None = None,
     reading: Progress | None = None,
 ) -> Job:
-    """Make a job from a cell or job file and a drawing; `path` and `patch` override keys."""
+    """Make a job from a cell or job file and a drawing; `patch` overrides keys."""
     # The drawing replaces the geometry of a job file, but not its frame and its reader options.
-    values: Patch = {("path", key): value for key, value in (path or {}).items()}
-    data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
+    data, source, folder = cell_data(cell, drawing, patch)
     with error_context(source):
         model: CellModel = read_keys(CellModel, data)
     # Messages of errors in the drawing name only the drawing, not the cell.

@@ -132,7 +132,6 @@ class TrajectoryFile(Frozen):
     dq: FloatArray | None = None  # Joint velocities [rad/s], (n, dof); None if not in the file
     # Joint accelerations [rad/s²], (n, dof); None if not in the file
     ddq: FloatArray | None = None
-    command: FloatArray | None = None  # Set-points [rad], (n, dof); None if not in the file
     # Value of the last printed digit of "t", "q", "dq", "ddq", in SI units
     resolution: Mapping[str, float] = field(default_factory=dict)
     joints: tuple[str, ...] = ()  # Names of the joints as in the file

@@ -20,7 +20,6 @@ from armcontour.files.csv_table import MAX_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import (
     FORMATS,
     Key,
-    TrajectoryFile,
     joints_of,
     read_csv_text,
     read_joint_title,
@@ -133,39 +132,25 @@ def _read_log(
         columns=columns,
         option="--columns",
     )
-    motion = _joint_motion(table, *window, positions=not commanded)
-    log = cut_log(
-        motion.t,
-        motion.q if motion.command is None else motion.command,
-        motion.q,
-        window,
-        joint_names=tuple(f"joint {x}" if x.isdigit() else x for x in motion.joints),
-        interpolation=_find_interpolation(table.comments),
-        source=motion.source,
-        notes=motion.notes,
-    )
-    return log, motion.command is not None
-
-
-def _joint_motion(
-    table: CsvTable[Key], start: float, end: float, *, positions: bool
-) -> TrajectoryFile:
-    """Commands and measured positions of a table; `positions` allows a table without commands."""
     joints = {role: joints_of(table, "q", role) for role in ROLES}
-    if positions and joints["measured"] and not joints["command"]:
-        roles, (names, notes) = ["measured"], (joints["measured"], list[str]())
+    roles: tuple[str, ...] = ROLES
+    if not commanded and joints["measured"] and not joints["command"]:
+        roles, (names, notes) = ROLES[1:], (joints["measured"], list[str]())
     else:
-        roles, (names, notes) = list(ROLES), _pair_joints(table, joints)
-    samples = read_samples(table, [Key("q", x, y) for x in roles for y in names], start, end)
-    *command, q = np.hsplit(samples.values, len(roles))
-    return TrajectoryFile(
+        names, notes = _pair_joints(table, joints)
+    samples = read_samples(table, [Key("q", x, y) for x in roles for y in names], *window)
+    columns_of_roles = np.hsplit(samples.values, len(roles))
+    log = cut_log(
+        samples.t,
+        columns_of_roles[0],
+        columns_of_roles[-1],
+        window,
+        joint_names=tuple(f"joint {x}" if x.isdigit() else x for x in names),
+        interpolation=_find_interpolation(table.comments),
         source=table.source,
-        t=samples.t,
-        q=q,
-        command=command[0] if command else None,
-        joints=tuple(names),
         notes=(*notes, *samples.notes),
     )
+    return log, len(roles) > 1
 
 
 def _find_interpolation(comments: Iterable[str]) -> str | None:

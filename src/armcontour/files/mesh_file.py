@@ -21,10 +21,6 @@ MESHES = (".stl", ".obj")
 MAX_TRIANGLES = 2_000_000
 # Maximum file size [bytes], approximately that of two million triangles in ASCII STL.
 MAX_BYTES = 600 * file_access.MEGABYTE
-# Units of length in mesh files, in the order in which they are suggested.
-SUGGESTED_UNITS = ("mm", "inch", "cm", "km")
-# Usual range of the size of a body in a cell [m].
-USUAL_SIZE = (0.01, 5.0)
 
 
 def read_mesh(
@@ -112,21 +108,12 @@ def _factor(unit: str, location: FilePath) -> float:
 
 
 def _check_size(points: FloatArray, location: FilePath) -> None:
-    """Check that the size of a mesh is likely in metres; the error suggests a unit."""
+    """Check that the size of a mesh is likely in metres."""
     size = float(np.ptp(points, axis=0).max())
     if SMALLEST <= size <= LARGEST:
         return
-    factors = {x: parse_quantity(f"1 {x}", "m") for x in SUGGESTED_UNITS}
-    hint = "Specify its unit or a scale."
-    for unit, factor in factors.items():
-        if USUAL_SIZE[0] <= size * factor <= USUAL_SIZE[1]:
-            scale = " ".join([f"{factor:g}"] * 3)
-            hint = (
-                f"If its unit is {unit}, it is {size * factor:.4g} m large; then specify unit: "
-                f'{unit} (in a URDF, scale="{scale}").'
-            )
-            break
     raise InvalidInput(
         f"The mesh {location} would be {size:.4g} m large if its unit were m, but bodies in a cell "
-        f"must be {SMALLEST:g} to {LARGEST:g} m large. {hint}"
+        f"must be {SMALLEST:g} to {LARGEST:g} m large. Specify its unit, such as unit: mm (in a "
+        'URDF, scale="0.001 0.001 0.001").'
     )

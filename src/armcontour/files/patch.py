@@ -98,9 +98,9 @@ def resolve_patch(data: Any, patch: Patch, run: str | None = None) -> list[Chang
     return _resolve(data, patch, run)[1]
 
 
-def apply_patch(data: Any, patch: Patch, run: str | None = None) -> Any:
+def apply_patch(data: Any, patch: Patch) -> Any:
     """Copy of the data of a job file with a patch applied."""
-    return _resolve(data, patch, run)[0]
+    return _resolve(data, patch, None)[0]
 
 
 def write_patch(text: str, patch: Patch, source: str = "job") -> str:

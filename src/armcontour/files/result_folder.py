@@ -19,18 +19,12 @@ from typing import Any
 from armcontour._version import __version__
 from armcontour.core import file_access, render, staging
 from armcontour.core.errors import InvalidInput
-from armcontour.core.result import Data
 from armcontour.core.text import list_some
 
 
 def to_json(data: Any) -> str:
     """Data as indented JSON text."""
     return json.dumps(render.jsonable(data), indent=2, allow_nan=False) + "\n"
-
-
-def data_json(data: Data) -> str:
-    """JSON text of a result, in SI units."""
-    return to_json(render.plain(data))
 
 
 SUMMARY = "summary.json"

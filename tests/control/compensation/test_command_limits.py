@@ -9,10 +9,10 @@ import scipy.sparse as sp
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
-from armcontour.core.render import number
+from armcontour.core.render import number, plain
 from armcontour.files import read_job
 from armcontour.files.exports import CsvFormat, export, make_table
-from armcontour.files.result_folder import data_json
+from armcontour.files.result_folder import to_json
 from armcontour.report import render_report
 
 # Limits of libfranka 0.15 for an FR3, rate_limiting.h; velocities at the middle of the ranges.
@@ -239,7 +239,7 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     assert any("command_limits" in x and "contour error" in x for x in strict.warnings)
     assert any("command limits" in x for x in strict.remarks)
     assert wide.set_points.limit_cost is None and wide.evaluation.contour_error.max < 1e-6
-    runs = json.loads(data_json(study.to_data()))["runs"]
+    runs = json.loads(to_json(plain(study.to_data())))["runs"]
     assert runs["strict"]["limit_contour_max"] == strict.set_points.limit_cost.contour_max
     assert max(runs["strict"]["command_use"]["joint_jerk"]) == pytest.approx(1, abs=1e-5)
     assert runs["wide"]["limit_contour_max"] == 0

@@ -17,8 +17,9 @@ from armcontour.cli.execution import execute
 from armcontour.cli.identify_command import identify as identify_logs
 from armcontour.control.identification import Log, identify
 from armcontour.core.errors import InvalidInput
+from armcontour.core.render import plain
 from armcontour.files.log_file import read_log
-from armcontour.files.result_folder import data_json
+from armcontour.files.result_folder import to_json
 from armcontour.files.robot_file import read_servo, servo_yaml
 from armcontour.report.identification import render_identification
 
@@ -150,7 +151,7 @@ def test_the_servo_file_is_the_servo_that_was_judged(identification, tmp_path):
 
 
 def test_the_json_and_the_report(identification):
-    data = json.loads(data_json(identification.to_data()))
+    data = json.loads(to_json(plain(identification.to_data())))
     first, second = data["joints"]
     assert [x["name"] for x in first["parameters"]] == ["kp", "kv", "dead_time"]
     assert second["parameters"][-1]["value"] == pytest.approx(20, rel=0.05)

@@ -291,7 +291,7 @@ def test_what_is_wrong_is_refused_with_its_element():
     refusals(lambda page: read('<line x2="5%"/>', page), PAGES)
     third = '<g>\n\n<circle id="c" r="-1"/></g>'
     font = '<defs><font id="a"><glyph unicode="a" d="M0 0H9"/></font></defs>'
-    refusals(read, [(third, "circle 'c' in line 3: "), (font, "a.svg is a font")])
+    refusals(read, [(third, "circle 'c' in line 3: "), (font, "a.svg has no contour")])
     data = (b"", b"hello", b"<html/>", b"<svg", b"\x1f\x8b\x08", b"<svg>\xff</svg>")
     refusals(read, [(x, "a.svg") for x in data])
     line = '<line id="kept" x1="50" y2="1"/>'
@@ -393,12 +393,12 @@ def test_strokes_choose_and_lengths_are_relative():
     blue = body.replace("red", "blue").replace("255, 0,0", "0,0,255")
     table = [((blue, green), "3 #0000ff"), ((sheet, red), "style sheets that set stroke")]
     refusals(lambda x: read(x[0], colors=x[1]), table)
-    # Lengths in % and em; the page is 100 x 80 user units.
-    path = only('<line x1="10%" y1="10%" x2="50%" y2="5em" style="font-size:4px"/>')
+    # Lengths in %; the page is 100 x 80 user units.
+    path = only('<line x1="10%" y1="10%" x2="50%" y2="20"/>')
     check(path.vertices, [(10, 8), (50, 20)], atol=1e-12)
     radius = 0.1 * math.hypot(100, 80) / math.sqrt(2)
     assert only('<circle r="10%"/>').length == pytest.approx(2e-3 * math.pi * radius)
-    body = '<svg x="10%" width="50%" height="40" font-size="2em"><line x2="100%" y2="1em"/></svg>'
+    body = '<svg x="10%" width="50%" height="40"><line x2="100%" y2="80%"/></svg>'
     check(only(body).vertices, [(10, 0), (60, 32)], atol=1e-12)
 
 

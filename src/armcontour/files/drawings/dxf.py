@@ -21,10 +21,10 @@ from armcontour.files.drawings.dxf_entities import (
     NO_CONTOUR,
     SHAPES,
     Unreadable,
+    check_clip,
     check_required,
     insert_grid,
     insert_transforms,
-    read_clip,
 )
 from armcontour.files.drawings.outlines import Outline
 from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, hex_of, valid_name
@@ -82,7 +82,7 @@ BINARY = b"AutoCAD Binary DXF"
 DRAWING_DATABASE = b"AC10"
 CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours may be missing."
 # Types of the tags whose numbers determine contours.
-WITH_NUMBERS = {*SHAPES, "VERTEX", "INSERT", "BLOCK", "MLINE", "MLINESTYLE", "SPATIAL_FILTER"}
+WITH_NUMBERS = {*SHAPES, "VERTEX", "INSERT", "BLOCK", "MLINE", "MLINESTYLE"}
 # Matches a number; numbers that are not finite are refused later.
 _FLOAT = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf)", re.IGNORECASE)
 # Matches the object handle in ezdxf's messages.
@@ -102,7 +102,7 @@ def read_dxf(
         # If the file has no header, ezdxf adds one with the unit metre, which is ignored.
         stated = b"$INSUNITS" in data
         unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, options)
-        return walk.program(_flattened(list(walk.shapes(unit)), source), notes)
+        return walk.program(_flattened(list(walk.shapes(unit))), notes)
 
 
 def _unit(code: Any, source: str, options: ReadOptions) -> float:
@@ -117,29 +117,17 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
     )
 
 
-def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlines]:
+def _flattened(entities: list[EntityOutlines]) -> list[EntityOutlines]:
     """The entities, projected onto the plane if all z are 0; otherwise unchanged."""
 
     def is_flat(points: FloatArray) -> bool:
         return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
 
     flat = all(is_flat(y.bounding_points) for x in entities for y in x.outlines)
-    for entity in entities:
-        borders = [clip.outline.bounding_points for clip in entity.clips]
-        if borders and not (flat and all(is_flat(x) for x in borders)):
-            raise InvalidInput(
-                f"{source}: {entity.where} is in a block that is clipped in space. Clips are "
-                "supported only if the whole drawing has z = 0."
-            )
     if not flat:
         return entities
     return [
-        dataclasses.replace(
-            x,
-            outlines=[y.place(WITHOUT_Z) for y in x.outlines],
-            clips=tuple(clip.place(WITHOUT_Z) for clip in x.clips),
-        )
-        for x in entities
+        dataclasses.replace(x, outlines=[y.place(WITHOUT_Z) for y in x.outlines]) for x in entities
     ]
 
 
@@ -256,7 +244,6 @@ class DxfWalk(Walk):
             where=f"{kind} {name} on layer {layer!r}",
             name=valid_name(name),
             layer=valid_name(layer),
-            clips=block.clips,
         )
 
     def _color(self, entity: Any, layer: str, block: Inherited) -> frozenset[str]:
@@ -298,21 +285,19 @@ class DxfWalk(Walk):
                 raise Unreadable(
                     f"increases the number of copied entities above the maximum of {MAX_COPIES}"
                 )
+        check_clip(entity)
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insert_transforms(entity, base)
         columns = insert_grid(entity)[1]
-        clip = read_clip(entity)
         color = self._color(entity, layer, block)
         for k, offset in enumerate(offsets):
-            copy = block.to @ Affine(affine.linear, affine.offset + offset)
             row, column = k // columns + 1, k % columns + 1
             inner = Inherited(
                 name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
-                to=copy,
+                to=block.to @ Affine(affine.linear, affine.offset + offset),
                 layer=layer,
                 targets=(*block.targets, _fold_case(called)),
                 color=color,
-                clips=block.clips if clip is None else (*block.clips, clip.place(copy)),
             )
             yield from self._shapes_in(content, inner)
 
@@ -411,8 +396,11 @@ def open_document(data: bytes, source: str) -> tuple[Any, list[str]]:
         damage = f"The file is damaged ({reason}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
-        text = " ".join([_explain_error(first), *notes])
-        raise InvalidInput(f"{source} cannot be read as DXF: {text}") from None
+        reason = ADDRESS.sub("", error_line(first))
+        raise InvalidInput(
+            f"{source} cannot be read as DXF: {' '.join([f'{reason}.', *notes])} Open the file in "
+            "a CAD program, and save it again."
+        ) from None
 
 
 def _wrong_number(data: bytes) -> str:
@@ -446,15 +434,6 @@ def _read(data: bytes) -> Any:
     info = dxf_stream_info(io.StringIO(data.decode("utf-8", errors="ignore"), newline=None))
     text = data.decode(info.encoding, errors="surrogateescape")
     return Drawing.read(io.StringIO(text, newline=None))
-
-
-def _explain_error(error: Exception) -> str:
-    """Text for a message about an error; errors other than `DXFError` have a general text."""
-    from ezdxf.lldxf.const import DXFError
-
-    if isinstance(error, DXFError):
-        return f"{ADDRESS.sub('', error_line(error))}."
-    return "its structure is damaged. Open the file in a CAD program, and save it again."
 
 
 def error_line(error: Exception) -> str:

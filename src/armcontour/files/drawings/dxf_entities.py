@@ -9,8 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
-from armcontour.files.drawings.outlines import BezierSpline, Outline, Shape
-from armcontour.files.drawings.walk import Clip
+from armcontour.files.drawings.outlines import BezierSpline, Shape
 
 # An arc with a smaller swept angle [rad] is a full circle whose angles have been rounded.
 NO_SWEEP = 1e-8
@@ -34,15 +33,6 @@ def line(entity: Any) -> Shape | None:
     """Shape of a LINE, whose points are in world coordinates."""
     ends = _numbers("ends", [tuple(entity.dxf.start), tuple(entity.dxf.end)])
     return ArcChain.straight(ends)
-
-
-def old_line(entity: Any) -> Shape | None:
-    """Shape of a 3DLINE of release 10 and earlier, which ezdxf does not support."""
-    values = {x.code: x.value for x in entity.xtags.noclass}
-    if not {10, 11} <= values.keys():
-        raise Unreadable("must have a start and an end")
-    # Points in files of releases before 10 can be without z.
-    return ArcChain.straight(_numbers("ends", [[*values[k], 0.0][:3] for k in (10, 11)]))
 
 
 def circle(entity: Any) -> Shape | None:
@@ -230,7 +220,6 @@ REQUIRED = {
 # Functions for the types of entities that draw a contour.
 SHAPES: dict[str, Callable[[Any], Shape | None]] = {
     "LINE": line,
-    "3DLINE": old_line,
     "ARC": arc,
     "CIRCLE": circle,
     "ELLIPSE": ellipse,
@@ -297,26 +286,13 @@ def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray
     return Affine(linear, insertion - linear @ base), offsets @ rotation.T
 
 
-def read_clip(entity: Any) -> Clip | None:
-    """The clip of an INSERT in the coordinates of its block; None if it is not clipped."""
+def check_clip(entity: Any) -> None:
+    """Check that an INSERT is not clipped."""
     from ezdxf.xclip import XClip
 
     clip = XClip(entity)
-    if not (clip.has_clipping_path and clip.is_clipping_enabled):
-        return None
-    path, limits = clip.get_block_clipping_path(), clip.get_spatial_filter()
-    dxf = limits.dxf if limits is not None else None
-    if dxf is None or dxf.has_front_clipping_plane or dxf.has_back_clipping_plane:
-        raise Unreadable("is clipped by planes in space, which is not supported")
-    polygon = path.inverted_clip if path.is_inverted_clip else path.vertices
-    corners = _numbers("clip", [tuple(x) for x in polygon]).reshape(-1, 2)
-    if len(corners) == 2:
-        (x_min, y_min), (x_max, y_max) = corners
-        corners = np.array([(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max)])
-    if len(corners) < 3:
-        raise Unreadable("is clipped at a polygon that must have three corners, but has fewer")
-    edges = ArcChain.straight(np.pad(corners, ((0, 0), (0, 1))))
-    return Clip(Outline([edges], closed=True), bool(path.is_inverted_clip))
+    if clip.has_clipping_path and clip.is_clipping_enabled:
+        raise Unreadable("is clipped (XCLIP), which is not supported")
 
 
 def plane_axes(extrusion: Any) -> FloatArray:

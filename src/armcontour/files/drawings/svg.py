@@ -14,14 +14,12 @@ from armcontour.files.drawings.arc_chain import Affine, ArcChain
 from armcontour.files.drawings.outlines import Outline
 from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, color_of, valid_name
 from armcontour.files.drawings.svg_elements import (
-    DEFAULT_FONT_SIZE,
     IDENTITY,
     INCH,
     PIXEL,
     Element,
     ViewBox,
     affine,
-    font_size,
     is_singular,
     make_absolute,
     parse_tree,
@@ -35,7 +33,6 @@ from armcontour.files.drawings.svg_shapes import SHAPES, element_outlines
 from armcontour.files.drawings.walk import (
     NO_SIZE,
     TRAVERSAL_SHARE,
-    Clip,
     EntityOutlines,
     Inherited,
     Walk,
@@ -197,7 +194,6 @@ class _SvgInherited(Inherited):
     inkscape: bool = False  # Whether the layer is a layer of Inkscape, not a group
     hidden: bool = False  # Whether the element is hidden
     used_by: Element | None = None  # The use element that refers directly to this element
-    font: float = DEFAULT_FONT_SIZE  # Font size [user units]
 
 
 class SvgWalk(Walk):
@@ -215,19 +211,11 @@ class SvgWalk(Walk):
         }
         self._repeated = self._segments = 0
 
-    def explain_empty(self) -> str:
-        """Text for the error that the file has no contours; "" if the file is not a font."""
-        if all(x.tag != "glyph" for x in self._elements):
-            return ""
-        return "is a font, not a drawing: specify a drawing whose text has been converted to paths"
-
     def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[EntityOutlines]:
         """Yield the outlines of all selected elements in drawing order."""
         counts = dict.fromkeys(SHAPES, 0)
         color = frozenset({color_of(self.root.style("stroke") or "none")})
-        inherited = _SvgInherited(
-            to=to, view=view, color=color, font=font_size(self.root, DEFAULT_FONT_SIZE)
-        )
+        inherited = _SvgInherited(to=to, view=view, color=color)
         todo = [(x, inherited) for x in reversed(self.root.children)]
         visited = 0
         while todo:
@@ -265,9 +253,7 @@ class SvgWalk(Walk):
                 )
 
         outlines = []
-        for outline in element_outlines(
-            make_absolute(element, inherited.view, inherited.font), count_segments
-        ):
+        for outline in element_outlines(make_absolute(element, inherited.view), count_segments):
             placed, defect = place_outline(outline, inherited.to)
             if defect:
                 element.refuse(f"the element {defect}")
@@ -310,7 +296,6 @@ class SvgWalk(Walk):
             hidden=hidden,
             used_by=None,
             color=inherited.color if stroke in ("", "inherit") else frozenset({color_of(stroke)}),
-            font=font_size(element, inherited.font),
         )
         clip = element.style("clip-path")
         if clip not in NO_EFFECT:
@@ -353,7 +338,7 @@ class SvgWalk(Walk):
         if outline is None:
             self._refuse_or_ignore(element, "clip paths other than one outline are not supported")
             return inherited
-        return dataclasses.replace(inherited, clips=(*inherited.clips, Clip(outline)))
+        return dataclasses.replace(inherited, clips=(*inherited.clips, outline))
 
     def _clip_outline(self, target: Element, inherited: _SvgInherited) -> Outline | None:
         """The only outline of a clipPath on the page [m]; None if it has several or none."""
@@ -364,9 +349,7 @@ class SvgWalk(Walk):
         (shape,) = drawn
         if shape.tag not in SHAPES or target.get("clip-path") or shape.get("clip-path"):
             return None
-        outlines = element_outlines(
-            make_absolute(shape, inherited.view, inherited.font), lambda n: None
-        )
+        outlines = element_outlines(make_absolute(shape, inherited.view), lambda n: None)
         if len(outlines) != 1:
             return None
         to = inherited.to @ transform_of(target) @ transform_of(shape)
@@ -406,7 +389,7 @@ class SvgWalk(Walk):
             )
         if len(inherited.targets) >= DEEPEST_USE:
             element.refuse(f"references are nested more than {DEEPEST_USE} levels deep")
-        plain = make_absolute(element, inherited.view, inherited.font)
+        plain = make_absolute(element, inherited.view)
         shift = affine(1, 0, 0, 1, read_length_or_zero(plain, "x"), read_length_or_zero(plain, "y"))
         inner = dataclasses.replace(
             inherited,
@@ -422,8 +405,8 @@ class SvgWalk(Walk):
     ) -> _SvgInherited | None:
         """The properties that children of a nested svg or symbol inherit; None without a size."""
         outer = inherited.view
-        element = make_absolute(element, outer, inherited.font)
-        user = None if user is None else make_absolute(user, outer, inherited.font)
+        element = make_absolute(element, outer)
+        user = None if user is None else make_absolute(user, outer)
         width = _extent(element, user, "width", outer.width if outer else None)
         height = _extent(element, user, "height", outer.height if outer else None)
         x, y = read_length_or_zero(element, "x"), read_length_or_zero(element, "y")
@@ -445,7 +428,7 @@ class SvgWalk(Walk):
         if element.style("overflow") not in ("visible", "auto"):
             corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
             border = Outline([ArcChain.straight(corners)], closed=True)
-            clips = (*clips, Clip(place_outline(border, inherited.to)[0]))
+            clips = (*clips, place_outline(border, inherited.to)[0])
         return dataclasses.replace(inherited, to=inner, view=box, clips=clips)
 
 

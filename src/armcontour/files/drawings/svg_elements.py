@@ -197,16 +197,12 @@ PIXELS = {
     "pt": 96 / 72,
     "pc": 16.0,
 }
-# Units that depend on the viewport or the font.
-RELATIVE = ("%", "em", "ex", "rem")
 # Attributes whose percentages refer to the width, or to the height, of the viewport. Percentages of
 # other attributes refer to its diagonal divided by the square root of 2.
 WIDTH_KEYS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
 HEIGHT_KEYS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
 LENGTHS = WIDTH_KEYS | HEIGHT_KEYS | {"r"}
 SQRT2 = math.sqrt(2)
-# Default font size of browsers [CSS pixels].
-DEFAULT_FONT_SIZE = 16.0
 NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?"
 NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*[\s,]*+")
 EACH_NUMBER = re.compile(NUMBER)
@@ -302,38 +298,20 @@ def read_length_or_zero(element: Element, key: str) -> float:
     return read_length(element, key) or 0.0
 
 
-def make_absolute(element: Element, view: ViewBox | None, font: float) -> Element:
-    """The element with relative lengths in user units; lengths in % only if `view` is known."""
+def make_absolute(element: Element, view: ViewBox | None) -> Element:
+    """The element with lengths in % converted to user units if `view` is known."""
     changed = {}
+    if view is None:
+        return element
     for key in LENGTHS & element.attributes.keys():
         match = _LENGTH.fullmatch(element.get(key))
-        unit = match[2].lower() if match else ""
-        if match is None or unit not in RELATIVE:
-            continue
-        if unit != "%":
-            whole: float | None = {"em": font, "ex": font / 2, "rem": DEFAULT_FONT_SIZE}[unit]
-        elif view is None:
-            whole = None
-        else:
+        if match is not None and match[2] == "%":
             side = "width" if key in WIDTH_KEYS else "height" if key in HEIGHT_KEYS else ""
             whole = getattr(view, side) if side else math.hypot(view.width, view.height) / SQRT2
-            whole /= 100
-        if whole is not None:
-            changed[key] = repr(float(match[1]) * whole)
+            changed[key] = repr(float(match[1]) * whole / 100)
     if not changed:
         return element
     return dataclasses.replace(element, attributes={**element.attributes, **changed})
-
-
-def font_size(element: Element, inherited: float) -> float:
-    """Font size of an element [user units]; `inherited` if the element has no valid font-size."""
-    match = _LENGTH.fullmatch(element.style("font-size"))
-    unit = match[2].lower() if match else ""
-    if match is None or (unit not in PIXELS and unit not in RELATIVE):
-        return inherited
-    whole = {"%": inherited / 100, "em": inherited, "ex": inherited / 2, "rem": DEFAULT_FONT_SIZE}
-    size = float(match[1]) * (whole[unit] if unit in whole else PIXELS[unit])
-    return size if math.isfinite(size) else inherited
 
 
 def transform_of(element: Element) -> Affine:

@@ -34,25 +34,13 @@ from armcontour.program.nesting import wind_around
 from armcontour.program.offset_curves import to_pieces
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Clip:
-    """A closed outline outside of which nothing is drawn."""
-
-    outline: Outline  # The outline [m]. A point is inside if its winding number is not 0.
-    outside: bool = False  # Whether the parts outside are drawn instead of the parts inside
-
-    def place(self, to: Affine) -> Clip:
-        """The image of the clip under an affine map."""
-        return Clip(self.outline.place(to), self.outside)
-
-
-def is_drawn(path: Path, border: Path, outside: bool) -> BoolArray:
-    """Mask of the parts of a path in the plane, cut at a border, that a clip draws."""
-    # Parts on the border are drawn.
+def is_drawn(path: Path, border: Path) -> BoolArray:
+    """Mask of the parts of a path in the plane, cut at a border, that are not outside of it."""
+    # A point is inside if its winding number is not 0. Parts on the border are drawn.
     table = path.segments
     i, begin, end = _cut_at_border(table, border.segments)
     middles = table.evaluate(i, (begin + end) / 2)
-    drawn = (wind_around([border], middles) != 0) != outside
+    drawn = wind_around([border], middles) != 0
     drawn |= find_nearest(border.segments, middles).distance <= REPEATED_POINT
     return np.asarray(drawn)
 
@@ -93,7 +81,7 @@ class Inherited:
     name: str = ""  # Name of the innermost reference or INSERT
     targets: tuple[object, ...] = ()  # Targets of the nested references or INSERTs, outermost first
     color: frozenset[str] = frozenset()  # Names of the colour
-    clips: tuple[Clip, ...] = ()  # Clips that apply to the entities [m]
+    clips: tuple[Outline, ...] = ()  # Closed outlines outside of which nothing is drawn [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -104,7 +92,7 @@ class EntityOutlines:
     where: str  # Name of the entity for messages
     name: str
     layer: str
-    clips: tuple[Clip, ...] = ()  # Clips that apply to the entity [m]
+    clips: tuple[Outline, ...] = ()  # Clips that apply to the entity [m]
 
 
 class Walk:
@@ -176,7 +164,7 @@ class Walk:
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 paths = paths_of(
-                    [y for x in entities for y in x.outlines] + [x.outline for x in clips],
+                    [y for x in entities for y in x.outlines] + clips,
                     options.chord_tolerance,
                     options.join_tolerance,
                     lambda share: self.tell(TRAVERSAL_SHARE + (1 - TRAVERSAL_SHARE) * share),
@@ -193,7 +181,7 @@ class Walk:
             if not parts:
                 self.omit(NO_SIZE, entity.where)
             for clip in entity.clips:
-                parts = self._clip(parts, entity, borders[clip], clip.outside)
+                parts = self._clip(parts, entity, borders[clip])
             first = len(pieces) + 1
             for k, path in enumerate(parts):
                 is_split = len(parts) > 1
@@ -206,13 +194,11 @@ class Walk:
                 pieces.append(DrawnEntity(path=path, name=name, layer=entity.layer, group=group))
         return pieces
 
-    def _clip(
-        self, paths: list[Path], entity: EntityOutlines, border: Path | None, outside: bool
-    ) -> list[Path]:
+    def _clip(self, paths: list[Path], entity: EntityOutlines, border: Path | None) -> list[Path]:
         """The paths of an entity; none if a clip removes them, in part or completely."""
         drawn = np.zeros(1, np.bool_)
         if border is not None and paths:
-            drawn = np.concatenate([is_drawn(x, border, outside) for x in paths])
+            drawn = np.concatenate([is_drawn(x, border) for x in paths])
         if drawn.all():
             return paths
         if drawn.any() and not self.skip:

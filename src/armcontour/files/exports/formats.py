@@ -46,22 +46,6 @@ class ExportFormat(Checked):
         """Name of the format or of its template, for messages."""
         return self.kind
 
-    @property
-    def title(self) -> str:
-        """Name with the word format or template, for warnings."""
-        return f"{'Template' if isinstance(self, TemplateFormat) else 'Format'} {self.label}"
-
-    @checked
-    def digit_of(self, table: SetPointTable) -> float | None:
-        """Value of the last digit of joint positions [rad]; None for templates of the user.
-
-        Args:
-            table: The table.
-        """
-        if isinstance(self, CsvFormat | RosYamlFormat):
-            return float(10.0**-table.decimals)
-        return LAST_DIGIT.get(self.label)
-
     @checked
     def describe(self, table: SetPointTable) -> list[str]:
         """Warnings about a file: outputs that are missing, rounding, and too many points.
@@ -69,7 +53,10 @@ class ExportFormat(Checked):
         Args:
             table: The table of the file.
         """
-        sentences = describe_program(table, self.label, outputs_of(self), self.digit_of(table))
+        digit = LAST_DIGIT.get(self.label)
+        if isinstance(self, CsvFormat | RosYamlFormat):
+            digit = 10.0**-table.decimals
+        sentences = describe_program(table, self.label, outputs_of(self), digit)
         if table.analog and not isinstance(self, WITH_ANALOG):
             names = ", ".join(table.analog)
             sentences.append(f"the format does not support analog outputs ({names}).")
@@ -135,10 +122,6 @@ class RosYamlFormat(ExportFormat):
     tolerances: GoalTolerances | None = None
     points: Annotated[int, AtLeast(2)] | None = None
     point_tolerance: PointTolerance | None = None
-
-    def _check_together(self) -> None:
-        if (self.points is None) != (self.point_tolerance is None):
-            raise InvalidInput("points and point_tolerance require each other. Specify both.")
 
     @checked
     def select(self, table: SetPointTable) -> SetPointTable:
@@ -214,7 +197,6 @@ class TemplateFormat(ExportFormat):
 
 _CLASSES = {x.kind: x for x in (CsvFormat, RosYamlFormat, URScriptFormat)}
 WITH_ANALOG = (CsvFormat, URScriptFormat, TemplateFormat)
-WITH_OUTPUTS = (URScriptFormat, TemplateFormat)
 
 
 def format_named(name: str, options: Exports | None = None) -> ExportFormat:
@@ -240,7 +222,7 @@ def format_of(file: FilePath) -> str:
 
 def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
     """Outputs of events by their names; empty for formats without outputs."""
-    return (isinstance(format, WITH_OUTPUTS) and format.outputs) or {}
+    return getattr(format, "outputs", None) or {}
 
 
 @checked
@@ -296,7 +278,7 @@ def export(
     check_outputs(outputs_of(chosen), names_of(table), option="outputs", owner=repr(table.name))
     # Warnings come before writing, so that nothing is written if warnings are errors.
     for sentence in chosen.describe(table):
-        warnings.warn(f"{chosen.title}: {sentence}", stacklevel=3)
+        warnings.warn(f"Format {chosen.label}: {sentence}", stacklevel=3)
     write_destination(destination, partial(chosen.write, table))
 
 

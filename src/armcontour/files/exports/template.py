@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, NoReturn
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
-from armcontour.core.text import list_some, show
+from armcontour.core.text import list_some
 from armcontour.files.exports.table import POSITION_DECIMALS, SetPointTable
 from armcontour.motion import TimedEvent
 from armcontour.motion.nearest_commands import command_use
@@ -70,11 +69,10 @@ def template_of(
     file: str,
 ) -> str:
     """Text of the program that a template generates from a table."""
-    source, text, folder = _read_template(template)
-    environment = _environment(folder)
+    source, text = _read_template(template)
     variables = _variables(table, outputs or {}, file)
     try:
-        return str(environment.from_string(text).render(variables))
+        return str(_environment().from_string(text).render(variables))
     except _Refused as error:
         raise InvalidInput(f"{source}: {_error_text(error)}.") from None
     except Exception as error:  # a user's template can raise any exception
@@ -150,45 +148,27 @@ def write_template(
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _read_template(template: str | FilePath) -> tuple[str, str, FilePath]:
-    """File name, text and folder of a template, from its name or path."""
+def _read_template(template: str | FilePath) -> tuple[str, str]:
+    """File name and text of a template, from its name or path."""
     if isinstance(template, str) and template in BUILT_IN:
         # Templates of the package may be read where only some folders of the user may be.
         file = FilePath(__file__).parent / "templates" / BUILT_IN[template]
-        return file.name, file.read_text(encoding="utf-8"), file.parent
+        return file.name, file.read_text(encoding="utf-8")
     file = FilePath(template)
     if isinstance(template, str) and file.suffix == "" and not os.path.exists(file):
         raise InvalidInput(
             f"There is no template {template!r}. Specify one of {', '.join(BUILT_IN)}, or a "
             f"file such as house{ENDING}."
         )
-    return file.name, read_text(file, "template"), file.parent
+    return file.name, read_text(file, "template")
 
 
-def _read_included(folder: FilePath, name: str) -> str:
-    """Text of a template that another template includes; its file must be inside the folder."""
-    from jinja2 import TemplateNotFound
-    from jinja2.loaders import split_template_path
-
-    # `split_template_path` raises TemplateNotFound for absolute names and names with "..".
-    file = folder.joinpath(*split_template_path(name))
-    if not os.path.lexists(file):
-        raise TemplateNotFound(name)
-    file = FilePath(os.path.realpath(file))
-    if not file.is_relative_to(os.path.realpath(folder)):
-        raise InvalidInput(
-            f"the template {show(name)} must not be a symbolic link to a file outside its folder"
-        )
-    return read_text(file, "template")
-
-
-def _environment(folder: FilePath) -> Any:
-    """Sandbox of jinja2, in which templates can read the table and other files of their folder."""
-    from jinja2 import FunctionLoader, StrictUndefined
+def _environment() -> Any:
+    """Sandbox of jinja2, in which templates can read the table but no files."""
+    from jinja2 import StrictUndefined
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
     environment = ImmutableSandboxedEnvironment(
-        loader=FunctionLoader(partial(_read_included, folder)),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -277,10 +257,6 @@ def _refuse(reason: str) -> NoReturn:
 
 def _error_text(error: Exception) -> str:
     """Message of an error on one line, without the full stop at the end."""
-    from jinja2 import TemplateNotFound
-
-    if isinstance(error, TemplateNotFound):
-        return f"there is no template {error.name!r} in its folder"
     message = " ".join(str(error).split()).rstrip(".")
     return message or type(error).__name__
 
@@ -290,7 +266,7 @@ def _error_line(error: Exception, source: str) -> str:
     from jinja2 import TemplateSyntaxError
 
     if isinstance(error, TemplateSyntaxError):
-        return f"{error.name or source}, line {error.lineno}"
+        return f"{source}, line {error.lineno}"
     # jinja2 maps frames of the traceback to lines of the template.
     line, step = None, error.__traceback__
     while step is not None:

@@ -114,7 +114,7 @@ def export(request: Request) -> PageFrame:
         content = file.read_bytes()
     header = {
         **{"run": plan.run.name, "points": len(plan.set_points.q)},
-        "warnings": (*plan.warnings, *(f"{format.title}: {said}" for said in notes)),
+        "warnings": (*plan.warnings, *(f"Format {format.label}: {said}" for said in notes)),
     }
     return PageFrame.of_file(file.name, content, header)
 

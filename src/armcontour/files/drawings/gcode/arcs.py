@@ -82,11 +82,11 @@ def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str)
     ):
         allowed = min(MAX_DIFFERENCE[dialect], max(ALWAYS_ALLOWED[dialect], relative))
         raise Fault(
-            "the centre of an arc must have equal distances to start and end, but is {} from the "
-            "start and {} from the end. The difference is {}, but at most {} are allowed: correct "
-            "I, J and K, or write G90.1 if they are absolute",
-            radius, end_radius, difference, allowed,
-        )  # fmt: skip
+            f"the centre of an arc must have equal distances to start and end, but is "
+            f"{1e3 * radius:.6g} mm from the start and {1e3 * end_radius:.6g} mm from the end. The "
+            f"difference is {1e3 * difference:.6g} mm, but at most {1e3 * allowed:.6g} mm are "
+            "allowed: correct I, J and K, or write G90.1 if they are absolute"
+        )
     if math.dist(start, end) <= REPEATED_POINT:
         return ProgrammedArc(center, start, start, turn, 2 * math.pi, radius, radius)
     sweep = turn * math.atan2(px * qy - py * qx, px * qx + py * qy)
@@ -106,9 +106,9 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Progr
         )
     if chord / 2 > abs(radius) + RADIUS_TOLERANCE:
         raise Fault(
-            "an arc to a point at a distance of {} needs a radius of at least {}, but R is {}",
-            chord, chord / 2, abs(radius),
-        )  # fmt: skip
+            f"an arc to a point at a distance of {1e3 * chord:.6g} mm needs a radius of at least "
+            f"{500 * chord:.6g} mm, but R is {1e3 * abs(radius):.6g} mm"
+        )
     across = math.sqrt(max((abs(radius) - chord / 2) * (abs(radius) + chord / 2), 0.0))
     height = turn * math.copysign(across, radius)
     ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord

@@ -92,9 +92,9 @@ class _Runner:
                     break
                 plain = machine.accepts_plain_line()
         except Fault as fault:
-            number, message = notes.line, fault.message(inch=machine.inch)
+            number = notes.line
             raise InvalidInput(
-                f"{self.source}, line {number}: {message}.", index=number - 1
+                f"{self.source}, line {number}: {fault}.", index=number - 1
             ) from None
         if self.framed and not self.ended:
             raise InvalidInput(

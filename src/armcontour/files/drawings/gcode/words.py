@@ -15,22 +15,7 @@ PLAIN_MOVES = "post-process the program in the CAM system to plain moves (G0 to 
 
 
 class Fault(Exception):
-    """An error in a line; the text is a sentence without a full stop, shown after the line number.
-
-    Each `{}` in the text is replaced by one of `lengths` [m] in the unit of the program.
-    """
-
-    def __init__(self, text: str, *lengths: float) -> None:
-        super().__init__(text)
-        self.lengths = lengths
-
-    def message(self, *, inch: bool) -> str:
-        """The text of the error, with lengths in inches or in millimetres."""
-        text = str(self)
-        if not self.lengths:
-            return text
-        unit, name = (INCH, "inch") if inch else (MILLIMETRE, "mm")
-        return text.format(*(f"{x / unit:.6g} {name}" for x in self.lengths))
+    """An error in a line; the text is a sentence without a full stop, after the line number."""
 
 
 class Notes:
@@ -76,7 +61,7 @@ SHOWN_CHARACTERS = 30
 WHOLE_TOLERANCE = 1e-4
 
 TOKEN = re.compile(
-    r"([A-Z$])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?![0-9.=])|\([^()]*\)|;.*", re.DOTALL
+    r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?![0-9.=])|\([^()]*\)|;.*", re.DOTALL
 )
 EXPONENT = re.compile(r"[0-9.][eE]")
 COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
