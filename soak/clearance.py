@@ -27,6 +27,7 @@ from armcontour.robot.scene import (
     Box,
     Capsule,
     Cylinder,
+    LinkShape,
     Mesh,
     Obstacle,
     Scene,
@@ -34,7 +35,7 @@ from armcontour.robot.scene import (
     Sphere,
 )
 from armcontour.verification.clearance.distances import Distances
-from armcontour.verification.clearance.pairs import Body, Pair, pairs_of
+from armcontour.verification.clearance.pairs import Pair, pairs_of
 from soak import Outcome
 
 ARMS = ("ur5e", "ur10e", "panda")
@@ -170,7 +171,7 @@ def _ball(shape: Any) -> tuple[FloatArray, float]:
     return np.zeros(3), radius
 
 
-def _body(x: Body) -> tuple[object, FloatArray]:
+def _body(x: LinkShape) -> tuple[object, FloatArray]:
     """A body of the library, of triangles where it is a mesh, and its place in its link."""
     shape, place = x.exact or x.shape, x.place
     made: object

@@ -9,8 +9,7 @@ import pytest
 from tests.dynamics_extra import mark_all_but, needs_dynamics
 
 import armcontour as ac
-from armcontour.core.palette import LIMITS
-from armcontour.core.render import number
+from armcontour.core.render import LIMITS, number
 from armcontour.files.cell import read_cell
 from armcontour.jobs import run
 from armcontour.program import Lead, Process

@@ -111,9 +111,7 @@ def test_no_number_a_singular_arm_and_an_unknown_branch_are_refused(arm):
         (lambda: arm.joint_velocity([[0.0, 0.0]], [[1.0, 0.0]]), "PMK-3s", "singular"),
         kind=ac.Unreachable,
     )
-    refused(
-        (lambda: arm.joint_position([0.35, 0.1], "left"), "branches positive, negative", "'left'")
-    )
+    refused((lambda: arm.joint_position([0.35, 0.1], "left"), "positive, negative", "'left'"))
 
 
 def test_the_plane_arm_in_space_is_the_same_arm(arm):

@@ -12,9 +12,8 @@ import pytest
 
 import armcontour as ac
 import armcontour.studio as studio
-from armcontour.core import palette
 from armcontour.core.frames import Frame
-from armcontour.core.render import jsonable
+from armcontour.core.render import PALETTE_FILE, jsonable
 from armcontour.robot.chain import link_poses
 from armcontour.studio.arm_picture import arm_frame
 
@@ -41,7 +40,7 @@ def compute(script, arguments=None):
     start = (
         f"const given = {json.dumps(jsonable(arguments))};"
         "const tell = x => console.log(JSON.stringify(x));"
-        f"globalThis.fetch = async () => ({{ json: () => ({palette.PALETTE_FILE.read_text()}) }});"
+        f"globalThis.fetch = async () => ({{ json: () => ({PALETTE_FILE.read_text()}) }});"
     )
     command, code = [NODE, "--input-type=module", "-"], start + script
     outcome = subprocess.run(

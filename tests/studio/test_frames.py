@@ -15,7 +15,7 @@ from tests.studio.session_pages import figure
 
 from armcontour.core import render
 from armcontour.core.errors import Collision, ExecutionError, Unreachable
-from armcontour.core.palette import LIMITS
+from armcontour.core.render import LIMITS
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.studio.execution_picture import execution_frame

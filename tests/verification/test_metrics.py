@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.verification.contour_errors import corner_deviations, measure_speed_ratios
-from armcontour.verification.path_following import follow_path
+from armcontour.verification.error_profile import follow_path
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
-from armcontour.verification.path_following import follow_path
+from armcontour.verification.error_profile import follow_path
 
 OFF = 0.3e-3
 

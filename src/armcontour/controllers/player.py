@@ -16,7 +16,6 @@ from armcontour.controllers.commands import (
     uncompensated_motion,
 )
 from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion
-from armcontour.core.bounded_differences import differences
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked, declared
@@ -24,6 +23,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import AngularDistance, Quantity
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
+from armcontour.core.sampling import differences
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import judge

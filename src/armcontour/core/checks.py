@@ -16,6 +16,7 @@ from typing import (
     ParamSpec,
     TypeVar,
     Union,
+    cast,
     get_args,
     get_origin,
     get_type_hints,
@@ -130,19 +131,12 @@ class Immutable:
         vars(self).update(arrays, _frozen=True)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        self._refuse_change(name)
-        super().__setattr__(name, value)
-
-    def __delattr__(self, name: str) -> None:
-        self._refuse_change(name)
-        super().__delattr__(name)
-
-    def _refuse_change(self, name: str) -> None:
         if "_frozen" in vars(self):
             raise FrozenInstanceError(
                 f"The {name} of a {type(self).__name__} cannot be set after construction, because "
                 f"plans may depend on it. {self._instead}."
             )
+        super().__setattr__(name, value)
 
 
 def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
@@ -350,14 +344,7 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
 
 def derivative(order: Any, highest: int = HIGHEST) -> int:
     """Check and return the order of a derivative, 0 for the value itself."""
-    if type(order) is int and 0 <= order <= highest:
-        return order
-    if isinstance(order, np.integer):
-        return derivative(int(order), highest)
-    raise InvalidInput(
-        f"The order of a derivative must be a whole number from 0 to {highest}, but is "
-        f"{show(order)}."
-    )
+    return check_int("order of a derivative", order, 0, highest)
 
 
 def check_name(name: str, value: Any, *, longest: int = LONGEST_NAME, needed: bool = False) -> str:
@@ -525,12 +512,7 @@ def read_file_path(user: str, path: Any) -> FilePath:
 
 def check_side(value: str) -> Literal["left", "right"]:
     """Return "left" or "right", the side from which a function with a jump is evaluated."""
-    if isinstance(value, str):
-        if value == "right":
-            return "right"
-        if value == "left":
-            return "left"
-    raise InvalidInput(f"side must be left or right, not {show(value)}.")
+    return cast(Literal["left", "right"], check_choice("side", value, ("left", "right")))
 
 
 def in_unit(unit: str) -> str:

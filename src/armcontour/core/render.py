@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
-from armcontour.core.palette import VERDICTS
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
 from armcontour.core.text import format_table
 
+# The page of the Studio reads this file, too.
+PALETTE_FILE = FilePath(__file__).with_name("palette.json")
+# Colours by theme, dashes [px] and words. Keys of limits are their names in explanations.
+PALETTE: dict[str, Any] = json.loads(PALETTE_FILE.read_text("utf-8"))
+LIMITS: dict[str, dict[str, Any]] = PALETTE["limits"]
+VERDICTS: dict[str, dict[str, Any]] = PALETTE["verdicts"]
+LINES: dict[str, str] = PALETTE["lines"]
 # Display unit of each SI unit, and size of the display unit in the SI unit.
 SHOWN = {
     "1": ("%", 1e-2),

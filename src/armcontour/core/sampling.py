@@ -1,4 +1,4 @@
-"""Checks, interpolation and noise of sampled motions; numbering of parts."""
+"""Interpolation, differences and noise of sampled motions; numbering of parts."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatAr
         neighbours = slice(max(first - 1, 0), last + 1)
         t, values = t[neighbours], values[neighbours]
     return np.stack([np.interp(times, t, x) for x in values.T], axis=1)
+
+
+def differences(values: FloatArray, order: int) -> FloatArray:
+    """Differences of an order; before the first and after the last value, values are constant."""
+    around = [(order - 1, order - 1), *[(0, 0)] * (values.ndim - 1)]
+    return np.diff(np.pad(values, around, mode="edge"), order, axis=0)
 
 
 def integrate(values: FloatArray, t: FloatArray) -> float:

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.core.palette import VERDICTS
-from armcontour.core.render import number
+from armcontour.core.render import VERDICTS, number
 
 # Array types that plotly.js reads from base64, by name of the numpy type.
 TYPES = {"int8": "i1", "int16": "i2", "int32": "i4", "float32": "f4", "float64": "f8"}

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.palette import LIMITS, LINES
-from armcontour.core.render import number, number_range
+from armcontour.core.render import LIMITS, LINES, number, number_range
 from armcontour.core.text import count_noun
 from armcontour.jobs import Job, RunResult
 from armcontour.planning.explanation import BETWEEN, RAPIDS, LimitShare

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.palette import LINES, PALETTE
+from armcontour.core.render import LINES, PALETTE
 from armcontour.report.figure import make_trace
 
 RUN_COLOURS = PALETTE["runs"]

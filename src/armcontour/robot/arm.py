@@ -16,8 +16,8 @@ from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.fields import checked
 from armcontour.core.frames import Pose, read_poses, transforms
 from armcontour.core.text import count_noun
-from armcontour.robot.chain import Chain, Payload, link_table
-from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
+from armcontour.robot.chain import Chain, Payload, link_table, state_rows
+from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits, list_values
 
 if TYPE_CHECKING:
     from armcontour.robot.closed_form import ClosedForm
@@ -92,16 +92,9 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
             excess = np.where(
                 np.isfinite(requested) & np.isfinite(has), (requested - has) / scale, 0.0
             )
-        side, j = np.unravel_index(int(excess.argmax()), excess.shape)
-        if excess[side, j] > SAME_LIMIT:
-            sign = -1.0 if side or name == "joint_lower" else 1.0
-            factor = 1e3 if name in TOOL_LIMITS and unit.startswith("m/") else 1.0
-            joint = "" if name in TOOL_LIMITS else f" of joint {j + 1}"
-            written = f"m{unit}" if factor > 1 else unit
-            value, arm_value = (
-                f"{sign * factor * x[side, j]:.6g} {written}" for x in (requested, has)
-            )
-            above.append(f"{name}{joint} is {value}, the arm's {arm_value}")
+        if excess.max() > SAME_LIMIT:
+            listed, of_arm = (f"{list_values(x)} {unit}" for x in (values, arm_values))
+            above.append(f"{name} is {listed}, the arm's {of_arm}")
     if not above:
         return ""
     called = getattr(arm, "name", "without a name")
@@ -298,33 +291,6 @@ class Arm(Immutable, ABC):
         vars(other).update(changes)
         return other
 
-    def _rows(self, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
-        """Common shape of the states without the last axis, and the states as rows, (n, dof)."""
-        # The shapes are checked because compiled code would read past the end of a short row.
-        arrays = [checks.floats("states of an arm", x) for x in states]
-        shape = arrays[0].shape
-        if shape[-1:] != (self.dof,) or any(x.shape != shape for x in arrays):
-            shape = self._common_shape(arrays)
-            arrays = [np.broadcast_to(x, shape) for x in arrays]
-        # Numba would compile the kernels again for read-only arrays.
-        rows = [checks.kernel_array(x.reshape(-1, self.dof)) for x in arrays]
-        return shape[:-1], rows
-
-    def _common_shape(self, states: list[FloatArray]) -> tuple[int, ...]:
-        """Shape to which the states can be broadcast; raises an error if there is none."""
-        observed = ", ".join(str(x.shape) for x in states)
-        if any(x.shape[-1:] != (self.dof,) for x in states):
-            raise InvalidInput(
-                f"The arm {self.name} has {self.dof} joints, so its states must be arrays with "
-                f"{self.dof} columns, not {observed}."
-            )
-        try:
-            return np.broadcast_shapes(*(x.shape for x in states))
-        except ValueError:
-            raise InvalidInput(
-                f"States must have shapes that can be broadcast together, not {observed}."
-            ) from None
-
     @property
     def has_bodies(self) -> bool:
         """True if the masses of the links are known."""
@@ -488,7 +454,7 @@ class Arm(Immutable, ABC):
         """
         from armcontour.robot.kernels import jacobians
 
-        leading, (rows,) = self._rows(q)
+        leading, (rows,) = state_rows(self.dof, q)
         return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
 
     def tool_position(self, q: npt.ArrayLike) -> FloatArray:
@@ -524,7 +490,7 @@ class Arm(Immutable, ABC):
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
         """
-        leading, (rows, rates) = self._rows(q, dq)
+        leading, (rows, rates) = state_rows(self.dof, q, dq)
         frames = self._frames(rows)
         points, directions = frames[..., 3], frames[:, :-1, :, 2]
         angular = np.cumsum(directions * rates[..., None], axis=1)
@@ -577,7 +543,7 @@ class Arm(Immutable, ABC):
         # Numba is imported at first use, because it loads slowly and many arms are only listed.
         from armcontour.robot.kernels import tool_motion
 
-        leading, rows = self._rows(*states)
+        leading, rows = state_rows(self.dof, *states)
         # The kernel does not use derivatives above its order, so q is passed in their place.
         motion = tool_motion(self.link_table, len(rows) - 1, *(rows * 4)[:4])
         return np.asarray(motion.reshape(*leading, motion.shape[1]))
@@ -594,7 +560,7 @@ class Arm(Immutable, ABC):
         """Frames of all joints and of the tool in the work frame, (..., dof + 1, 3, 4)."""
         from armcontour.robot.kernels import frames_of
 
-        leading, (rows,) = self._rows(q)
+        leading, (rows,) = state_rows(self.dof, q)
         return np.asarray(frames_of(self.link_table, rows).reshape(*leading, self.dof + 1, 3, 4))
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:

@@ -170,6 +170,27 @@ class Chain(Checked):
         return chain
 
 
+def state_rows(dof: int, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
+    """Common shape of joint states without the last axis, and the states as rows, (n, dof)."""
+    # The shapes are checked because compiled code would read past the end of a short row.
+    arrays = [checks.floats("states of an arm", x) for x in states]
+    shape = arrays[0].shape
+    if shape[-1:] != (dof,) or any(x.shape != shape for x in arrays):
+        shapes = [x.shape for x in arrays]
+        try:
+            shape = np.broadcast_shapes(*shapes)
+        except ValueError:
+            shape = ()
+        if any(x[-1:] != (dof,) for x in (shape, *shapes)):
+            raise InvalidInput(
+                f"The states of {dof} joints must be arrays with {dof} columns that can be "
+                f"broadcast together, but have the shapes {', '.join(map(str, shapes))}."
+            )
+        arrays = [np.broadcast_to(x, shape) for x in arrays]
+    # Numba would compile the kernels again for read-only arrays.
+    return shape[:-1], [checks.kernel_array(x.reshape(-1, dof)) for x in arrays]
+
+
 def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4), at q, (n, dof)."""
     from armcontour.robot.kernels import frames_of

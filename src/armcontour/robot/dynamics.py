@@ -10,7 +10,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.robot.chain import Chain, joint_frames
+from armcontour.robot.chain import Chain, joint_frames, state_rows
 
 
 class Dynamics:
@@ -51,13 +51,14 @@ class Dynamics:
         """Coefficients a, b, c of the torque `a dds + b ds² + c` along a path, without friction."""
         from armcontour.robot import kernels
 
-        a, b, c = kernels.path_terms(self._links, self._gravity, *self._rows(q, dq_ds, d2q_ds2))
-        shape = np.shape(q)
+        leading, rows = state_rows(len(self.chain), q, dq_ds, d2q_ds2)
+        a, b, c = kernels.path_terms(self._links, self._gravity, *rows)
+        shape = (*leading, len(self.chain))
         return a.reshape(shape), b.reshape(shape), c.reshape(shape)
 
     def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
         """Mass matrix: torque per joint acceleration [kg m²], (n, dof, dof)."""
-        (positions,) = self._rows(q)
+        _, (positions,) = state_rows(len(self.chain), q)
         n, dof = positions.shape
         # Rows are the torques for a unit acceleration of one joint without gravity.
         one = np.tile(np.eye(dof), (n, 1))
@@ -77,7 +78,8 @@ class Dynamics:
 
         They have the units N m/rad, N m s/rad and kg m²; the last one is the mass matrix.
         """
-        states, unit = self._rows(q, dq, ddq), np.eye(len(self.chain))
+        unit = np.eye(len(self.chain))
+        _, states = state_rows(len(unit), q, dq, ddq)
 
         def change(order: int, step: float) -> FloatArray:
             """Half the change of the torque from -step to step of a joint, (n, dof, joints)."""
@@ -93,19 +95,6 @@ class Dynamics:
         position = (3 * change(0, math.pi / 3) - change(0, 2 * math.pi / 3)) / math.sqrt(3)
         shape = (*np.shape(q), len(unit))
         return position.reshape(shape), change(1, 1.0).reshape(shape), self.mass_matrix(q)
-
-    def _rows(self, *states: npt.ArrayLike) -> list[FloatArray]:
-        """Check states, and return each as rows, (n, dof)."""
-        # The shapes are checked because compiled code would read past the end of a short row.
-        arrays = [checks.floats("states of an arm", x) for x in states]
-        shape, dof = arrays[0].shape, len(self.chain)
-        if any(x.shape != shape for x in arrays) or shape[-1:] != (dof,):
-            raise InvalidInput(
-                f"The states of {dof} joints must be arrays of one shape with {dof} columns, not "
-                f"{', '.join(str(x.shape) for x in arrays)}."
-            )
-        # Numba would compile the kernels again for read-only arrays.
-        return [np.require(x.reshape(-1, dof), requirements=["C", "W"]) for x in arrays]
 
 
 def _link_data(chain: Chain) -> FloatArray:

@@ -16,7 +16,7 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Length, Name, Quantity, Size
 from armcontour.robot.arm import Arm, unit_hint
-from armcontour.robot.chain import Chain, Payload
+from armcontour.robot.chain import Chain, Payload, state_rows
 from armcontour.robot.limits import Limits
 from armcontour.robot.scene import ArmShapes, Capsule, LinkShape
 
@@ -134,7 +134,8 @@ class PlanarTwoLink(Arm):
         Raises:
             Unreachable: A point is out of reach or singular; `index` is the first such point.
         """
-        sign = 1.0 if self._branch(configuration) == "positive" else -1.0
+        branch = self.branches[0] if configuration is None else configuration
+        sign = 1.0 if checks.check_choice("branch", branch, self.branches) == "positive" else -1.0
         tool = checks.floats("tool points", points, "m")
         if tool.shape[-1:] != (2,):
             raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {tool.shape}.")
@@ -196,12 +197,12 @@ class PlanarTwoLink(Arm):
             Unreachable: The arm is singular at one of the joint positions.
         """
         rate, required = (checks.floats("states of an arm", x) for x in (dq, acceleration))
-        self._common_shape([checks.floats("states of an arm", q), rate, required])
+        state_rows(self.dof, q, rate, required)
         return self._solve(q, required - self.tool_acceleration(q, rate, np.zeros_like(rate)))
 
     def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
         """Solve `J(q) x = right` for x, (..., 2); raises an error if the arm is singular."""
-        self._common_shape([checks.floats("states of an arm", q), right])
+        state_rows(self.dof, q, right)
         jacobian = self.tool_jacobian(q)
         try:
             return np.asarray(np.linalg.solve(jacobian, right[..., None])[..., 0])
@@ -239,17 +240,6 @@ class PlanarTwoLink(Arm):
             assumed=assumed,
             **bodies,  # type: ignore[arg-type]
         )
-
-    def _branch(self, configuration: str | None) -> str:
-        """Check the name of a branch and return it; None selects the first branch."""
-        if configuration is None:
-            return self.branches[0]
-        if not isinstance(configuration, str) or configuration not in self.branches:
-            raise InvalidInput(
-                f"The arm {self.name} has the branches {', '.join(self.branches)}, not "
-                f"{configuration!r}."
-            )
-        return configuration
 
     def _check_reach(self, points: FloatArray, distance: FloatArray) -> None:
         """Raise an error if a point is out of reach or singular."""

@@ -146,7 +146,7 @@ ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinkShape(Checked):
-    """A shape that moves with a link, or with the tool."""
+    """A shape that moves with a link or with the tool, or a fixed body (link 0)."""
 
     # Name of the link, or of the body that a job adds to it; for messages and exclusions
     name: Name
@@ -159,7 +159,7 @@ class LinkShape(Checked):
     assumed: bool = False  # True if the shape is an assumption
 
     def _check_together(self) -> None:
-        if isinstance(self.shape, HalfSpace):
+        if isinstance(self.shape, HalfSpace) and (self.link or self.tool):
             raise InvalidInput(
                 f"The shape of {self.name} must not be a half-space, which cannot move with a link."
             )

@@ -19,8 +19,8 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, quote
 
-from armcontour.core import palette
 from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.render import PALETTE_FILE
 from armcontour.studio.access_control import (
     ADDRESS,
     MAX_MESSAGE,
@@ -173,7 +173,7 @@ def page_files() -> dict[str, FilePath]:
     files = {
         x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in CONTENT_TYPES
     }
-    return {**files, palette.PALETTE_FILE.name: palette.PALETTE_FILE}
+    return {**files, PALETTE_FILE.name: PALETTE_FILE}
 
 
 def serve(

@@ -6,6 +6,6 @@ from armcontour.verification.evaluation import evaluate as evaluate
 from armcontour.verification.interpolation_check import InterpolationCheck as InterpolationCheck
 from armcontour.verification.interpolation_check import check_interpolation as check_interpolation
 from armcontour.verification.limit_verdict import LimitUse as LimitUse
+from armcontour.verification.limit_verdict import PathDeviation as PathDeviation
 from armcontour.verification.trajectory_check import Check as Check
-from armcontour.verification.trajectory_check import PathDeviation as PathDeviation
 from armcontour.verification.trajectory_check import check as check

@@ -23,13 +23,14 @@ from armcontour.verification.error_profile import (
     SHARP,
     Coverage,
     ErrorProfile,
+    Followed,
     Hidden,
     Measure,
     find_peak,
+    follow_path,
     maximize_smooth,
     orientation_angles,
 )
-from armcontour.verification.path_following import Followed, follow_path
 
 # Errors [m or rad] and arc lengths [m] at n times, (n,) each.
 Errors = tuple[FloatArray, FloatArray]

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -305,7 +304,7 @@ def evaluate(
     contours = tuple(x.contour_error for x in pieces)
     shares = [x.speed_ratios(bounds.speed) for x in pieces]
     ratio = max(float(x.max()) for x in shares)
-    delay = common_delay(executed)
+    delay, jerk = common_delay(executed), executed_jerk(executed)
     times = [(t[moved], speed[moved])]
     if program.single_path is None:
         times = [(x.t, x.speed) for x in pieces]
@@ -342,24 +341,16 @@ def evaluate(
             sum(integrate(y, x) for x, y in times)
             / (duration if program.single_path else sum(x[-1] - x[0] for x, _ in times))
         ),
-        **_compute_demands(executed, bounds, end),
+        demand=executed.peak_demand,
+        demand_ratio=demand_ratio(executed, bounds),
+        jerk=jerk,
+        jerk_ratio=use_of("joint_jerk", bounds, jerk).ratio,
+        command_jerk=commanded_jerk(executed.set_points),
+        saturated=saturated_fractions(executed, end),
         time_at_limit=_time_at_limit(executed, bounds, duration) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
         judged=EvaluationInputs(executed=executed, path=program, objective=before, limits=bounds),
     )
-
-
-def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
-    """Fields of `Evaluation` about joint demands; `end` is the end of the RMS interval [s]."""
-    jerk = executed_jerk(executed)
-    return {
-        "demand": executed.peak_demand,
-        "demand_ratio": demand_ratio(executed, limits),
-        "jerk": jerk,
-        "jerk_ratio": use_of("joint_jerk", limits, jerk).ratio,
-        "command_jerk": commanded_jerk(executed.set_points),
-        "saturated": saturated_fractions(executed, end),
-    }
 
 
 def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
@@ -399,19 +390,15 @@ def _time_at_limit(executed: Execution, limits: Limits, duration: float) -> floa
 
 def executed_jerk(executed: Execution) -> FloatArray:
     """Largest mean jerk of each joint over any cycle [rad/s³], (dof,)."""
-    return np.asarray(np.abs(mean_jerk(executed)).max(axis=0))
-
-
-def mean_jerk(executed: Execution) -> FloatArray:
-    """Mean jerk over the cycle that ends at each time [rad/s³], (n, dof)."""
+    # The mean is over the cycle that ends at each time.
     t, ddq = executed.t, executed.ddq
     if len(t) < 2:
-        return np.zeros_like(ddq)
+        return np.zeros(ddq.shape[1])
     step = float(t[-1] - t[0]) / (len(t) - 1)
     k = max(1, round(executed.set_points.cycle / step))
     # The arm is at rest before the first sample.
     before = np.concatenate([np.zeros((k, ddq.shape[1])), ddq])[: len(ddq)]
-    return np.asarray((ddq - before) / (k * step))
+    return np.asarray(np.abs((ddq - before) / (k * step)).max(axis=0))
 
 
 def commanded_jerk(set_points: SetPoints) -> FloatArray:

@@ -20,8 +20,8 @@ from armcontour.motion.controller_laws import CONTROLLERS, NAMES, CommandCurve, 
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limit_use import use_of
-from armcontour.verification.limit_verdict import VERDICTS, LimitUse
-from armcontour.verification.trajectory_check import PathDeviation, TimeSamples, check
+from armcontour.verification.limit_verdict import VERDICTS, LimitUse, PathDeviation
+from armcontour.verification.trajectory_check import TimeSamples, check
 
 # Number of times per interval of a law at which the distance from the path is computed, and total
 # number of times above which fewer are used. With 32 times per interval, the peak of a smooth error
@@ -141,9 +141,9 @@ def check_interpolation(
             f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {dof}."
         )
     bounds = resolve_limits("check_interpolation", arm, limits)
-    commanded = _commands(curve, rate)
-    smooth = bounds.without_jerk
-    uses = check(commanded, arm, smooth, path, tolerance=tolerance).uses
+    t, q = curve.commands(rate)
+    commanded = SimpleNamespace(t=t, q=q)
+    uses = check(commanded, arm, bounds.without_jerk, path, tolerance=tolerance).uses
     times = _times(points)
     far = None
     if path is not None:
@@ -171,12 +171,6 @@ def check_interpolation(
         acceleration=_law_acceleration(curve, bounds, times),
         path_deviation=far,
     )
-
-
-def _commands(curve: CommandCurve, rate: float) -> TimeSamples:
-    """Commands that a controller sends, as samples."""
-    t, q = curve.commands(rate)
-    return SimpleNamespace(t=t, q=q)
 
 
 def _times(points: TimeSamples) -> FloatArray:

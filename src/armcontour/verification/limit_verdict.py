@@ -169,6 +169,15 @@ def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathDeviation:
+    """Largest distance of the tool from the path [m], its time [s] and arc length [m]."""
+
+    distance: float
+    t: float
+    s: float
+
+
 class LimitUseAccumulator:
     """Accumulator of the largest uses of every limit; `limits` must have one value per joint."""
 
@@ -185,7 +194,7 @@ class LimitUseAccumulator:
     ):
         self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
         self.orientation_deviation = orientation_deviation
-        self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
+        self.farthest = PathDeviation(distance=0.0, t=0.0, s=0.0)
         # True if recorded values count for the highest ratio.
         self.narrow = True
         self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
@@ -244,18 +253,18 @@ class LimitUseAccumulator:
         points, error_bound = self.tool_points(q, error)
         nearest = self.path.project(points)
         worst = int(np.argmax(nearest.distance))
-        if nearest.distance[worst] >= self.farthest["distance"]:
-            self.farthest = {
-                "distance": float(nearest.distance[worst]),
-                "t": float(t[worst]),
-                "s": float(nearest.s[worst]),
-            }
+        if nearest.distance[worst] >= self.farthest.distance:
+            self.farthest = PathDeviation(
+                distance=float(nearest.distance[worst]),
+                t=float(t[worst]),
+                s=float(nearest.s[worst]),
+            )
         if self.deviation is not None:
             self.record(Use("path_deviation", nearest.distance, self.deviation, error_bound), t, q)
         allowed, orientation = self.orientation_deviation, self.path.orientation
         if allowed is None or orientation is None or not isinstance(self.arm, SerialArm):
             return
-        reach = self.farthest["distance"] if self.deviation is None else self.deviation
+        reach = self.farthest.distance if self.deviation is None else self.deviation
         angle = smallest_angles(self.path, points, nearest, self.arm.pose(q)[1], reach)
         # An error of a joint position turns the tool by at most the same angle. An error of the
         # tool point moves the nearest point to another required orientation.

@@ -26,6 +26,7 @@ from armcontour.robot import Arm, Limits, SerialArm, resolve_limits
 from armcontour.robot.limit_use import Use
 from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
+from armcontour.verification.error_profile import follow_path
 from armcontour.verification.limit_verdict import (
     CANNOT_TELL,
     KEPT,
@@ -33,12 +34,12 @@ from armcontour.verification.limit_verdict import (
     VIOLATED,
     LimitUse,
     LimitUseAccumulator,
+    PathDeviation,
     TimeLaw,
     merge_uses,
     record_law,
     shift_use,
 )
-from armcontour.verification.path_following import follow_path
 from armcontour.verification.sample_check import SampledMotion, record_samples
 
 # Error bound of computed numbers, in units of the last binary digit.
@@ -63,15 +64,6 @@ class TimeSamples(Protocol):
     @property
     def q(self) -> FloatArray:
         """Joint positions [rad]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PathDeviation:
-    """Largest distance of the tool from the path [m], its time [s] and arc length [m]."""
-
-    distance: float
-    t: float
-    s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -314,15 +306,9 @@ def check(
                 part_uses[name] = replace(use, verdict=CANNOT_TELL)
         not_judged |= dict.fromkeys(_not_judged(part.limits, part.path, set(part_uses)))
         uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in part_uses.items()}
-        farthest_point = tally.farthest
-        if part.path is not None and (
-            farthest is None or farthest_point["distance"] > farthest.distance
-        ):
-            farthest = PathDeviation(
-                distance=farthest_point["distance"],
-                t=part.t + farthest_point["t"],
-                s=part.s + farthest_point["s"],
-            )
+        far = tally.farthest
+        if part.path is not None and (farthest is None or far.distance > farthest.distance):
+            farthest = replace(far, t=part.t + far.t, s=part.s + far.s)
     assert whole is not None
     return Check(
         uses=tuple(uses.values()),

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.palette import LIMITS
-from armcontour.core.render import number
+from armcontour.core.render import LIMITS, number
 from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.rows import allowed_error
 from armcontour.planning.explanation import Binding

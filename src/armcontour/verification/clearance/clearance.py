@@ -13,7 +13,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import Collision
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Tolerance
-from armcontour.core.render import Result, figure, number
+from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.core.sampling import interpolate
 from armcontour.core.text import clock, list_some, short_repr
@@ -216,18 +216,13 @@ class Clearance(Result):
         """The verdict with the smallest distance, as a sentence."""
         if not self.satisfied:
             return f"Too near: {self.too_near[0]}."
-        first, *others = self.nearest or (None,)
-        if first is None:
+        if (least := self.least) is None:
             return "Clear: there is no pair of bodies that could touch."
-        assert self.low is not None
         clear = "Clear of the cell, but below the base" if self.below else "Clear"
-        low = {k: min(x.low for x in self.pairs if x.kind == k) for k in {x.kind for x in others}}
-        bounds = "; ".join(f"{x.second} and {x.first} {number(low[x.kind], 'm')}" for x in others)
-        verdict = (
-            f"{clear}: nothing comes nearer than {figure(self.to_data()['low'])} at any time; "
-            f"{first.second} and {first.first} are nearest, {first.place}."
+        return (
+            f"{clear}: nothing comes nearer than {number(self.low, 'm')} at any time; "
+            f"{least.second} and {least.first} are nearest, {least.place}."
         )
-        return f"{verdict} Bounds of other kinds: {bounds}." if bounds else verdict
 
     @property
     def below_base(self) -> str | None:

@@ -23,12 +23,13 @@ from armcontour.robot.scene import (
     Cylinder,
     HalfSpace,
     LeftOut,
+    LinkShape,
     Mesh,
     Scene,
     Shape,
     Sphere,
 )
-from armcontour.verification.clearance.pairs import Body, Pair, pairs_of
+from armcontour.verification.clearance.pairs import Pair, pairs_of
 
 # Uncertainty of distances, due to the tolerance of the library's iteration [m].
 UNCERTAINTY = 2e-6
@@ -49,7 +50,7 @@ class Distances:
         self._pairs = pairs
         # Indices in the list of all bodies; bodies are compared by identity.
         self._bodies: dict[int, int] = {}
-        self._list: list[Body] = []
+        self._list: list[LinkShape] = []
         made = partial(_geometry, self._coal)
         for pair in pairs:
             for body in (pair.first, pair.second):

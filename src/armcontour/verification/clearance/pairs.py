@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -10,9 +10,8 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import Frame
 from armcontour.robot import Arm, Chain
-from armcontour.robot.scene import BASE, TOOL, ArmShapes, HalfSpace, LeftOut, Mesh, Scene, Shape
+from armcontour.robot.scene import BASE, TOOL, ArmShapes, HalfSpace, LeftOut, LinkShape, Scene
 
 ENVIRONMENT, OWN = "environment", "own"
 # Kind of the pairs of links with the mounting plane of the base.
@@ -23,24 +22,12 @@ FIRST_RAISED, BELOW = 2, 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Body:
-    """A shape that moves with a link, or is fixed."""
-
-    name: str  # Name of link or obstacle
-    link: int  # Link with which the body moves; 0 for the base and for obstacles
-    shape: Shape
-    place: Frame  # Frame of the shape in the frame of the link
-    exact: Shape | None = None  # Exact shape if `shape` is its convex hull
-    tool: bool = False  # True if the body belongs to the tool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
     """Two bodies whose distance is checked."""
 
     # first, second: the bodies. The second one moves with the later link.
-    first: Body
-    second: Body
+    first: LinkShape
+    second: LinkShape
     kind: str  # "environment", "own" or "tool"
     margin: float  # Smallest allowed distance [m]
     radii: FloatArray  # Bounds on the approach speed per joint speed [m/rad], (dof,)
@@ -49,10 +36,7 @@ class Pair:
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
     """Pairs of bodies of an arm and its cell: the pairs to check, and the excluded pairs."""
     chain, shapes = _parts(arm)
-    bodies = [
-        Body(name=x.name, link=x.link, shape=x.shape, place=x.place, exact=x.exact, tool=x.tool)
-        for x in shapes.shapes
-    ]
+    bodies = shapes.shapes
     _check_obstacles(bodies, scene)
     radii = {id(x): _radii(chain, x) for x in bodies}
     pairs: list[Pair] = []
@@ -84,15 +68,11 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
     if arm.dimension != 3 or not scene.has_mounting_plane:
         return ()
     chain, shapes = _parts(arm)
-    plane = Body(name="mounting plane", link=0, shape=HalfSpace(), place=Frame())
-    bodies = (
-        Body(name=x.name, link=x.link, shape=x.shape, place=x.place)
-        for x in shapes.shapes
-        if not x.tool and x.link >= FIRST_RAISED
-    )
+    plane = LinkShape(name="mounting plane", link=0, shape=HalfSpace())
     return tuple(
         Pair(first=plane, second=x, kind=MOUNTING, margin=-BELOW, radii=_radii(chain, x))
-        for x in bodies
+        for x in shapes.shapes
+        if not x.tool and x.link >= FIRST_RAISED
     )
 
 
@@ -107,7 +87,7 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
     return arm.chain, arm.shapes
 
 
-def _links_without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
+def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[LeftOut]:
     """Exclusions of the links whose shape is unknown."""
     links = {x.link for x in bodies}
     return [
@@ -121,9 +101,8 @@ def _links_without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
     ]
 
 
-def _check_obstacles(bodies: Iterable[Body], scene: Scene) -> None:
+def _check_obstacles(bodies: Sequence[LinkShape], scene: Scene) -> None:
     """Check that obstacles are no moving links, and that `allow` names known bodies only."""
-    bodies = list(bodies)
     names, moving = {x.name for x in bodies} | {TOOL}, {x.name for x in bodies if x.link}
     end = max((x for x in bodies if not x.tool), key=lambda x: x.link, default=None)
     repair = "Remove the name" if end is None else f"Write {end.name}, the end of the arm,"
@@ -143,24 +122,22 @@ def _check_obstacles(bodies: Iterable[Body], scene: Scene) -> None:
 
 
 def _obstacle_pairs(
-    chain: Chain, bodies: Iterable[Body], scene: Scene
-) -> Iterable[tuple[Body, Body, float, bool]]:
+    chain: Chain, bodies: Sequence[LinkShape], scene: Scene
+) -> Iterable[tuple[LinkShape, LinkShape, float, bool]]:
     """Yield all pairs of obstacle and body of the arm, with margin and True if they may touch."""
-    bodies = list(bodies)
     for x in scene.obstacles:
         # Link 0 is the base; `chain.base` is its frame in the work frame.
         frame = x.place if x.fixed_to == BASE else chain.base.inverse @ x.place
-        hull, exact = x.shape, None
-        if isinstance(hull, Mesh) and hull.triangles is not None:
-            hull, exact = hull.hull, hull
-        obstacle = Body(name=x.name, link=0, shape=hull, place=frame, exact=exact)
+        obstacle = LinkShape(name=x.name, link=0, shape=x.shape, place=frame).with_hull()
         for body in bodies:
             of_kind = scene.margins.tool if body.tool else scene.margins.environment
             margin = of_kind if x.margin is None else x.margin
             yield obstacle, body, margin, body.name in x.allow or (body.tool and TOOL in x.allow)
 
 
-def _exclusion_reason(first: Body, second: Body, reasons: dict[frozenset[str], str]) -> str | None:
+def _exclusion_reason(
+    first: LinkShape, second: LinkShape, reasons: dict[frozenset[str], str]
+) -> str | None:
     """Reason to exclude two bodies of the arm; None if their distance must be checked."""
     if first.link == second.link:
         return "they move together"
@@ -172,7 +149,7 @@ def _exclusion_reason(first: Body, second: Body, reasons: dict[frozenset[str], s
 
 
 def _make_pair(
-    radii: Mapping[int, FloatArray], first: Body, second: Body, kind: str, margin: float
+    radii: Mapping[int, FloatArray], first: LinkShape, second: LinkShape, kind: str, margin: float
 ) -> Pair:
     """Make a pair with the bounds on its approach speed."""
     # Only joints between the links of both bodies cause relative motion.
@@ -182,7 +159,7 @@ def _make_pair(
     )
 
 
-def _radii(chain: Chain, body: Body) -> FloatArray:
+def _radii(chain: Chain, body: LinkShape) -> FloatArray:
     """Largest distances of points of a body from the joint axes in any posture [m], (dof,)."""
     radii = np.zeros(len(chain))
     middle, radius = body.shape.ball
