@@ -116,7 +116,8 @@ def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> byte
     for start, kind in FOREIGN.items():
         if content.startswith(start):
             raise InvalidInput(f"The {noun} {path} is {kind}.")
-    report_content(path, content)
+    for tell in tuple(_listeners):
+        tell(path, content)
     return content
 
 
@@ -124,12 +125,6 @@ def open_nonblocking(file: str, flags: int) -> int:
     """Open a file without blocking, as `opener` of `open`."""
     # Opening a pipe without a writer would block.
     return os.open(file, flags | getattr(os, "O_NONBLOCK", 0))
-
-
-def report_content(file: FilePath, content: bytes) -> None:
-    """Report the content of a file, possibly read by another process, to the listeners."""
-    for tell in tuple(_listeners):
-        tell(file, content)
 
 
 def read_text(file: str | FilePath, noun: str, *, maximum: int = SMALL, latin: bool = False) -> str:

@@ -15,7 +15,6 @@ from armcontour.core.checks import FloatArray, Immutable
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.fields import checked
 from armcontour.core.frames import Pose, read_poses, transforms
-from armcontour.core.text import count_noun
 from armcontour.robot.chain import Chain, Payload, link_table, state_rows
 from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits, list_values
 
@@ -155,18 +154,6 @@ class Arm(Immutable, ABC):
     assumed_limits: Limits | None = None
     _read_shapes: Callable[[], ArmShapes] | None = None
     _instead = "Use with_limits, with_tool, with_work or with_dynamics instead"
-
-    def __str__(self) -> str:
-        """Name and number of joints."""
-        parts = [
-            count_noun(self.dof, "joint"),
-            "in the plane" if self.dimension == 2 else "in space",
-        ]
-        if self.has_bodies:
-            parts.append("with masses")
-        if self._read_shapes is not None:
-            parts.append("with shapes")
-        return f"{self.name}: {', '.join(parts)}"
 
     def __repr__(self) -> str:
         """Class, name and number of joints."""

@@ -277,10 +277,10 @@ class Scene(Checked):
     Args:
         obstacles: The obstacles, of different names.
         margins: Smallest allowed distances.
-        floor: Height of the floor in the frame of the arm's base [m], an obstacle of the name
-            "floor". By default "base": links should stay above the mounting plane of the base,
-            unless an obstacle is a half-space below the base. "none" is no floor, for example on a
-            pedestal or a wall.
+        floor: Height of the floor in the frame of the arm's base [m]; the floor becomes an obstacle
+            of the name "floor", and this field "none". By default "base": links should stay above
+            the mounting plane of the base, unless an obstacle is a half-space below the base.
+            "none" is no floor, for example on a pedestal or a wall.
 
     Raises:
         InvalidInput: Two obstacles have one name, or the word for the floor is unknown.
@@ -294,9 +294,9 @@ class Scene(Checked):
         if not isinstance(self.floor, str):
             frame = Frame(position=np.array([0.0, 0.0, self.floor]))
             floor = Obstacle(name=FLOOR, shape=HalfSpace(), place=frame)
-            # A copy of a scene already contains its floor.
-            others = (x for x in self.obstacles if not _is_same(x, floor))
-            object.__setattr__(self, "obstacles", (*others, floor))
+            # A copy of the scene must not add the floor again.
+            object.__setattr__(self, "obstacles", (*self.obstacles, floor))
+            object.__setattr__(self, "floor", NO_FLOOR)
         names: set[str] = set()
         for obstacle in self.obstacles:
             if obstacle.name in names:
@@ -310,10 +310,3 @@ class Scene(Checked):
             isinstance(x.shape, HalfSpace) and x.fixed_to == BASE and x.place.rotation[2, 2] > 0.5
             for x in self.obstacles
         )
-
-
-def _is_same(first: Obstacle, second: Obstacle) -> bool:
-    """True if both obstacles are half-spaces with the same name and placement."""
-    named = (first.name, first.fixed_to) == (second.name, second.fixed_to)
-    same = isinstance(first.shape, HalfSpace) and named
-    return same and bool(np.array_equal(first.place.matrix, second.place.matrix))

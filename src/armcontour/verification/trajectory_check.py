@@ -18,6 +18,7 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
+from armcontour.core.text import short_repr
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory, arm_of
 from armcontour.motion.log_checks import check_samples
@@ -98,11 +99,7 @@ class Check(Result):
     path_deviation: PathDeviation | None
     rounding: Mapping[str, float]
 
-    def __repr__(self) -> str:
-        """The verdict, the number of limits, and the limit with the largest use."""
-        worst = self.worst
-        suffix = "" if worst is None else f", {worst.name} used by {worst.certain:.6g} at most"
-        return f"Check({self.verdict}, {len(self.uses)} limits{suffix})"
+    __repr__ = short_repr
 
     def to_data(self) -> Data:
         """The verdict, the distance from the path, and the use of every limit."""
@@ -455,18 +452,12 @@ def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[st
 
 def _reconstruction(log: SampledMotion) -> str:
     """Assumption about the motion between samples, in complete sentences."""
-    columns = [x for x in ("q", "dq", "ddq") if getattr(log, x) is not None]
-    listed = " and ".join(", ".join(columns).rsplit(", ", 1))
+    columns = ", ".join(x for x in ("q", "dq", "ddq") if getattr(log, x) is not None)
     cubic = " The distance from a path is that of the cubics through q and dq."
-    centripetal = (
-        ""
-        if log.dq is not None and log.ddq is not None
-        else " Centripetal acceleration is estimated from neighbouring samples."
-    )
     return (
-        f"The values of the samples ({listed}) are checked. Between samples, the smallest peaks "
+        f"The values of the samples ({columns}) are checked. Between samples, the smallest peaks "
         "that every motion through the samples must reach are checked, so peaks between samples "
-        f"may be higher.{cubic if log.dq is not None else ''}{centripetal}"
+        f"may be higher.{cubic if log.dq is not None else ''}"
     )
 
 
