@@ -203,7 +203,7 @@ q1= => NEW=NAME ... 'q1='
 q#=u1 => NEW=NAME
 q*=u# => NEW=NAME
 q1 => 3 columns, but --columns has 1 names
-q1=u1 => there are two columns 'q1'. Remove one (for example with --columns '-=q1')
+q1=u1 => the columns 'q1' and 'q1' ... Remove one (for example with --columns '-=q1')
 """
 
 

@@ -113,8 +113,8 @@ def test_joints_that_the_arm_does_not_have(read, tmp_path):
 
 
 OTHERS = f"""
-trajectory: [{INNER}, {INNER}] => has 2 trajectories, but a file
-a: 1 => no JointTrajectory ... joint_names and points
+trajectory: [{INNER}, {INNER}] => not exactly one JointTrajectory
+a: 1 => not exactly one JointTrajectory ... joint_names and points
 joint_names: [a] | points: [] => without points
 joint_names: [a] | points: [{{positions: [1]}}] => point 1: ... time_from_start
 joint_names: [a] | points: [{{positions: [1], {AT_ONCE.replace("0}}", ".inf}}")}] => point 1:

@@ -140,7 +140,7 @@ def test_units_become_factors():
 BAD = """
 1|-2.5e3 => the first line must name the columns, such as t,q
 t|q|q [deg] => the columns 'q' and 'q [deg]' have the same quantity
-t|t => there are two columns 't'
+t|t => the columns 't' and 't' have the same quantity
 q [1/s] => the unit '1/s' of the column 'q [1/s]' must be convertible to rad
 t [-ms] => must be convertible to s
 name [m] => the unit 'm' of the column 'name [m]' must be removed

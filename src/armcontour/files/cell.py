@@ -151,8 +151,8 @@ def _drawing_patch(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Pat
         **{("path", key): REMOVE for key in GEOMETRY_KEYS},
         ("path", "file"): file,
         # A file name may be too long for a job name, and may have unprintable characters.
-        ("name",): _fit_name(drawing.stem, LONGEST_NAME),
-        ("title",): _fit_name(title, LONGEST_TITLE),
+        ("name",): shorten(make_printable(drawing.stem), LONGEST_NAME),
+        ("title",): shorten(make_printable(title), LONGEST_TITLE),
     }
 
 
@@ -162,8 +162,3 @@ def _read_cell_text(cell: str) -> tuple[str, str, FilePath]:
     if file.suffix.lower() in YAML:
         return job_text(file), file.name, file.parent
     return cell_text(cell), f"the cell {cell}", FilePath()
-
-
-def _fit_name(text: str, length: int) -> str:
-    """Make a text printable, and shorten it to a number of characters."""
-    return shorten(make_printable(text), length)

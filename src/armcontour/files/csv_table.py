@@ -379,10 +379,11 @@ def _read_titles(
             recognised.get(content.key),
         )
         if other is not None and other.rank == column.rank:
-            same = f"the columns {show(other.title)} and {show(title)} have the same quantity"
-            twice = f"there are two columns {show(title)}" if other.title == title else same
             fix = f" (for example with {option} '{SKIPPED}={title}')" if option else ""
-            raise InvalidInput(f"{location}: {twice}. Remove one{fix}.")
+            raise InvalidInput(
+                f"{location}: the columns {show(other.title)} and {show(title)} have the same "
+                f"quantity. Remove one{fix}."
+            )
         if other is None or column.rank < other.rank:
             recognised[content.key] = column
         if other is not None:

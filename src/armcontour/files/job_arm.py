@@ -71,8 +71,3 @@ def frame_of(key: str, model: FrameModel) -> Frame:
         position=np.array(model.position or [0.0, 0.0, 0.0]),
         rotation=np.eye(3) if turned is None else turned,
     )
-
-
-def named_arm(arm: str) -> ArmModel:
-    """Arm model of a built-in name or a file name."""
-    return ArmModel(file=arm) if arm.lower().endswith(ARM_FILES) else ArmModel(name=arm)

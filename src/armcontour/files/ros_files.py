@@ -43,12 +43,12 @@ def read_ros_motion(
         )
     # The output of `ros2 topic echo` ends with a document separator.
     text = read_text(file, "trajectory file").rstrip().removesuffix("---")
-    data = _trajectory_in(file.name, yaml_loader.load(text, file.name))
+    data = _trajectory_in(yaml_loader.load(text, file.name))
     if not isinstance(data, dict) or not {"joint_names", "points"} <= set(data):
         raise InvalidInput(
-            f"{file.name} has no JointTrajectory. It must be a JointTrajectory, or a message or "
-            "goal that contains one, with the keys joint_names and points, and with positions and "
-            "time_from_start in each point."
+            f"{file.name} has not exactly one JointTrajectory. It must be a JointTrajectory, or a "
+            "message or goal that contains one, with the keys joint_names and points, and with "
+            "positions and time_from_start in each point."
         )
     if not isinstance(data["points"], list) or not isinstance(data["joint_names"], list):
         raise InvalidInput(f"{file.name}: joint_names and points must be lists.")
@@ -60,18 +60,13 @@ def read_ros_motion(
     return _join_points(file.name, called, points, joint_names)
 
 
-def _trajectory_in(source: str, data: Any) -> Any:
+def _trajectory_in(data: Any) -> Any:
     """JointTrajectory in a message or goal; `data` itself if it has no field of INNER_FIELDS."""
     if isinstance(data, list):
-        if len(data) > 1:
-            raise InvalidInput(
-                f"{source} has {len(data)} trajectories, but a file must have only one. Write them "
-                "to separate files."
-            )
-        return _trajectory_in(source, data[0]) if data else data
+        return _trajectory_in(data[0]) if len(data) == 1 else data
     for name in INNER_FIELDS:
         if isinstance(data, dict) and data.get(name) is not None:
-            return _trajectory_in(source, data[name])
+            return _trajectory_in(data[name])
     return data
 
 

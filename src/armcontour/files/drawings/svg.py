@@ -122,9 +122,8 @@ def _writers(root: Element, data: bytes) -> list[tuple[str, float]]:
     if ILLUSTRATOR.search(data[:COMMENT_RANGE].replace(b"\0", b"")):
         writers.append(("Adobe Illustrator", INCH / 72))
     if version := root.get("inkscape:version"):
-        later = ", which saved the file later without a conversion" if writers else ""
         pixel = INCH / 90 if OLD_INKSCAPE.match(version) else PIXEL
-        writers.append((f"Inkscape {version.split()[0][:20]}{later}", pixel))
+        writers.append((f"Inkscape {version.split()[0][:20]}", pixel))
     return [*writers, ("CSS", PIXEL), ("CSS", PIXEL)]
 
 

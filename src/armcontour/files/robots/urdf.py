@@ -94,7 +94,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         chain=chain,
         limits=limits,
         source=file,
-        limits_hint=_hint(limits, has_bodies=chain.masses is not None),
+        limits_hint="" if limits.joint_acceleration is not None else HINT,
         notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
         assumed_limits=assumed,
     )
@@ -164,7 +164,7 @@ def _limits(
     """
     names = [joint.name for joint in moving]
     table = _table(tree, moving)
-    soft = _apply_soft_limits(table, moving, tree.file)
+    _apply_soft_limits(table, moving, tree.file)
     stated: Table = {**table, **{name: [None] * len(moving) for name in JOINT_RANGE}}
     stated = {name: list(values) for name, values in stated.items()}
     if file is not None:
@@ -176,7 +176,7 @@ def _limits(
     _check_radians(table, stated, moving, tree.file)
     limits, assumed_note = assume_accelerations(described, names)
     missing = _missing_limits_note(limits, moving, has_bodies=has_bodies)
-    note = "; ".join(x for x in (soft, missing, assumed_note) if x)
+    note = "; ".join(x for x in (missing, assumed_note) if x)
     if not assumed_note or described.joint_acceleration is not None:
         return limits, note, None
     return limits, note, Limits(joint_acceleration=limits.joint_acceleration)
@@ -195,15 +195,6 @@ def assume_accelerations(limits: Limits, joints: Sequence[str]) -> tuple[Limits,
     return limits.replace(joint_acceleration=assumed), ASSUMED_NOTE.format(some)
 
 
-def _hint(limits: Limits, *, has_bodies: bool) -> str:
-    """Advice for an arm without acceleration limits; empty if the arm has acceleration limits."""
-    if limits.joint_acceleration is not None:
-        return ""
-    if not has_bodies or limits.joint_torque is not None:
-        return HINT
-    return f"{HINT}; or specify has_effort_limits and max_effort, because the masses are known"
-
-
 def _table(tree: Tree, moving: list[Joint]) -> Table:
     """Table of the limits in a description; limits of at most 0 count as missing."""
     table: Table = {name: [] for name in (*DESCRIBED_LIMITS, *JOINT_RANGE)}
@@ -220,20 +211,13 @@ def _table(tree: Tree, moving: list[Joint]) -> Table:
     return table
 
 
-def _apply_soft_limits(table: Table, moving: list[Joint], file: str) -> str:
-    """Narrow ranges to the soft limits of safety controllers; returns a note, or an empty text."""
-    narrowed = []
+def _apply_soft_limits(table: Table, moving: list[Joint], file: str) -> None:
+    """Narrow ranges to the soft limits of safety controllers."""
     for k, joint in enumerate(moving):
         low, high = (joint.number("safety_controller", key, file) for key in SOFT)
         # A safety controller that limits only the speed has no soft limits, or both are 0.
         if joint.kind != "continuous" and low is not None and high is not None and low < high:
-            before = [table[name][k] for name in JOINT_RANGE]
             narrow_range(table, k, low, high)
-            if before != [table[name][k] for name in JOINT_RANGE]:
-                narrowed.append(joint.name)
-    if not narrowed:
-        return ""
-    return f"it has soft limits of {list_some(narrowed, MAX_NAMED)}, which are applied"
 
 
 def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) -> None:
