@@ -98,8 +98,11 @@ def nothing_left_open() -> Iterator[None]:
     """Fail where a module leaves something open, which another module's test would suffer from."""
     threads, before = _threads(), _resources()
     yield
-    for thread in _threads() - threads:
-        thread.join(ENDING)
+    # A thread that is being started can be joined only after its start.
+    for _ in range(2):
+        for thread in _threads() - threads:
+            with suppress(RuntimeError):
+                thread.join(ENDING)
     if _resources() - before:
         # A file or socket that nobody closed warns when it is collected, and fails here.
         gc.collect()

@@ -290,7 +290,6 @@ class Interpreter:
         a, b, c = self.plane
         s, e = complex(start[a], start[b]), complex(end[a], end[b])
         way = 1 if self.motion == 3 else -1
-        turns = round(v.get("P", 1))
         if "R" in v:
             center = self.by_radius(s, e, v["R"] * self.unit, way)
         else:
@@ -313,7 +312,7 @@ class Interpreter:
         if sweep * abs(s - center) <= NANOMETRE:
             sweep += 2 * math.pi
         if abs(end[c] - start[c]) > NANOMETRE:
-            total = sweep + 2 * math.pi * (turns - 1)
+            total = sweep
             growth = 1 if full else abs(e - center) / abs(s - center)
 
             def helix(u):
@@ -337,10 +336,6 @@ class Interpreter:
         else:
             angle = (way * cmath.phase((e - moved) / (s - moved))) % (2 * math.pi)
             parts = [(moved, s, angle)]
-        first = parts[0]
-        circle = 2 * math.pi * abs(s - first[0])
-        for _ in range(turns - 1):
-            self.add("arc", turned(first[0], s, 2 * math.pi), circle, line)
         for middle, begin, angle in parts:
             self.add("arc", turned(middle, begin, angle), angle * abs(begin - middle), line)
 

@@ -228,8 +228,6 @@ class Author:
                 value = origin - (0.0 if self.centers_absolute else begin[i])
                 words.append(self.word("IJK"[i], value, 5)[0])
             words += self.goto(target, letters, places)
-        if r.random() < 0.2:
-            words.append(f"P{r.randint(1, 3)}")
         self.write(words)
 
     def mode(self):
@@ -265,7 +263,7 @@ def test_random_programs_have_all_features():
     assert kinds == {"line", "arc", "helix"}
     moves = {oracle.Contour, oracle.Rapid, oracle.Dwell, oracle.Event}
     assert {type(m) for p in programs for m in p} == moves
-    for feature in ("G20", "G91", "G90.1", "G18", "G19", "G61", "G64", "R-", "P2", "(", ";", "\n/"):
+    for feature in ("G20", "G91", "G90.1", "G18", "G19", "G61", "G64", "R-", "(", ";", "\n/"):
         assert any(feature in x.replace(" ", "") for x in texts)
     assert {read(x).dimension for x in texts} == {2, 3}
 

@@ -233,7 +233,17 @@ class FineMotion:
 
 def check_cycle(cycle: float) -> float:
     """The cycle [s], after a check that it is within INTERVALS."""
-    return checks.check_range("cycle", cycle, *INTERVALS, "s")
+    interval = checks.check_number("cycle", cycle, "s")
+    if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
+        raise InvalidInput(
+            f"cycle is {interval:g} s, but must be at most {INTERVALS[1]:g} s. A number without a "
+            f"unit is in s. For {interval:g} ms, specify {interval:g} ms in a job, or "
+            f"{interval / 1e3:g} in Python.",
+            needed=interval,
+            allowed=INTERVALS[1],
+            key=("cycle",),
+        )
+    return checks.check_range("cycle", interval, *INTERVALS, "s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -107,7 +107,7 @@ def test_set_points_for_franky_sim_are_within_libfrankas_limits(square, free, li
     # At rest at both ends of the plan.
     ends = plan([0.0, plan.duration])
     np.testing.assert_allclose(limited.q[[0, -1]], ends, atol=1e-9)
-    assert "contour error" in str(limited)
+    assert "contour error" in str(limited.limit_cost)
 
 
 # Reserve, duration [s], and contour error, RMS and largest [mm]: docs/guides/compensations.md.
