@@ -16,7 +16,7 @@ from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.fields import checked
 from armcontour.core.frames import Pose, read_poses, transforms
 from armcontour.robot.chain import Chain, Payload, link_table, state_rows
-from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits, list_values
+from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
 
 if TYPE_CHECKING:
     from armcontour.robot.closed_form import ClosedForm
@@ -91,9 +91,12 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
             excess = np.where(
                 np.isfinite(requested) & np.isfinite(has), (requested - has) / scale, 0.0
             )
-        if excess.max() > SAME_LIMIT:
-            listed, of_arm = (f"{list_values(x)} {unit}" for x in (values, arm_values))
-            above.append(f"{name} is {listed}, the arm's {of_arm}")
+        side, j = np.unravel_index(int(excess.argmax()), excess.shape)
+        if excess[side, j] > SAME_LIMIT:
+            sign = -1.0 if side or name == "joint_lower" else 1.0
+            joint = "" if name in TOOL_LIMITS else f" of joint {j + 1}"
+            value, arm_value = (f"{sign * x[side, j]:.6g} {unit}" for x in (requested, has))
+            above.append(f"{name}{joint} is {value}, the arm's {arm_value}")
     if not above:
         return ""
     called = getattr(arm, "name", "without a name")

@@ -141,10 +141,6 @@ class Chain(Checked):
         rotations("rotations of a chain", self.rotations)
         if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
             raise InvalidInput("The axes of a chain must be unit vectors.")
-        self._refuse_bodies()
-
-    def _refuse_bodies(self) -> None:
-        """Check that no mass is negative, and that rigid bodies can have the inertias."""
         if self.masses is None or self.inertias is None:
             return
         for name, mass, inertia in zip(self.joints, self.masses, self.inertias, strict=True):

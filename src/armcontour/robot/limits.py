@@ -143,7 +143,7 @@ class Limits(Checked):
         """The limits that are specified or lifted, with their units."""
         specified = {x: getattr(self, x) for x in UNITS}
         rows = [
-            (x, "none" if values is None else f"{list_values(values)} {UNITS[x]}")
+            (x, "none" if values is None else f"{_list_values(values)} {UNITS[x]}")
             for x, values in specified.items()
             if values is not None or x in self.lifted
         ]
@@ -389,7 +389,7 @@ def _is_unlimited(values: float | FloatArray) -> bool:
     return bool((values == ((-math.inf, math.inf) if values.ndim == 2 else math.inf)).all())
 
 
-def list_values(values: npt.ArrayLike) -> str:
+def _list_values(values: npt.ArrayLike) -> str:
     """The values of all joints as text; one value if they are equal."""
     rows = np.atleast_1d(values)
     listed = [" to ".join(digits(x) for x in np.atleast_1d(row)) for row in rows]
