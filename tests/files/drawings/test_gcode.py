@@ -139,6 +139,10 @@ events/on_only_once => spindle speed=500.0, spindle=True, cut spindle speed=600.
 M5|G1 X1 F60 => spindle=False, cut
 M3 S60|G1 X1 F60|X2 S50|M5 => spindle speed=60.0, spindle=True, cut spindle speed=50.0@1 \
 spindle=False@2
+M3 $0 S1|G1 X1 F60|X2|M5 $0|X3 => spindle speed=1.0, spindle=True, cut spindle=False@2
+M3 $0|S200 $1|$1 M4|G1 X1 F60|M5$-1|X2 => spindle=True, spindle 1 speed=200.0, \
+spindle 1=reverse, cut spindle=False@1 spindle 1=False@1
+M3 $2|G1 X1 F60|M2 => spindle 2=True, cut spindle 2=False@1
 G1 X1 F60|G0 X2|M5|G0 X3|G1 X4 => cut, rapid, spindle=False, rapid, cut
 events/dwell => cut, dwell 0.5, cut, cut
 events/pause => cut, pause=True, cut, pause=optional, cut
@@ -284,8 +288,10 @@ def test_other_words_are_refused_with_their_line():
 WRONG = f"""
 G1 X1 F60|G28 X0|G1 Y180 => line 3
 G1 X Y5 F60 => line 1: 'XY5F60' is not supported
+G1 X1 F60 $1 => line 1: no code on this line uses the word $
 G1 X1 F60 H1 => line 1: no code on this line uses the word H
-M3 $1 => line 1: '$1' is not supported
+M3 $-2 => line 1: the number of a spindle $ must not be below -1
+M3 $.5 => line 1: the number of a spindle $ must be a whole number
 G1 X1 F60|G1 Y1 Y2 => line 2 ... Y occurs twice
 G1 X1 F60|G53 G1 X2 => line 2 ... only a rapid move
 G1 X1 F60|G55 X2 => line 2 ... one system

@@ -420,21 +420,24 @@ class Machine:
 
 
 class Outputs:
-    """States of spindle, coolant, tool and outputs; each change becomes an event."""
+    """States of spindles, coolant, tool and outputs; each change becomes an event."""
 
     def __init__(self, draft: ProgramDraft, *, t_changes_tool: bool) -> None:
         self.draft, self.t_changes_tool = draft, t_changes_tool
         self.states: dict[str, Value] = {}
+        self.spindles = {0: "spindle"}
         self.selected: int | None = None
 
     def apply(self, block: Block) -> None:
         """Switch outputs as a line commands, in the order of the manual; removes the words used."""
         m, words = block.m, block.words
+        spindles = self._spindles(block)
         if "S" in words:
             speed = words.pop("S")
             if speed < 0:
                 raise Fault(f"the spindle speed S must not be negative, but is {speed:g}")
-            self.set(SPINDLE_SPEED, speed)
+            for name in spindles:
+                self.set(SPINDLE_SPEED.replace("spindle", name), speed)
         if "T" in words:
             self.selected = whole_number(words.pop("T"), "the number of a tool T")
             if self.t_changes_tool:
@@ -447,12 +450,23 @@ class Outputs:
         if TOOL_CHANGE in m:
             self._change_tool()
         for code in m:
-            if code in SPINDLE:
-                self.set("spindle", SPINDLE[code])
+            for name in spindles if code in SPINDLE else ():
+                self.set(name, SPINDLE[code])
         for code in m:
             if code in COOLANT:
                 value, current = COOLANT[code], self.states.get("coolant")
                 self.set("coolant", BOTH if value and current and current != value else value)
+
+    def _spindles(self, block: Block) -> list[str]:
+        """Names of the spindles that M3, M4, M5 and S address with $; $-1 addresses all."""
+        if "S" not in block.words and SPINDLE.keys().isdisjoint(block.m):
+            return []
+        number = whole_number(block.words.pop("$", 0.0), "the number of a spindle $")
+        if number < -1:
+            raise Fault(f"the number of a spindle $ must not be below -1, but is {number}")
+        if number == -1:
+            return list(self.spindles.values())
+        return [self.spindles.setdefault(number, f"spindle {number}")]
 
     def _change_tool(self) -> None:
         """Stop, and record an event for the selected tool."""
@@ -463,11 +477,11 @@ class Outputs:
             self.states["tool"] = value
 
     def switch_off(self) -> None:
-        """End of the program: switch off spindle and coolant.
+        """End of the program: switch off spindles and coolant.
 
         Source: LinuxCNC manual, M Codes, "M2, M30".
         """
-        for name in ("spindle", "coolant"):
+        for name in (*self.spindles.values(), "coolant"):
             if self.states.get(name):
                 self.set(name, False)
 

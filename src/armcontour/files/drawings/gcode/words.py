@@ -61,7 +61,7 @@ SHOWN_CHARACTERS = 30
 WHOLE_TOLERANCE = 1e-4
 
 TOKEN = re.compile(
-    r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?![0-9.=])|\([^()]*\)|;.*", re.DOTALL
+    r"([A-Z$])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?![0-9.=])|\([^()]*\)|;.*", re.DOTALL
 )
 EXPONENT = re.compile(r"[0-9.][eE]")
 COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
