@@ -241,7 +241,6 @@ NEVER: set[Place] = {
     ("path", "orientation", 0, "follow_tangent", "quaternion", 0),
     ("path", "orientation", 0, "follow_tangent", "up", 0),
     # Half-spaces stand still.
-    ("arm", "shapes", 0, "normal", 0),
     ("arm", "tool", "shapes", 0, "normal", 0),
 }
 _COMMANDS = {

@@ -175,10 +175,12 @@ def series_of_map(servo: Servo) -> FloatArray:
         matrix[INTEGRAL, 0], matrix[INTEGRAL, 1], matrix[INTEGRAL, LEAD] = -kp, -1.0, -kp
     series[0, 0, 0] = series[0, 1, 1] = series[0, 2, INTEGRAL] = 1.0
     for k in range(1, MAP_TERMS):
-        for row in range(3):
-            for i in range(COLUMNS):
-                for j in range(COLUMNS):
-                    series[k, row, j] += series[k - 1, row, i] * matrix[i, j] * INVERSE[k - 1]
+        for i in range(COLUMNS):
+            for j in range(COLUMNS):
+                if matrix[i, j] != 0.0:
+                    factor = matrix[i, j] * INVERSE[k - 1]
+                    for row in range(3):
+                        series[k, row, j] += series[k - 1, row, i] * factor
     return series
 
 
@@ -503,7 +505,8 @@ def march(
     if not delays and (times[-1] - now) * rate > MAX_STEPS * LARGEST_STEP * len(times):
         return Motion(math.nan, math.nan, 0.0, 0.0, 0.0, 0.0), held
     series, maps = series_of_map(servo), np.empty((KEPT + 1, 3, COLUMNS))
-    spans, oldest, taylor = np.full(KEPT, -1.0), 0, np.zeros((3, TERMS + 2))
+    spans, oldest, slot = np.full(KEPT, -1.0), 0, 0
+    taylor = np.zeros((3, TERMS + 2))
     for row in range(1, len(times)):
         until = times[row]
         while until - now > NEAR:
@@ -519,14 +522,15 @@ def march(
             if kind != LINEAR:
                 repeats = max(int(math.ceil(h * rate / LARGEST_STEP * SLACK)), 1)
                 h /= repeats
-            slot = -1
-            for i in range(KEPT):
-                if abs(spans[i] - h) <= NEAR:
-                    slot = i
-            if slot < 0:
-                slot, oldest = oldest, (oldest + 1) % KEPT
-                write_map(series, servo.ki > 0.0, rate, h, maps, slot)
-                spans[slot] = h
+            if abs(spans[slot] - h) > NEAR:
+                slot = -1
+                for i in range(KEPT):
+                    if abs(spans[i] - h) <= NEAR:
+                        slot = i
+                if slot < 0:
+                    slot, oldest = oldest, (oldest + 1) % KEPT
+                    write_map(series, servo.ki > 0.0, rate, h, maps, slot)
+                    spans[slot] = h
             for _ in range(repeats):
                 end = shift(u, h)
                 if kind != LINEAR:
