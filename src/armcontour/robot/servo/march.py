@@ -505,8 +505,7 @@ def march(
     if not delays and (times[-1] - now) * rate > MAX_STEPS * LARGEST_STEP * len(times):
         return Motion(math.nan, math.nan, 0.0, 0.0, 0.0, 0.0), held
     series, maps = series_of_map(servo), np.empty((KEPT + 1, 3, COLUMNS))
-    spans, oldest, slot = np.full(KEPT, -1.0), 0, 0
-    taylor = np.zeros((3, TERMS + 2))
+    spans, oldest, slot, taylor = np.full(KEPT, -1.0), 0, 0, np.zeros((3, TERMS + 2))
     for row in range(1, len(times)):
         until = times[row]
         while until - now > NEAR:
