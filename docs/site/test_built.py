@@ -156,7 +156,7 @@ def test_equations_are_drawn() -> None:
     )
 
 
-@pytest.mark.parametrize("word", ["kerf", "jerk", "interpolate_point", "command_interv", "servoj"])
+@pytest.mark.parametrize("word", ["kerf", "jerk", "interpolate_point", "command_limit", "servoj"])
 def test_the_search_knows_words_of_pages_names_and_keys(word: str) -> None:
     text = (SITE / "searchindex.js").read_text(encoding="utf-8")
     index: dict[str, Any] = json.loads(text.removeprefix("Search.setIndex(").rstrip(";\n)"))
