@@ -296,7 +296,11 @@ class Player:
         job, start, controller = ready.job, ready.motion.q[0], self.controller
         limits = _scaled(ready.plan.run.limits, min(SLOW / ready.speed_factor, 1.0))
         for _ in range(ATTEMPTS):
-            approach = approach_of(job, limits, controller.position(), start, controller.cycle)
+            position = controller.position()
+            if np.abs(position - start).max() <= START:
+                # Late set-points stopped the motion at its end.
+                return
+            approach = approach_of(job, limits, position, start, controller.cycle)
             record = self._stream(approach)
             distance = np.abs(record.measured[-1] - start).max()
             if self.stop_requested() or (record.stopped is None and distance <= LEAST):

@@ -132,16 +132,18 @@ class Server:
             await _close(send, REFUSED_CODE, "The token is missing or wrong.")
             return
         page = OpenPage()
-        writing = asyncio.create_task(page.write(send))
-        hearing = asyncio.create_task(self._pass_messages(page, receive))
+        tasks: list[asyncio.Task[Any]] = [asyncio.create_task(page.write(send))]
         try:
             await asyncio.to_thread(self.session_host.join, page)
-            done, _ = await asyncio.wait([writing, hearing], return_when=asyncio.FIRST_COMPLETED)
+            # The session ignores messages of a page before it has joined.
+            hearing = asyncio.create_task(self._pass_messages(page, receive))
+            tasks.append(hearing)
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             if hearing in done and not hearing.result():
                 await _close(send, REFUSED_CODE, "A message is not a JSON object.")
         finally:
-            writing.cancel()
-            hearing.cancel()
+            for task in tasks:
+                task.cancel()
             # `leave` runs in a thread, because it waits for running commands.
             await asyncio.to_thread(self.session_host.leave, page)
 
