@@ -65,7 +65,7 @@ CURVES = {
     "first point repeated": (bezier((0, 0), (0, 0), (1, 1), (2, 0)), [0, 1], 0),
     "last point repeated": (bezier((0, 0), (1, 1), (2, 0), (2, 0)), [0, 1], 0),
     "first point thrice": (bezier((0, 0), (0, 0), (0, 0), (2, 1), (3, 0)), [0, 1], 0),
-    # Tiny corners beside a cusp depend on the tolerance.
+    # Tiny corners next to a cusp depend on the tolerance.
     "cusp": (bezier((0, 0), (1, 1), (0, 1), (1, 0)), [0, 1], None),
     "cusp aside": (bezier((0, 0), (2, 2), (-1.5, 0.5), (1, 0)), [0, 1], 0),
     "tight loop": (bezier((0, 0), (1.1, 1), (-0.1, 1), (1, 0)), [0, 1], 0),

@@ -63,7 +63,7 @@ def tiers(frames):
 
 
 def answer(lane, plan=None, **header):
-    """The other process gives the figures that it was asked for last."""
+    """The task process sends the figures that were requested last."""
     arrays = {} if plan is None else {"plan": bytes_array(pickle.dumps(plan))}
     lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}, arrays))
 
@@ -160,7 +160,7 @@ class Nested(RestingWorker):
 
 @pytest.fixture
 def during(monkeypatch):
-    """Has something done within the next plan, whose progress is then told."""
+    """Call a function during the next plan, which then reports its progress."""
     acts, plan = [], CoarsePlanner.plan
 
     def planning(self, data, run=None, progress=None, **how):

@@ -273,22 +273,22 @@ class Player:
 
     def _play_once(self, ready: Played) -> Played:
         """Connect, move to the start, and play; a dry run only measures the distance."""
-        tell, start = subprogress(self.progress, ready.plan.run.name), ready.motion.q[0]
+        report, start = subprogress(self.progress, ready.plan.run.name), ready.motion.q[0]
         with self.controller as controller:
-            tell(Step(("connecting",)))
+            report(Step(("connecting",)))
             controller.connect(ready.job.arm, start)
             position = controller.position()
             played = replace(ready, distance=_measure_distance(ready, position))
             if not self.execute or self.stop_requested():
                 return played
             if played.distance > START:
-                tell(Step(("moving to the start",)))
+                report(Step(("moving to the start",)))
                 self._move_to_start(played)
                 moved = float(np.abs(controller.position() - position).max())
                 played = replace(played, approach=moved)
                 if self.stop_requested():
                     return played
-            tell(Step(("playing",)))
+            report(Step(("playing",)))
             return replace(played, record=self._stream(ready.motion))
 
     def _move_to_start(self, ready: Played) -> None:

@@ -134,8 +134,8 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
         if same_plan and (recorded := _recorded_set_points(file, job, plan)) is not None:
             return recorded
         again = f"the run {name} of the job {job.name} has"
-        mend = "Specify the job that produced this file, with the same options"
-        _check_same_set_points(file, job, plan.set_points, again, mend)
+        remedy = "Specify the job that produced this file, with the same options"
+        _check_same_set_points(file, job, plan.set_points, again, remedy)
         return plan.set_points
     lesson = read_lesson(history, plan.trajectory)
     if not same_plan:
@@ -184,9 +184,9 @@ def _recorded_set_points(file: FilePath, job: Job, plan: RunResult) -> SetPoints
 
 
 def _check_same_set_points(
-    file: FilePath, job: Job, set_points: SetPoints, has: str, mend: str
+    file: FilePath, job: Job, set_points: SetPoints, has: str, remedy: str
 ) -> None:
-    """Check that a file has the given set-points; `has` and `mend` are parts of the message."""
+    """Check that a file has the given set-points; `has` and `remedy` are parts of the message."""
     stored = read_trajectory(file, job.arm.joint_names)
     same = stored.q.shape == set_points.q.shape
     if same:
@@ -197,7 +197,7 @@ def _check_same_set_points(
         same = deviation <= stored.resolution["q"] + TOLERANCE and late <= _time_tolerance(stored)
     if not same:
         raise InvalidInput(
-            f"{file} has other set-points than {has}. {mend}, or start again with run."
+            f"{file} has other set-points than {has}. {remedy}, or start again with run."
         )
 
 

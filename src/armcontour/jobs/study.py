@@ -58,14 +58,14 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
     plants = _plants(job, simulate)
     done = dict[str, RunResult]()
     for each in job.runs:
-        tell = subprogress(progress, each.name)
+        report = subprogress(progress, each.name)
         with error_context(f"Run {each.name}"):
-            planned = _plan(job, each, list(done.values()), tell)
-            tell(Step(("compensation",)))
+            planned = _plan(job, each, list(done.values()), report)
+            report(Step(("compensation",)))
             set_points = compute_set_points(job, each, planned.trajectory)
             simulated: dict[str, Any] = {}
             if simulate:
-                simulated = _simulate(job, planned, set_points, plants.get(each.name), tell)
+                simulated = _simulate(job, planned, set_points, plants.get(each.name), report)
                 simulated["explanation"] = planned.explanation or explain_plan(
                     job, planned.trajectory
                 )

@@ -17,7 +17,6 @@ from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Rounding, Run, build_plant, choose_run
 from armcontour.jobs.run_plan import explained_reach, plan_one
-from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.motion import Method
 from armcontour.planning import Optimal, check_jerk_support, explain
@@ -256,11 +255,8 @@ def _make_certificate(
     derated = DeratedLimits([(x.joint_path, x.derating) for x in contours], chosen.limits)
     return Certificate(
         job=job,
-        result=RunResult(
-            run=chosen,
-            objective=objective,
-            path=case.program,
-            traced=case.traced,
+        result=replace(
+            case.planned,
             trajectory=trajectory,
             explanation=explain(trajectory, job.arm, constraints=[derated]),
             set_points=set_points,
