@@ -21,8 +21,7 @@ import numpy as np
 import armcontour as ac
 from armcontour.core.checks import FloatArray
 from armcontour.motion import quintic
-from armcontour.planning.tracing.configurations import Solution
-from armcontour.planning.tracing.knots import FirstPoses, Knots, first_knots, motion_at
+from armcontour.planning.tracing.knots import Knots, first_knots, motion_at
 from armcontour.planning.tracing.serial_solver import NumericSolver
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
@@ -108,10 +107,8 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     first = first_knots(path, arm.span)
     traced = ac.trace(path, arm)
     q = traced(np.append(first.s0, path.length))
-    solver = NumericSolver(
-        path, arm, 6, FirstPoses.at_knots(path, first), Solution(q=q, cost=0.0), 1e-10
-    )
-    begin, end = solver.first_ends(first)
+    solver = NumericSolver(path, arm, 6, 1e-10, None)
+    begin, end = solver.first_ends(first, np.concatenate([q[:-1], q[1:]]))
     coefficients = quintic(first.u1 - first.u0, begin, end)
     i = np.clip(np.searchsorted(first.s0, s, side="right") - 1, 0, len(first) - 1)
     x = (s - first.s0[i]) / (first.u1 - first.u0)[i]

@@ -4,7 +4,7 @@ A mark is a comment of HTML, `<!-- KIND: ARGUMENT -->`. The text between it and 
 `<!-- end -->` is replaced:
 
 - `lines: BEGIN ...`: a table of the lines whose names begin so;
-- `ratio: NAME`: the ratio of a line in percent;
+- `faster: NAME`: the reciprocal of the ratio of a line, in words;
 - `sessions: all`: dates, machines and versions of all measurements.
 """
 
@@ -20,7 +20,7 @@ from benchmarks.measured import Line, in_words
 
 ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "benchmarks.md", ROOT / "README.md")
-MARK = re.compile(r"(<!-- (lines|ratio|sessions): (.+?) -->)(.*?)(<!-- end -->)", re.S)
+MARK = re.compile(r"(<!-- (lines|faster|sessions): (.+?) -->)(.*?)(<!-- end -->)", re.S)
 NOT_YET = "not measured yet"
 HEADS = ("line", "ours", "against", "ratio", "bar")
 RIGHT = ("ours", "ratio")
@@ -54,7 +54,7 @@ def filled(text: str, lines: Sequence[Line], sessions: Sequence[Session]) -> str
         if argument not in {x.name for x in lines}:
             raise KeyError(f"There is no line {argument}.")
         line = baselines.get(argument)
-        return f"{begin}{NOT_YET if line is None else f'{100 * line.ratio:.3g} %'}{end}"
+        return f"{begin}{NOT_YET if line is None else faster(line.ratio)}{end}"
 
     return MARK.sub(fill, text)
 
@@ -78,7 +78,15 @@ def _cells(line: Line, baseline: Known | None) -> tuple[str, ...]:
     if baseline.of_bar != "-":
         bar += f" ({baseline.of_bar}{', missed' if baseline.missed else ''})"
     ours = "-" if baseline.ours is None else in_words(baseline.ours)
-    return ours, baseline.peer, f"{baseline.ratio:.3g}", bar
+    ratio = f"{baseline.ratio:.3g}"
+    if baseline.ratio < 1:
+        ratio += f": {faster(baseline.ratio)}"
+    return ours, baseline.peer, ratio, bar
+
+
+def faster(ratio: float) -> str:
+    """A ratio of times as a speed, such as "38 times faster"."""
+    return f"{1 / ratio:.2g} times {'faster' if ratio < 1 else 'the speed'}"
 
 
 def _plain(text: str) -> str:

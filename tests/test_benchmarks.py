@@ -1,4 +1,4 @@
-"""The pages of the benchmarks; this test measures no times."""
+"""The pages of the benchmarks. No time is measured here."""
 
 from benchmarks import baseline, page
 from benchmarks.__main__ import all_lines
