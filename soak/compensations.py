@@ -42,7 +42,7 @@ def run(seed: int) -> Outcome:
     except ac.ArmContourError:
         return Outcome(kind=name, result="not planned")
     errors = []
-    for method in ("none", None):
+    for method in ("none", "inverse"):
         set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm, cycle=CYCLE)
         execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
         errors.append(ac.evaluate(execution, path).contour_error)

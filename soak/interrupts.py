@@ -30,7 +30,7 @@ COMMANDS = {
     "demo": ["demo", "--out", "out"],
     "check": ["check", "planned.csv", "--path", "job.yaml"],
     "certify": ["certify", "job.yaml", "--out", "out"],
-    "place": ["place", "job.yaml", "--out", "out", "--over", "x: -20 mm .. 20 mm, 9"],
+    "place": ["place", "job.yaml", "--out", "out", "--x", "-20 mm .. 20 mm, 9"],
     "identify": ["identify", "log.csv", "--out", "out"],
     "learn": ["learn", "job.yaml", "--set-points", "first", "--log", "log.csv", "--out", "out"],
     "export": [
@@ -121,7 +121,7 @@ class Bench:
             begun = time.monotonic()
             ended = call(self.folder, arguments)
             self.durations[name] = time.monotonic() - begun
-            assert ended.code in (0, 1, 7) and "Traceback" not in ended.said, (name, ended.said)
+            assert ended.code in (0, 1, 7, 9) and "Traceback" not in ended.said, (name, ended.said)
             self.codes[name] = ended.code
             self.whole[name] = result(state(self.folder))
             if self.whole[name]:

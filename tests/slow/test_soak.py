@@ -1,0 +1,11 @@
+"""The first problem of every soak, so that `make soak` can be relied on."""
+
+import pytest
+from soak.__main__ import TOPICS, judge
+
+
+# The problem of the topic "studio" takes minutes.
+@pytest.mark.parametrize("topic", sorted(TOPICS.keys() - {"studio"}))
+def test_the_first_problem_of_a_topic_is_judged_right(topic):
+    _, outcome, _ = judge((TOPICS[topic][0], 0))
+    assert outcome.notes == []
