@@ -405,6 +405,8 @@ def test_a_limit_that_is_only_assumed_is_never_violated(tmp_path):
     log = SimpleNamespace(t=t, q=np.outer(0.4 * np.sin(2 * np.pi * t), [1.0, 0.0]))
     check = ac.check(log, arm)
     assert check["joint_acceleration"].certain > 3 and check.verdict == "cannot tell"
+    for other in (arm.with_tool([0.0, 0.0, 0.1]), arm.with_work([0.1, 0.0, 0.0])):
+        assert ac.check(log, other).verdict == "cannot tell"
     assert any("only assumed" in x for x in check.to_data().notes) and "assumed" in str(check)
     for specified in (ac.Limits(joint_acceleration=4.0), ac.Limits(joint_velocity=2.0)):
         assert ac.check(log, arm, specified).verdict == "violated"

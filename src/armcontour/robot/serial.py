@@ -160,6 +160,7 @@ class SerialArm(Arm):
             source=self.source,
             limits_hint=self.limits_hint,
             notes=self.notes,
+            assumed_limits=self.assumed_limits,
         )
         # The copy shares the shapes, even if they have not been read yet.
         cached = ("shapes", "_read_shapes", *cached)
