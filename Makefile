@@ -107,10 +107,11 @@ page:  ## Check the types of the Studio's page, where node is found
 size: $(VENV)/dev  ## Compare the sizes of code, tests and docs with tools/size.txt
 	$(BIN)/python -m tools.size
 
-package: $(VENV)/dev  ## Build the source archive and the wheel, compare their files, and import the wheel
+package: $(VENV)/dev  ## Build the source archive and the wheels, compare their files, and try the wheels
 	rm -rf dist
 	UV_BUILD_CONSTRAINT=$(CURDIR)/constraints.txt PIP_CONSTRAINT=$(CURDIR)/constraints.txt \
 		$(BIN)/python -m build --installer $(if $(PIP),pip,uv) --outdir dist > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
+	$(BIN)/python -m tools.ship dist
 	$(BIN)/python tools/try_package.py dist
 
 release: $(VENV)/bin/python  ## Check that a release can be built (TAG=v1.2.3: that of a tag), and build its archives

@@ -1,20 +1,28 @@
 """Compiled functions, and the list of what they are called with."""
 
 import ast
-import importlib
+import errno
+import importlib.util
 import inspect
+import os
 import re
+import sys
 import textwrap
+from functools import cache
 from importlib import import_module
 from inspect import signature
+from itertools import count
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
+from numba.core.caching import IndexDataCacheFile
 from tools.kernels import to_text
 
 import armcontour
 import armcontour as ac
+from armcontour.core import kernels as cached
 from armcontour.core.compilation import from_text, read_list
 from armcontour.core.kernels import KERNELS, compiled
 
@@ -121,6 +129,63 @@ def test_a_function_whose_files_are_incomplete_is_compiled_anew():
         assert not compile_or_load()[1]
 
 
+MODULE = """
+from armcontour.core.kernels import compiled
+
+@compiled()
+def one():
+    return {value}
+"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Load a module with a compiled function `one` from a file; call it."""
+    numbers = count()
+
+    def load():
+        name = f"loaded{next(numbers)}"
+        spec = importlib.util.spec_from_file_location(name, tmp_path / "module.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module.one(), sum(module.one.stats.cache_hits.values())
+
+    return load
+
+
+def test_a_changed_source_is_compiled_and_a_touched_one_is_not(tmp_path, load):
+    file = tmp_path / "module.py"
+    file.write_text(MODULE.format(value=1))
+    assert load() == (1, 0)
+    os.utime(file, (0, 0))
+    assert load() == (1, 1)
+    cached.digest.cache_clear()
+    file.write_text(MODULE.format(value=2))
+    assert load() == (2, 0)
+
+
+def test_without_a_writable_folder_functions_are_compiled(tmp_path, load, monkeypatch):
+    (tmp_path / "module.py").write_text(MODULE.format(value=1))
+    # Folders cannot be made in files. Permissions would not stop an administrator.
+    (tmp_path / "__pycache__").write_text("")
+    for name in ("XDG_CACHE_HOME", "HOME", "LOCALAPPDATA"):
+        monkeypatch.setenv(name, str(tmp_path / "__pycache__" / "home"))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    assert load() == load() == (1, 0)
+    assert [x.name for x in tmp_path.iterdir() if x.name != "module.py"] == ["__pycache__"]
+
+
+def test_a_full_disk_is_no_error(tmp_path, load, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "full")
+
+    (tmp_path / "module.py").write_text(MODULE.format(value=1))
+    monkeypatch.setattr(IndexDataCacheFile, "_save_data", refuse)
+    assert load() == load() == (1, 0)
+    monkeypatch.undo()
+    assert [load(), load()] == [(1, 0), (1, 1)]
+
+
 def test_what_is_kept_of_a_function_ends_with_the_files_of_those_that_it_calls(kernels):
     """Directly or not: otherwise the old functions would go on after an update."""
 
@@ -128,6 +193,17 @@ def test_what_is_kept_of_a_function_ends_with_the_files_of_those_that_it_calls(k
         function = kernel.py_func
         candidates = (function.__globals__.get(x) for x in function.__code__.co_names)
         return [x for x in candidates if getattr(x, "py_func", None) is not None]
+
+    @cache
+    def origins(module):
+        """Files of the package from which a module imports names."""
+        imports = [
+            x
+            for x in ast.parse(inspect.getsource(module)).body
+            if isinstance(x, ast.ImportFrom) and x.module.startswith("armcontour.")
+        ]
+        files = {x.module: Path(import_module(x.module).__file__).name for x in imports}
+        return {name.name: files[x.module] for x in imports for name in x.names}
 
     apart = 0
     for kernel in kernels.values():
@@ -140,6 +216,11 @@ def test_what_is_kept_of_a_function_ends_with_the_files_of_those_that_it_calls(k
                     new.append(x)
         files = {Path(x.py_func.__code__.co_filename).name for x in visited}
         assert files <= stamped, kernel
+        # The files of constants, and of classes and intrinsics.
+        for x in (kernel, *visited):
+            module = sys.modules[x.py_func.__module__]
+            used = set(x.py_func.__code__.co_names) & origins(module).keys()
+            assert {origins(module)[y] for y in used} <= stamped, kernel
         apart += len(files) > 1
     # Not in vain: many functions call those of other files.
     assert apart > 5

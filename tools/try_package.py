@@ -1,8 +1,9 @@
 """Test the archives of a release: `python tools/try_package.py dist`, as `make package` does.
 
-Source archive and wheel must contain exactly the files that git tracks, and the wheel must import.
-With `--install`, as in `make slow`, the wheel is installed in an empty environment, where
-`armcontour demo` has to work outside the repository, without any extra.
+Source archive and plain wheel must contain exactly the files that git tracks, and the wheel must
+import. From the wheel with compiled functions, a drawing must run without compiling any; without
+AVX, functions are compiled. With `--install`, as in `make slow`, the plain wheel is installed in an
+empty environment, where `armcontour demo` has to work outside the repository, without any extra.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import json
 import os
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import tempfile
 import time
@@ -30,6 +32,34 @@ LICENCES = (
     PACKAGE + "report/vendor/LICENSES.txt",
     PACKAGE + "studio/static/vendor/LICENSES.txt",
 )
+# Folder of compiled functions in a wheel.
+SHIPPED = "armcontour/core/shipped/"
+# A command, and a compiled function alone; `counted` prints the names of functions that numba
+# compiled meanwhile.
+GASKET = """
+import sys
+from armcontour.cli import main
+sys.argv = ["armcontour", "run", {drawing!r}, "--cell", "ur5e", "--out", "out"]
+main()
+"""
+QUINTIC = """
+import numpy as np
+from armcontour.core.quintics import quintic
+ends = np.zeros((3, 1, 1))
+assert quintic(np.ones(1), ends, ends).shape == (1, 6, 1)
+"""
+COUNTED = """
+import sys
+from numba.core import event
+with event.install_recorder("numba:compile") as recorded:
+    try:
+        exec({code!r})
+    except SystemExit as end:
+        assert not end.code, end.code
+import armcontour
+assert armcontour.__file__.startswith(sys.prefix), armcontour.__file__
+print("compiled:", *{{x.data["dispatcher"].py_func.__name__ for _, x in recorded.buffer}})
+"""
 # Motion [s] and RMS contour error [m] of the paper's method, as in README.md. The tolerance of 1 %
 # is below the effect of a fault, and above rounding differences between libraries.
 PROPOSED = (5.327, 2.28e-6)
@@ -38,13 +68,14 @@ PROPOSED = (5.327, 2.28e-6)
 def main() -> None:
     """Test the archives of a folder, and print the results."""
     folder = Path(sys.argv[1])
-    (sources,), (wheel,) = folder.glob("*.tar.gz"), folder.glob("*.whl")
+    (sources,), (wheel,) = folder.glob("*.tar.gz"), folder.glob("*-any.whl")
     if (ROOT / ".git").exists():
         # The folder may belong to another user, as in a container.
         git = ("git", "-c", f"safe.directory={ROOT}", "-C", str(ROOT))
         tracked = set(run(*git, "ls-files", "-z").split("\0")) - {""}
         try_sources(sources, {x for x in tracked if not x.startswith(NOT_IN_SOURCES)})
-        try_wheel(wheel, {x for x in tracked if x.startswith(PACKAGE)})
+        for archive in folder.glob("*.whl"):
+            try_wheel(archive, {x for x in tracked if x.startswith(PACKAGE)})
     else:
         print("This is no git repository: the files of the archives were not compared with it.")
     with tempfile.TemporaryDirectory() as name:
@@ -52,6 +83,8 @@ def main() -> None:
             try_install(wheel.resolve(), Path(name))
         else:
             try_import(wheel.resolve(), Path(name))
+            for shipped in folder.glob("*-manylinux*.whl"):
+                try_shipped(shipped.resolve(), Path(name))
 
 
 def try_sources(archive: Path, expected: set[str]) -> None:
@@ -67,6 +100,8 @@ def try_wheel(archive: Path, expected: set[str]) -> None:
         names = {x for x in opened.namelist() if not x.endswith("/")}
     info = "-".join(archive.name.split("-")[:2]) + ".dist-info/"
     of_package = {x for x in names if not x.startswith(info)}
+    if not archive.name.endswith("-any.whl"):
+        of_package = {x for x in of_package if not x.startswith(SHIPPED)}
     compare(archive, of_package, {x.removeprefix("src/") for x in expected})
     missing = [x for x in LICENCES if f"{info}licenses/{x}" not in names]
     if missing:
@@ -91,6 +126,43 @@ def try_import(wheel: Path, folder: Path) -> None:
     )
     print(run(sys.executable, "-c", code, cwd=folder, PYTHONPATH=str(folder)))
     run(sys.executable, "-m", "armcontour", "arms", cwd=folder, PYTHONPATH=str(folder))
+
+
+def try_shipped(wheel: Path, folder: Path) -> None:
+    """Install a wheel with compiled functions by uv and by pip, and count those compiled later."""
+    code = GASKET.format(drawing=str(ROOT / "examples" / "drawings" / "gasket.dxf"))
+    for name in ("uv", "pip"):
+        environment = folder / f"by {name}"
+        venv.create(environment)
+        python = str(environment / "bin" / "python")
+        # The libraries are those of this environment.
+        site_packages = sysconfig.get_path("purelib", vars={"base": str(environment)})
+        libraries = f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})"
+        Path(site_packages, "libraries.pth").write_text(libraries, encoding="utf-8")
+        if name == "uv":
+            install = ("uv", "pip", "install", "--python", python, "--compile-bytecode")
+        else:
+            install = ("pip", "--python", python, "install", "--disable-pip-version-check")
+        run(sys.executable, "-m", *install, "-q", "--no-deps", str(wheel))
+        begin = os.times()
+        compiled = count(python, code, environment)
+        end = os.times()
+        if compiled:
+            sys.exit(f"{wheel.name}, installed by {name}, compiles {compiled}.")
+        seconds = sum(end[2:4]) - sum(begin[2:4])
+        print(f"Gasket after {name}: nothing compiled, {seconds:.1f} s of processor time.")
+    if count(python, QUINTIC, environment):
+        sys.exit(f"{wheel.name} compiles a function that it contains.")
+    if not count(python, QUINTIC, environment, NUMBA_ENABLE_AVX="0"):
+        sys.exit(f"{wheel.name} loads a function for AVX where the processor has none.")
+
+
+def count(python: str, code: str, folder: Path, **variables: str) -> str:
+    """Names of the functions that numba compiles while code runs with an empty home folder."""
+    home = tempfile.mkdtemp(dir=folder)
+    empty = {"HOME": home, "XDG_CACHE_HOME": home, "NUMBA_CACHE_DIR": "", "PYTHONPATH": ""}
+    printed = run(python, "-c", COUNTED.format(code=code), cwd=Path(home), **empty, **variables)
+    return printed.rpartition("compiled:")[2].strip()
 
 
 def try_install(wheel: Path, folder: Path) -> None:

@@ -28,6 +28,18 @@ def run(code, *arguments, **variables):
     )
 
 
+def test_without_a_writable_folder_the_command_compile_states_the_remedy(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / "armcontour", ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in {x.parent for x in (tmp_path / "armcontour").rglob("*.py")}:
+        (folder / "__pycache__").write_text("")
+    home = str(tmp_path / "armcontour" / "__pycache__" / "home")
+    environment = os.environ | {"HOME": home, "XDG_CACHE_HOME": home, "PYTHONPATH": str(tmp_path)}
+    environment["NUMBA_CACHE_DIR"] = ""
+    command = [sys.executable, "-m", "armcontour", "compile", "plane"]
+    outcome = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tmp_path)
+    assert outcome.returncode == 1 and "Set NUMBA_CACHE_DIR" in " ".join(outcome.stderr.split())
+
+
 def test_a_compiled_function_is_not_compiled_again(tmp_path):
     point = "Tuple((float64, float64, float64, ))"
     text = f"- armcontour.geometry.kernels.find_foot({point}, float64[::1])\n"

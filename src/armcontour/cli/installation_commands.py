@@ -11,6 +11,7 @@ import typer
 from armcontour.cli.commands import Compile, Schema
 from armcontour.cli.execution import Outcome
 from armcontour.core.compilation import compile_kernels
+from armcontour.core.errors import ArmContourError
 from armcontour.core.progress import Progress
 from armcontour.files import json_schema
 
@@ -20,6 +21,12 @@ PACKAGE = FilePath(__file__).parents[1]
 def compile(options: Compile, _: None, progress: Progress) -> Outcome:
     """Compile functions now that are otherwise compiled at first use."""
     compiled = compile_kernels(options.functions, progress)
+    if compiled.folder is None:
+        raise ArmContourError(
+            "Compiled functions cannot be stored, because neither the package's folder nor the "
+            "cache folder in your home folder is writable. Each run compiles the functions that it "
+            "needs. Set NUMBA_CACHE_DIR to a writable folder, now and whenever armcontour runs."
+        )
     lines = [
         f"{compiled.functions} functions are compiled, {compiled.compiled} of them now. They are "
         f"stored in {compiled.folder}."

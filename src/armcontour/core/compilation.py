@@ -18,7 +18,7 @@ from threading import Condition, Thread
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from armcontour.core import kernels
-from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, waiting
+from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, SHIPPED, SHIPPED_TARGET, waiting
 from armcontour.core.pool import can_start, is_child, open_executor, processors, run_all
 from armcontour.core.progress import COMPILING, Progress, Step, report_compiling, subprogress
 from armcontour.core.quintics import solve_banded
@@ -36,6 +36,8 @@ INCLUDED: dict[Which, tuple[Which, ...]] = {
 Key: TypeAlias = tuple[str, str]
 # A function, and the argument types of its calls as text.
 Calls: TypeAlias = tuple[Key, list[str]]
+# File in a folder of compiled functions: the state in which those of a kind were compiled.
+STAMP = "compiled-{}.txt"
 LIST = FilePath(__file__).with_name("kernels.txt")
 # Memory of one compiling process [bytes].
 MEMORY = 0.4e9
@@ -46,18 +48,19 @@ class CompiledKernels(NamedTuple):
 
     functions: int
     compiled: int  # Number of functions that this call compiled
-    folder: FilePath
+    folder: FilePath | None  # None if no folder can be written
 
 
 def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> CompiledKernels:
     """Compile functions that are not compiled yet, in as many processes as the memory allows."""
     listed, compiled = read_list(kind), 0
-    if not _is_compiled(kind):
+    folder = _find_compiled(kind)
+    if folder is None and (folder := _folder()) is not None:
         schedule = CompilationSchedule(listed, progress)
         schedule.run_all()
         compiled = schedule.compiled
-        _stamp(kind)
-    return CompiledKernels(len(listed), compiled, _folder())
+        stamp(folder, kind)
+    return CompiledKernels(len(listed), compiled, folder)
 
 
 @contextmanager
@@ -66,7 +69,8 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
     # If the run needs a function that is not compiled, the run waits, and this function is compiled
     # next. If the other processes fail, the run compiles the function itself.
     kind: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
-    if _is_compiled(kind) or not can_start():
+    folder = _folder()
+    if folder is None or _find_compiled(kind) or not can_start():
         yield
         return
 
@@ -81,7 +85,7 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
         with suppress(Exception):
             schedule.run_all()
         if schedule.is_done:
-            _stamp(kind)
+            stamp(folder, kind)
 
     schedule = CompilationSchedule(read_list(kind), tell)
     helper = Thread(target=work, name="compiling")
@@ -235,37 +239,44 @@ def _callees(key: Key) -> set[Key]:
     return reached - {key}
 
 
-def _folder() -> FilePath:
-    """Folder of the compiled functions of this package."""
+def _folder() -> FilePath | None:
+    """Folder of the functions that this installation compiles; None if none can be written."""
     kernel: Any = solve_banded
-    return FilePath(kernel.stats.cache_path)
+    folder = FilePath(kernel.stats.cache_path)
+    return folder if folder.is_dir() else None
 
 
-def _state() -> str:
-    """Digest of everything that the compiled functions depend on."""
-    import numba
-    from llvmlite.binding import get_host_cpu_name
-
-    versions = numba.__version__, sys.version, get_host_cpu_name()
-    state = hashlib.sha256(repr(versions).encode() + LIST.read_bytes())
-    for module in sorted({kernels.__name__, *(module for module, _ in read_list("all"))}):
-        file = ROOT.parent.joinpath(*module.split(".")).with_suffix(".py")
-        state.update(file.read_bytes())
-    return state.hexdigest()
-
-
-def _is_compiled(kind: Which) -> bool:
-    """True if the functions have been compiled in the present state, see `_state`."""
-    with suppress(OSError):
-        return (_folder() / f"compiled-{kind}.txt").read_text(encoding="utf-8") == _state()
-    return False
+def _find_compiled(kind: Which) -> FilePath | None:
+    """Folder for which all functions have been compiled in the present state, see `_state`."""
+    candidates = [(_folder(), kernels.target())]
+    if kernels.runs_shipped():
+        candidates.append((SHIPPED, SHIPPED_TARGET))
+    for folder, target in candidates:
+        with suppress(OSError):
+            if folder and (folder / STAMP.format(kind)).read_text("utf-8") == _state(target):
+                return folder
+    return None
 
 
-def _stamp(kind: Which) -> None:
-    """Record that the functions have been compiled in the present state."""
+def stamp(folder: FilePath, kind: Which, target: kernels.Target | None = None) -> None:
+    """Record that the functions in a folder have been compiled in the present state."""
     with suppress(OSError):
         for name in INCLUDED[kind]:
-            (_folder() / f"compiled-{name}.txt").write_text(_state(), encoding="utf-8")
+            state = _state(target or kernels.target())
+            (folder / STAMP.format(name)).write_text(state, "utf-8")
+
+
+def _state(target: kernels.Target) -> str:
+    """Digest of everything that the compiled functions depend on."""
+    import numba
+
+    # Builds of Python without the interpreter's lock differ in their flags only.
+    python = sys.implementation.cache_tag, getattr(sys, "abiflags", "")
+    modules = {module for module, _ in read_list("all")}
+    files = (ROOT.parent.joinpath(*x.split(".")).with_suffix(".py") for x in modules)
+    used = sorted({y for x in files for y in kernels.sources(x)})
+    parts = numba.__version__, python, target, LIST.read_text("utf-8"), *map(kernels.digest, used)
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
 def _processes() -> int:

@@ -7,18 +7,26 @@ thread handles signals while another thread works.
 from __future__ import annotations
 
 import functools
+import hashlib
 import logging
+import os
 import re
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
 from numba import njit, types
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    _CacheLocator,
+)
+from numba.core.registry import cpu_target
 from numba.core.runtime.nrt import rtsys
 
 from armcontour.core import progress
@@ -33,7 +41,19 @@ _waiting: list[Callable[[Any], None]] = []
 PATIENCE = 2.0
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT.name
-IMPORT = re.compile(r"^from (armcontour\.[\w.]+) import", re.MULTILINE)
+# LLVM's names of a platform, a processor and its features.
+Target: TypeAlias = tuple[str, str, str]
+# Functions that the wheel contains, compiled by tools/ship.py for processors with AVX2.
+# Nothing is written to this folder at run time.
+SHIPPED = ROOT / "core" / "shipped"
+SHIPPED_TARGET: Target = (
+    "x86_64-unknown-linux-gnu",
+    "x86-64-v3",
+    "+avx,+avx2,+bmi,+bmi2,+cmov,+crc32,+cx16,+cx8,+f16c,+fma,+fxsr,+lzcnt,+mmx,+movbe,+popcnt,"
+    "+sahf,+sse,+sse2,+sse3,+sse4.1,+sse4.2,+ssse3",
+)
+# Types for annotations, which compiled code does not depend on, are imported from `core.checks`.
+IMPORT = re.compile(r"^from (armcontour\.(?!core\.checks )[\w.]+) import", re.MULTILINE)
 COMPILED = re.compile(r"^@compiled\(", re.MULTILINE)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -74,44 +94,112 @@ def compiled(
     return keep
 
 
+class _NoFolder(_CacheLocator):
+    """Last locator, if no folder can be written: functions are compiled in each run."""
+
+    def __init__(self, function: Function) -> None:
+        self._line = function.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> _NoFolder:
+        """Numba's constructor of locators."""
+        return cls(function)
+
+    def get_cache_path(self) -> str:
+        """Return a folder that cannot exist."""
+        return os.path.join(os.devnull, PACKAGE)
+
+    def get_source_stamp(self) -> None:
+        """Required by numba; `_Files` makes the stamp."""
+
+    def get_disambiguator(self) -> str:
+        """Return the same text as the other locators, for the names of the files."""
+        return str(self._line)
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes: Any = [*CompileResultCacheImpl._locator_classes, _NoFolder]
+
+
 class _Files(FunctionCache):
     """Cache files of a compiled function, loaded without the modules that only compiling needs."""
 
-    # Numba stamps the files with the state of the function's source only. Here the stamp includes
-    # the sources of the compiled functions that it calls.
+    # Numba stamps the files with the function's source only. Here the stamp includes the sources of
+    # the compiled functions that it calls, and of their constants.
+    _impl_class = _Implementation
 
     def __init__(self, function: Function) -> None:
         super().__init__(function)
         source = Path(function.__code__.co_filename)
-        files = sorted({source} | _sources(source))
         index: Any = self._cache_file
-        index._source_stamp = tuple((x.name, x.stat().st_mtime, x.stat().st_size) for x in files)
+        index._source_stamp = tuple((x.name, digest(x)) for x in sources(source))
+        self._shipped: Any = None
+        if source.is_relative_to(ROOT):
+            folder = SHIPPED / source.parent.relative_to(ROOT)
+            name = self._impl.filename_base
+            self._shipped = IndexDataCacheFile(str(folder), name, index._source_stamp)
 
-    def load_overload(self, signature: Any, target: Any) -> Any:
+    def load_overload(self, signature: Any, context: Any) -> Any:
         """The compiled function; None if its files are missing, incomplete or out of date."""
         for wait in tuple(_waiting):
             wait(self._py_func)
         # Compiled code needs `rtsys` to count references. A refresh of the whole target would
         # import hundreds of modules; numba refreshes the target before it compiles.
-        rtsys.initialize(target)
+        rtsys.initialize(context)
         try:
-            return self._load_overload(signature, target)
+            if loaded := self._load_overload(signature, context):
+                return loaded
         except Exception:
             # The index is emptied, because numba reads it again before it writes the new files.
             with suppress(OSError):
                 self.flush()
+        with suppress(Exception):
+            if self._shipped and runs_shipped():
+                *_, code = self._index_key(signature, context.codegen())
+                if data := self._shipped.load((signature, SHIPPED_TARGET, code)):
+                    return self._impl.rebuild(context, data)
         return None
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Save a compiled function, if its folder can be written and the disk is not full."""
+        with suppress(OSError):
+            super().save_overload(signature, data)
+
+
+def target() -> Target:
+    """Return the target for which numba compiles in this process."""
+    names: Target = cpu_target.target_context.codegen().magic_tuple()
+    return names
 
 
 @functools.cache
-def _sources(file: Path) -> frozenset[Path]:
-    """A file and the files that it imports, all with compiled functions; empty if it has none."""
+def runs_shipped() -> bool:
+    """Return whether this processor executes the functions that the wheel contains."""
+    platform, _, features = target()
+    needs = set(SHIPPED_TARGET[2].split(","))
+    return platform == SHIPPED_TARGET[0] and needs <= set(features.split(","))
+
+
+@functools.cache
+def digest(file: Path) -> str:
+    """Return the hash of a source, at its first use in this process."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def sources(file: Path) -> list[Path]:
+    """Return the sources on which the compiled functions of a file depend, in a fixed order."""
+    return sorted({file} | _imported(file))
+
+
+@functools.cache
+def _imported(file: Path) -> frozenset[Path]:
+    """A file and the files that it imports, the latter only if it has compiled functions."""
     text = file.read_text(encoding="utf-8")
     if COMPILED.search(text) is None:
-        return frozenset()
+        return frozenset({file})
     names = (x.split(".")[1:] for x in IMPORT.findall(text))
     files = (ROOT.joinpath(*x).with_suffix(".py") for x in names)
-    return frozenset({file}).union(*(_sources(x) for x in files if x.is_file()))
+    return frozenset({file}).union(*(_imported(x) for x in files if x.is_file()))
 
 
 def _take_no_literals(kernel: Any) -> None:
