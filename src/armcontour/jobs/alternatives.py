@@ -77,7 +77,7 @@ def alternatives(
         other = _other_start(job, run, traced, reached, progress)
         if other is None:
             return
-        if _count_clear(other, cell) < np.inf:
+        if _count_clear(other, cell, np.inf) < np.inf:
             # Other rapids cannot avoid a collision of a contour. The check of the plan reports it.
             yield other, notes
             return
@@ -200,19 +200,21 @@ def _other_start(
     program, farthest, cell = traced.program, None, job.cell
     first = next(x.path for x in program.moves if isinstance(x, Contour))
     bounds = run.limits.for_joints(job.arm.dof)
+    # Contours that cannot be traced from a start have the same joint path for all starts.
+    fastest: dict[int, JointPath] = {}
     for starts in _starts(job.arm.with_limits(bounds), first):
         best: tuple[float, Tracing | None] = (np.inf, None)
         clear = [x for x in starts if cell.keeps(_rest_at(x))]
         for k, q in enumerate(clear):
             progress(Step(("clearance",), k / len(clear)))
             try:
-                tracing = trace_program(program, job.arm, run.limits, seed=q)
+                tracing = trace_program(program, job.arm, run.limits, seed=q, fastest=fastest)
             except ArmContourError:
                 continue
             bound = sum(bound_duration(x, bounds) for x in tracing.joint_paths)
             if bound >= best[0]:
                 continue
-            reach = _count_clear(tracing, cell)
+            reach = _count_clear(tracing, cell, reached)
             if reach == np.inf:
                 best = bound, tracing
             elif reach > reached:
@@ -222,16 +224,17 @@ def _other_start(
     return farthest
 
 
-def _count_clear(traced: Tracing, cell: Cell) -> float:
+def _count_clear(traced: Tracing, cell: Cell, enough: float = 0.0) -> float:
     """Number of collision-free contours before the first collision, infinite without a collision.
 
-    The collision-free share of the contour with the collision is added.
+    The collision-free share of the contour with the collision is added. Results of at most `enough`
+    are upper bounds.
     """
     contours = [x.joint_path for x in traced.steps if traced.is_contour(x)]
     for k, path in enumerate(x for x in contours if x is not None):
-        if not cell.keeps(path):
-            near = cell.check(path).too_near
-            return k + ((near and near[0].first_time) or 0.0) / path.length
+        violation = cell.first_violation(path, (enough - k) * path.length)
+        if violation < np.inf:
+            return k + violation / path.length
     return np.inf
 
 

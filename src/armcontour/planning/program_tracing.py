@@ -111,6 +111,7 @@ def trace_program(
     seed: npt.ArrayLike | None = None,
     accept: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
+    fastest: dict[int, JointPath] | None = None,
 ) -> Tracing:
     """Trace all moves of a program.
 
@@ -130,6 +131,7 @@ def trace_program(
         accept: Returns whether a contour may follow a joint path. It is called when a configuration
             is chosen; a rejected configuration is used only if all are rejected.
         progress: Called after every contour with the step "tracing" and the share done.
+        fastest: Cache of the fastest joint paths, for calls that differ in `seed` only.
 
     Raises:
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
@@ -139,7 +141,17 @@ def trace_program(
         shaped = [x.path for x in program.contours if isinstance(x.path, ShapedPath)]
         seed = shaped[0].outcome.joints if shaped else None
     limited, contours = arm.with_limits(bounds), program.contours
-    tracer = _Tracer(program, contours, arm, limited, bounds, configuration, seed, accept)
+    tracer = _Tracer(
+        program,
+        contours,
+        arm,
+        limited,
+        bounds,
+        configuration,
+        seed,
+        accept,
+        {} if fastest is None else fastest,
+    )
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
@@ -161,6 +173,7 @@ class _Tracer:
     configuration: str | None
     seed: npt.ArrayLike | None
     accept: Callable[[JointPath], bool] | None
+    fastest: dict[int, JointPath]
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None
     done: int = 0
@@ -213,7 +226,11 @@ class _Tracer:
         try:
             return trace(path, self.limited, **configuration_of(self.arm, ends_of(self.last)[1]))
         except Unreachable:
-            return self._fastest(path, i, configuration=self.configuration)
+            if not self.looks_ahead:
+                return self._fastest(path, i, configuration=self.configuration)
+            if i not in self.fastest:
+                self.fastest[i] = self._fastest(path, i, configuration=self.configuration)
+            return self.fastest[i]
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         arm, limited = self.arm, self.limited

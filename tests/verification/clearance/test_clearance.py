@@ -10,7 +10,7 @@ from armcontour.core.frames import Frame, exp
 from armcontour.motion import LapLaw, Trajectory
 from armcontour.robot import scene as cell
 from armcontour.robot.scene import ArmShapes, LinkShape, Margins, Mesh, Obstacle, Scene, Sphere
-from armcontour.verification.clearance import check_clearance
+from armcontour.verification.clearance import Cell, check_clearance
 
 pytestmark = needs_dynamics
 
@@ -115,6 +115,8 @@ def test_random_motions_keep_their_bounds_at_random_times():
             distances_at_rest = {(x.first, x.second): x.high for x in still.pairs}
             for x in clearance.pairs:
                 assert distances_at_rest[x.first, x.second] >= x.low - 1e-9
+        first = min((x.first_time for x in clearance.too_near), default=np.inf)
+        assert Cell(arm, scene).first_violation(motion) == pytest.approx(first, abs=1e-4)
 
 
 def test_the_nearest_pair_of_every_kind_is_reported():

@@ -354,9 +354,20 @@ class Cell:
         Args:
             motion: The motion.
         """
+        return self.first_violation(motion, np.inf) == np.inf
+
+    def first_violation(self, motion: Motion, enough: float = 0.0) -> float:
+        """First time at which a margin is violated [s]; infinite if all are satisfied.
+
+        Args:
+            motion: The motion.
+            enough: Any violation until this time [s] ends the search.
+        """
         if self._distances is None:
-            return True
-        return _ClearanceSearch(motion, self.pairs, self._distances, np.inf).run()
+            return np.inf
+        search = _ClearanceSearch(motion, self.pairs, self._distances, np.inf, enough)
+        search.run()
+        return search.first_violation
 
 
 @lru_cache(maxsize=CELLS)
@@ -374,9 +385,13 @@ class _ClearanceSearch:
         pairs: tuple[Pair, ...],
         distances: Distances,
         resolution: float,
+        enough: float = np.inf,
     ) -> None:
         self.pairs = pairs
         self.evaluations = 0
+        # If the resolution is infinite, only the first violation is determined [s]. A violation
+        # until the time `enough` ends the search.
+        self.first_violation, self._enough = np.inf, enough
         self._distances, self._resolution = distances, resolution
         self._motion = motion
         self._t, self._travel = joint_travel(motion)
@@ -396,20 +411,19 @@ class _ClearanceSearch:
 
     def run(self) -> bool:
         """Subdivide time windows until all are decided; True if all margins are satisfied."""
-        # If the resolution is infinite, only this result is determined, and the first violation
-        # ends the search.
         for first in range(0, len(self._t) - 1, AT_ONCE):
             last = min(first + AT_ONCE, len(self._t) - 1)
             travel = self._travel[first : last + 1] - self._travel[first]
             self._bound_distances(self._t[first : last + 1], travel)
-            if self._decided:
+            if self._resolution == np.inf and self.first_violation < np.inf:
                 return False
         return bool((self._low >= self._margins).all())
 
     @property
     def _decided(self) -> bool:
-        """True if a margin is violated and only the violation is to be determined."""
-        return self._resolution == np.inf and bool((self._high < self._margins).any())
+        """True if only a violation is to be determined, and an early one is found."""
+        found = self.first_violation
+        return self._resolution == np.inf and found < np.inf and found <= self._enough
 
     def results(self) -> list[PairClearance]:
         """Results of all pairs."""
@@ -441,14 +455,16 @@ class _ClearanceSearch:
         pair = np.arange(len(self.pairs))
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
         travelled = np.zeros(len(pair)), self._radii @ travel[-1]
-        distance = self._measure(pair, begin), self._measure(pair, end)
+        first = self._measure(pair, begin)
+        distance = first, self._measure(pair, end) if travel[-1].any() else first
         while len(pair) and not self._decided:
             width = travelled[1] - travelled[0]
             # The distance changes at most as fast as the travel grows.
             low = (distance[0] + distance[1] - width) / 2
             np.minimum(low, np.minimum(*distance), out=low)
-            goes_on = self._undecided(pair, low, width)
+            goes_on = self._undecided(pair, begin, low, width)
             np.minimum.at(self._low, pair[~goes_on], low[~goes_on])
+            self._record_violation(end, ~goes_on & (low < self._margins[pair]))
             pair, begin, end = pair[goes_on], begin[goes_on], end[goes_on]
             travelled, distance = (
                 (travelled[0][goes_on], travelled[1][goes_on]),
@@ -488,8 +504,17 @@ class _ClearanceSearch:
         moved = (1 - fraction) * travel[i] + fraction * travel[i + 1]
         return np.asarray((moved * self._radii[pair]).sum(axis=1))
 
-    def _undecided(self, pair: IntArray, low: FloatArray, width: FloatArray) -> BoolArray:
+    def _record_violation(self, t: FloatArray, violated: BoolArray) -> None:
+        """Record the first of the times at which a margin is violated."""
+        self.first_violation = float(np.min(t[violated], initial=self.first_violation))
+
+    def _undecided(
+        self, pair: IntArray, begin: FloatArray, low: FloatArray, width: FloatArray
+    ) -> BoolArray:
         """Mask of the windows that must be subdivided."""
+        if self._resolution == np.inf:
+            unproven = (low < self._margins[pair]) & (begin < self.first_violation)
+            return np.asarray(unproven & (width > FINEST))
         smallest = np.full(self._kinds.max() + 1, np.inf)
         np.minimum.at(smallest, self._kinds, self._high)
         margin, high = self._margins[pair], self._high[pair]
@@ -506,6 +531,7 @@ class _ClearanceSearch:
         better = order[distances[order] < self._high[pair[order]]]
         # Of several values for a pair, the last one is stored, which is the smallest.
         self._high[pair[better]], self._at[pair[better]] = distances[better], t[better]
+        self._record_violation(t, distances < self._margins[pair])
         return np.asarray(distances - UNCERTAINTY - self._blur[pair])
 
     def _first_time(self, k: int, latest: float) -> float:
