@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.kernels import compiled
+from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest, store
 
 # Largest step, as a share of the step to the nearest bound.
 NEAREST = 0.995
@@ -30,6 +31,11 @@ MIN_SLACK = 0.1
 # Gauss-Legendre nodes and weights on [0, 1] for the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+# Offsets of vectors in the table of rows: coefficients, bounds of plain rows, multipliers, and
+# inverse slacks, which are replaced by changes of the multipliers
+LOW, HIGH, DUALS, INVERSES, ROW = (k * LANES for k in (3, 4, 5, 7, 9))
+# Offsets in the table of tangents: value at a = 0, slope in a, and rows of the control points of a
+LEVEL, SLOPE, RAISED = (k * LANES for k in range(3))
 # Smallest pivot of the scaled matrix.
 RIDGE = 1e-14
 TINY = 1e-300
@@ -60,19 +66,25 @@ class JerkSection(NamedTuple):
     # Rows of the control points of a on each part, as a polynomial of the degree of the curved
     # rows, (m, j, 3)
     raised: FloatArray
-    # Point of contact of the tangent of each part with a^(-1/2) [m²/s²], (m,); changed during
-    # the search
+    # Point of contact of the tangent of each part with a^(-1/2) at the start [m²/s²], (m,)
     about: FloatArray
     round: FloatArray  # Vector rows `|vector| <= radius`, (m, o, 2, 3)
     radius: FloatArray  # Radii of the vector rows, (m, o)
 
 
-class _Duals(NamedTuple):
-    """One number for each bound of each row: slacks, multipliers, or their changes."""
+class _Blocks(NamedTuple):
+    """Plain and curved rows of blocks of LANES parts, which are processed together."""
 
-    low: FloatArray
-    high: FloatArray
-    curved: FloatArray
+    # Parts that are missing in the last block have rows without bounds. All arrays are flat.
+    near: FloatArray  # Control points of a in the rows of each part, (blocks, 3, LANES)
+    step: FloatArray  # Their changes in Newton's step, (blocks, 3, LANES)
+    rows: FloatArray  # Two bounds of each row: below and above it, (blocks, k + l, ROW)
+    tangents: FloatArray  # Tangents below a^(-1/2), (blocks, 2 + 3 j, LANES)
+
+
+class _Duals(NamedTuple):
+    """Slacks, multipliers, or their changes, of rows that are in no block."""
+
     round: FloatArray
     positive: FloatArray
 
@@ -81,21 +93,14 @@ class _Iterate(NamedTuple):
     """Arrays of one iterate, changed in place."""
 
     d: FloatArray  # Control points of a [m²/s²], (n + 2,)
-    tangents: FloatArray  # Tangent of the current part, see `_write_tangents`, (j, 4)
+    blocks: _Blocks
     slack: _Duals
     dual: _Duals
 
 
 @compiled(inner=True, allocates=True)
 def _new_duals(p: JerkSection) -> _Duals:
-    n = len(p.cell)
-    return _Duals(
-        np.zeros(p.low.shape),
-        np.zeros(p.low.shape),
-        np.zeros((n, p.curved.shape[1], 2)),
-        np.zeros((n, p.round.shape[1])),
-        np.zeros(len(p.width) + 2),
-    )
+    return _Duals(np.zeros(p.radius.shape), np.zeros(len(p.width) + 2))
 
 
 # Rows are read as scalars, because array views would cost more than the arithmetic.
@@ -118,19 +123,6 @@ def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray)
 
 
 @compiled(inner=True, inline="always")
-def _write_tangents(p: JerkSection, c: int, d: FloatArray, tangents: FloatArray) -> None:
-    """Write the control points of the tangent below a^(-1/2) in part c with derivatives, (j, 4)."""
-    i = p.cell[c]
-    root = 1.0 / math.sqrt(p.about[c])
-    half = 0.5 * root / p.about[c]
-    for k in range(p.raised.shape[1]):
-        tangents[k, 0] = 1.5 * root - half * _row_value(p.raised, c, k, i, d)
-        tangents[k, 1] = -half * p.raised[c, k, 0]
-        tangents[k, 2] = -half * p.raised[c, k, 1]
-        tangents[k, 3] = -half * p.raised[c, k, 2]
-
-
-@compiled(inner=True, inline="always")
 def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
     total = 0.0
     for k in range(p.raised.shape[1]):
@@ -150,29 +142,92 @@ def _round_slack(bound: float, vector: Any) -> float:
     return bound - (x * x + y * y) / bound if bound > 0.0 else -1.0
 
 
+@compiled(inner=True, allocates=True)
+def _new_blocks(p: JerkSection) -> _Blocks:
+    m, plain, curved, j = len(p.cell), p.plain.shape[1], p.curved.shape[1], p.raised.shape[1]
+    count, size = -(-m // LANES), RAISED + 3 * j * LANES
+    rows, tangents = np.zeros(count * (plain + curved) * ROW), np.zeros(count * size)
+    for c in range(count * LANES):
+        first = c // LANES * (plain + curved) * ROW + c % LANES
+        for r in range(plain):
+            at = first + r * ROW
+            rows[at + LOW] = p.low[c, r] if c < m else -math.inf
+            rows[at + HIGH] = p.high[c, r] if c < m else math.inf
+            for k in range(3 if c < m else 0):
+                rows[at + k * LANES] = p.plain[c, r, k]
+        for r in range(curved if c < m else 0):
+            for k in range(3):
+                rows[first + (plain + r) * ROW + k * LANES] = p.curved[c, r, k]
+        at = c // LANES * size + c % LANES
+        about = p.about[c] if c < m else 1.0
+        tangents[at + LEVEL] = 1.5 / math.sqrt(about)
+        tangents[at + SLOPE] = -0.5 / (about * math.sqrt(about))
+        for r in range(j if c < m else 0):
+            for k in range(3):
+                tangents[at + RAISED + (3 * r + k) * LANES] = p.raised[c, r, k]
+    return _Blocks(np.zeros(count * 3 * LANES), np.zeros(count * 3 * LANES), rows, tangents)
+
+
 @compiled(inner=True)
-def _write_slacks(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _Duals) -> bool:
-    """Write the slacks of d; returns true if all are positive. The ends have no bound."""
-    smallest = math.inf
+def _spread(p: JerkSection, d: FloatArray, near: FloatArray) -> None:
+    """Write the control points of a that the rows of each part multiply."""
     for c in range(len(p.cell)):
-        i = p.cell[c]
-        _write_tangents(p, c, d, tangents)
-        for r in range(p.plain.shape[1]):
-            f = _row_value(p.plain, c, r, i, d)
-            slack.high[c, r], slack.low[c, r] = p.high[c, r] - f, f - p.low[c, r]
-            smallest = min(smallest, slack.high[c, r], slack.low[c, r])
-        for r in range(p.curved.shape[1]):
-            bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
-            slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
-            smallest = min(smallest, slack.curved[c, r, 0], slack.curved[c, r, 1])
+        at = c // LANES * 3 * LANES + c % LANES
+        for k in range(3):
+            near[at + k * LANES] = d[p.cell[c] + k]
+
+
+@compiled(inner=True)
+def _load_row(table: FloatArray, at: int) -> Any:
+    return load(table, at), load(table, at + LANES), load(table, at + 2 * LANES)
+
+
+@compiled(inner=True)
+def _dot(row: Any, near: Any) -> Any:
+    return row[0] * near[0] + row[1] * near[1] + row[2] * near[2]
+
+
+@compiled(inner=True)
+def _tangent_row(p: JerkSection, tangents: FloatArray, b: int, r: int) -> Any:
+    """Level, slope and raised row of the tangent that bounds curved row r."""
+    at = b * (RAISED + 3 * p.raised.shape[1] * LANES)
+    row = _load_row(tangents, at + RAISED + 3 * p.curved_points[r] * LANES)
+    return p.jerk[r] * load(tangents, at + LEVEL), p.jerk[r] * load(tangents, at + SLOPE), row
+
+
+@compiled(inner=True)
+def _slacks(p: JerkSection, blocks: _Blocks, b: int, r: int, near: Any) -> Any:
+    """Slacks of both bounds of row r of a block."""
+    plain = p.plain.shape[1]
+    at = (b * (plain + p.curved.shape[1]) + r) * ROW
+    f = _dot(_load_row(blocks.rows, at), near)
+    if r < plain:
+        return f - load(blocks.rows, at + LOW), load(blocks.rows, at + HIGH) - f
+    level, slope, row = _tangent_row(p, blocks.tangents, b, r - plain)
+    bound = level + slope * _dot(row, near)
+    return bound + f, bound - f
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _is_inside(p: JerkSection, d: FloatArray, blocks: _Blocks, slack: _Duals) -> bool:
+    """Return whether d satisfies all rows; writes its slacks. The ends have no bound."""
+    _spread(p, d, blocks.near)
+    smallest = load(blocks.near, 0) * 0.0 + math.inf
+    for b in range(len(blocks.near) // (3 * LANES)):
+        near = _load_row(blocks.near, b * 3 * LANES)
+        for r in range(p.plain.shape[1] + p.curved.shape[1]):
+            below, above = _slacks(p, blocks, b, r, near)
+            smallest = lower(below, lower(above, smallest))
+    inside = lowest(smallest) > 0.0
+    for c in range(p.round.shape[0]):
         for r in range(p.round.shape[1]):
-            slack.round[c, r] = _round_slack(p.radius[c, r], _vector(p, c, r, i, d))
-            smallest = min(smallest, slack.round[c, r])
+            slack.round[c, r] = _round_slack(p.radius[c, r], _vector(p, c, r, p.cell[c], d))
+            inside &= slack.round[c, r] > 0.0
     for i in range(1, len(d) - 1):
         slack.positive[i] = d[i]
-        smallest = min(smallest, d[i])
-    # The comparison is also false if a slack is NaN.
-    return smallest > 0.0
+        # The comparison is also false if d is NaN.
+        inside &= d[i] > 0.0
+    return bool(inside)
 
 
 @compiled()
@@ -188,27 +243,25 @@ def limit_steps(values: FloatArray, steps: FloatArray) -> None:
 def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
     """Smallest relative slack of d in each cell, (n,); positive if d satisfies all rows."""
     # Tangents are moved to d, from where `improve` starts.
-    for c in range(len(p.cell)):
-        p.about[c] = _mean(p, c, d)
-    slack, tangents = _new_duals(p), np.empty((p.raised.shape[1], 4))
-    _write_slacks(p, d, tangents, slack)
     shares = np.ones(len(p.width))
     for c in range(len(p.cell)):
         i = p.cell[c]
+        p.about[c] = about = _mean(p, c, d)
         smallest = shares[i] if d[i + 1] > 0.0 else -1.0
-        _write_tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
-            f = abs(_row_value(p.plain, c, r, i, d))
-            if p.high[c, r] < math.inf:
-                smallest = min(smallest, slack.high[c, r] / max(abs(p.high[c, r]), f, TINY))
-            if p.low[c, r] > -math.inf:
-                smallest = min(smallest, slack.low[c, r] / max(abs(p.low[c, r]), f, TINY))
+            f, low, high = _row_value(p.plain, c, r, i, d), p.low[c, r], p.high[c, r]
+            if high < math.inf:
+                smallest = min(smallest, (high - f) / max(abs(high), abs(f), TINY))
+            if low > -math.inf:
+                smallest = min(smallest, (f - low) / max(abs(low), abs(f), TINY))
         for r in range(p.curved.shape[1]):
-            upper, lower = slack.curved[c, r, 0], slack.curved[c, r, 1]
-            # The sum of both slacks is twice the bound.
-            smallest = min(smallest, min(upper, lower) / max(abs(upper + lower) / 2, TINY))
+            square = _row_value(p.raised, c, p.curved_points[r], i, d)
+            bound = p.jerk[r] * (1.5 - 0.5 * square / about) / math.sqrt(about)
+            f = abs(_row_value(p.curved, c, r, i, d))
+            smallest = min(smallest, (bound - f) / max(abs(bound), TINY))
         for r in range(p.round.shape[1]):
-            smallest = min(smallest, slack.round[c, r] / max(abs(p.radius[c, r]), TINY))
+            slack = _round_slack(p.radius[c, r], _vector(p, c, r, i, d))
+            smallest = min(smallest, slack / max(abs(p.radius[c, r]), TINY))
         shares[i] = smallest
     return shares
 
@@ -283,48 +336,52 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
     return total
 
 
-@compiled(inner=True)
+@compiled(inner=True, fastmath=FUSED, allocates=True)
 def _add_barriers(
     p: JerkSection, iterate: _Iterate, mu: float, bands: FloatArray, right: FloatArray
 ) -> None:
-    n, (d, tangents, slack, dual) = len(p.width), iterate
-    for c in range(len(p.cell)):
+    """Add the barriers of all rows; writes the inverse slacks of blocks."""
+    n, (d, blocks, slack, dual) = len(p.width), iterate
+    plain, curved, rows = p.plain.shape[1], p.curved.shape[1], blocks.rows
+    sums = np.empty(9 * LANES)
+    for b in range(len(blocks.near) // (3 * LANES)):
+        near = _load_row(blocks.near, b * 3 * LANES)
+        zero = near[0] * 0.0
+        h, g = (zero, zero, zero, zero, zero, zero), (zero, zero, zero)
+        for r in range(plain + curved):
+            at = (b * (plain + curved) + r) * ROW
+            slacks, row = _slacks(p, blocks, b, r, near), _load_row(rows, at)
+            below, above = 1.0 / slacks[0], 1.0 / slacks[1]
+            store(rows, at + INVERSES, below)
+            store(rows, at + INVERSES + LANES, above)
+            one, other = load(rows, at + DUALS) * below, load(rows, at + DUALS + LANES) * above
+            if r < plain:
+                h, g = _accumulate(h, g, row, one + other, mu * (below - above))
+                continue
+            _, slope, raised = _tangent_row(p, blocks.tangents, b, r - plain)
+            u, v, w = slope * raised[0], slope * raised[1], slope * raised[2]
+            h, g = _accumulate(h, g, (u + row[0], v + row[1], w + row[2]), one, mu * below)
+            h, g = _accumulate(h, g, (u - row[0], v - row[1], w - row[2]), other, mu * above)
+        for k in range(6):
+            store(sums, k * LANES, h[k])
+        for k in range(3):
+            store(sums, (6 + k) * LANES, g[k])
+        for lane in range(min(LANES, len(p.cell) - b * LANES)):
+            x = sums[lane::LANES]
+            squares = x[0], x[1], x[2], x[3], x[4], x[5]
+            _add_cell(bands, right, p.cell[b * LANES + lane], squares, (x[6], x[7], x[8]))
+    for c in range(len(p.cell) if p.round.shape[1] else 0):
         i = p.cell[c]
-        _write_tangents(p, c, d, tangents)
-        h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        g = (0.0, 0.0, 0.0)
-        for r in range(p.plain.shape[1]):
-            weight, push = 0.0, 0.0
-            if p.high[c, r] < math.inf:
-                one = 1.0 / slack.high[c, r]
-                weight += dual.high[c, r] * one
-                push -= mu * one
-            if p.low[c, r] > -math.inf:
-                one = 1.0 / slack.low[c, r]
-                weight += dual.low[c, r] * one
-                push += mu * one
-            row = (p.plain[c, r, 0], p.plain[c, r, 1], p.plain[c, r, 2])
-            h, g = _accumulate(h, g, row, weight, push)
-        for r in range(p.curved.shape[1]):
-            k = p.curved_points[r]
-            x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
-            for side in range(2):
-                sign = -1.0 if side == 0 else 1.0
-                one = 1.0 / slack.curved[c, r, side]
-                row = (
-                    p.jerk[r] * x + sign * p.curved[c, r, 0],
-                    p.jerk[r] * y + sign * p.curved[c, r, 1],
-                    p.jerk[r] * z + sign * p.curved[c, r, 2],
-                )
-                h, g = _accumulate(h, g, row, dual.curved[c, r, side] * one, mu * one)
+        squares, gradient = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for r in range(p.round.shape[1]):
             bound, vector = p.radius[c, r], _vector(p, c, r, i, d)
             one, weight = 1.0 / slack.round[c, r], dual.round[c, r]
-            h, g = _accumulate(h, g, _round_slope(p, c, r, vector), weight * one, mu * one)
+            slope = _round_slope(p, c, r, vector)
+            squares, gradient = _accumulate(squares, gradient, slope, weight * one, mu * one)
             for k in range(2):
                 row = (p.round[c, r, k, 0], p.round[c, r, k, 1], p.round[c, r, k, 2])
-                h, g = _accumulate(h, g, row, 2.0 * weight / bound, 0.0)
-        _add_cell(bands, right, i, h, g)
+                squares, gradient = _accumulate(squares, gradient, row, 2.0 * weight / bound, 0.0)
+        _add_cell(bands, right, i, squares, gradient)
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
             bands[0, i] += dual.positive[i] / slack.positive[i]
@@ -370,44 +427,45 @@ def _longest_round_step(bound: float, vector: Any, change: Any, slack: float) ->
 
 
 @compiled(inner=True)
+def _change_dual(rows: FloatArray, at: int, rise: Any, mu: float, decrease: Any) -> Any:
+    """Write the change of a multiplier; returns the largest decreases of slack and multiplier."""
+    inverse, dual = load(rows, at + INVERSES), load(rows, at + DUALS)
+    change = (mu - dual * rise) * inverse - dual
+    store(rows, at + INVERSES, change)
+    # Comparisons with NaN are false, so rows without a bound do not count.
+    return higher(-1.0 * rise * inverse, decrease[0]), higher(-1.0 * change / dual, decrease[1])
+
+
+@compiled(inner=True, fastmath=FUSED)
 def _dual_changes(
     p: JerkSection, iterate: _Iterate, step: FloatArray, mu: float, change: _Duals
 ) -> tuple[float, float]:
     """Write the changes of all multipliers; returns the longest steps of slacks and multipliers."""
-    n, (d, tangents, slack, dual) = len(p.width), iterate
-    reach = (1.0, 1.0)
-    for c in range(len(p.cell)):
+    n, (d, blocks, slack, dual) = len(p.width), iterate
+    plain, curved = p.plain.shape[1], p.curved.shape[1]
+    _spread(p, step, blocks.step)
+    zero = load(blocks.near, 0) * 0.0
+    decrease = (zero, zero)
+    for b in range(len(blocks.near) // (3 * LANES)):
+        far = _load_row(blocks.step, b * 3 * LANES)
+        for r in range(plain + curved):
+            at = (b * (plain + curved) + r) * ROW
+            rise, common = _dot(_load_row(blocks.rows, at), far), zero
+            if r >= plain:
+                _, slope, row = _tangent_row(p, blocks.tangents, b, r - plain)
+                common = slope * _dot(row, far)
+            decrease = _change_dual(blocks.rows, at, common + rise, mu, decrease)
+            decrease = _change_dual(blocks.rows, at + LANES, common - rise, mu, decrease)
+    one, other = highest(decrease[0]), highest(decrease[1])
+    reach = (NEAREST / max(one, NEAREST), NEAREST / max(other, NEAREST))
+    for c in range(p.round.shape[0]):
         i = p.cell[c]
-        _write_tangents(p, c, d, tangents)
-        for r in range(p.plain.shape[1]):
-            rise = _row_value(p.plain, c, r, i, step)
-            if p.high[c, r] < math.inf:
-                room, old = slack.high[c, r], dual.high[c, r]
-                new = (mu + old * rise) / room - old
-                reach = _longest_steps(room, old, -rise, new, reach)
-                change.high[c, r] = new
-            if p.low[c, r] > -math.inf:
-                room, old = slack.low[c, r], dual.low[c, r]
-                new = (mu - old * rise) / room - old
-                reach = _longest_steps(room, old, rise, new, reach)
-                change.low[c, r] = new
-        for r in range(p.curved.shape[1]):
-            k = p.curved_points[r]
-            x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
-            common = p.jerk[r] * (x * step[i] + y * step[i + 1] + z * step[i + 2])
-            rise = _row_value(p.curved, c, r, i, step)
-            for side in range(2):
-                rate = common - rise if side == 0 else common + rise
-                room, old = slack.curved[c, r, side], dual.curved[c, r, side]
-                new = (mu - old * rate) / room - old
-                reach = _longest_steps(room, old, rate, new, reach)
-                change.curved[c, r, side] = new
         for r in range(p.round.shape[1]):
             vector = _vector(p, c, r, i, d)
             x, y, z = _round_slope(p, c, r, vector)
-            rise = x * step[i] + y * step[i + 1] + z * step[i + 2]
+            rise_of = x * step[i] + y * step[i + 1] + z * step[i + 2]
             room, old = slack.round[c, r], dual.round[c, r]
-            new = (mu - old * rise) / room - old
+            new = (mu - old * rise_of) / room - old
             one, other = _longest_steps(room, old, 0.0, new, reach)
             change_of = _vector(p, c, r, i, step)
             longest = _longest_round_step(p.radius[c, r], vector, change_of, room)
@@ -422,24 +480,40 @@ def _dual_changes(
     return reach
 
 
-@compiled(inner=True)
-def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
+@compiled(inner=True, fastmath=FUSED)
+def _take_dual_step(rows: FloatArray, dual: _Duals, change: _Duals, share: float) -> None:
+    for at in range(0, len(rows), ROW):
+        for k in range(at, at + 2 * LANES, LANES):
+            store(rows, k + DUALS, load(rows, k + DUALS) + share * load(rows, k + INVERSES))
+    _add_scaled(dual.round, change.round, share)
+    _add_scaled(dual.positive, change.positive, share)
+
+
+@compiled(inner=True, fastmath=FUSED, allocates=True)
+def _move_tangents(p: JerkSection, blocks: _Blocks) -> None:
     """Move the tangent of each part to d if every row retains the share MIN_SLACK of its slack."""
-    for c in range(len(p.cell)):
-        i, before = p.cell[c], p.about[c]
-        p.about[c] = _mean(p, c, d)
-        _write_tangents(p, c, d, tangents)
-        good = True
+    tangents, j, lanes = blocks.tangents, p.raised.shape[1], np.empty(3 * LANES)
+    for b in range(len(blocks.near) // (3 * LANES)):
+        near, at = _load_row(blocks.near, b * 3 * LANES), b * (RAISED + 3 * j * LANES)
+        mean = near[0] * 0.0
+        for k in range(j):
+            mean = mean + _dot(_load_row(tangents, at + RAISED + 3 * k * LANES), near) / float(j)
+        store(lanes, 0, mean)
+        for lane in range(LANES):
+            root = 1.0 / math.sqrt(lanes[lane]) if lanes[lane] > 0.0 else 1.0
+            lanes[LANES + lane] = 1.5 * root
+        level = load(lanes, LANES)
+        slope = level / (-3.0 * mean)
+        worst = near[0] * 0.0
         for r in range(p.curved.shape[1]):
-            bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
-            good &= bound - f >= MIN_SLACK * slack.curved[c, r, 0]
-            good &= bound + f >= MIN_SLACK * slack.curved[c, r, 1]
-        if not good:
-            p.about[c] = before
-            continue
-        for r in range(p.curved.shape[1]):
-            bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
-            slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
+            before = _slacks(p, blocks, b, p.plain.shape[1] + r, near)
+            old_level, old_slope, row = _tangent_row(p, tangents, b, r)
+            square, jerk = _dot(row, near), p.jerk[r]
+            rise = jerk * (level + slope * square) - old_level - old_slope * square
+            for k in range(2):
+                worst = lower(before[k] * (1.0 - MIN_SLACK) + rise, worst)
+        store(tangents, at + LEVEL, choose(worst, 0.0, load(tangents, at + LEVEL), level))
+        store(tangents, at + SLOPE, choose(worst, 0.0, load(tangents, at + SLOPE), slope))
 
 
 @compiled(inner=True, allocates=True)
@@ -497,28 +571,11 @@ def _take_step(d: FloatArray, step: FloatArray, share: float, trial: FloatArray)
 
 @compiled(inner=True)
 def _count_bounds(p: JerkSection, dual: _Duals) -> float:
-    count = dual.curved.size + dual.round.size
+    count = 2 * p.curved.shape[0] * p.curved.shape[1] + dual.round.size
     for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
             count += (p.low[c, r] > -math.inf) + (p.high[c, r] < math.inf)
     return float(count + len(p.width))
-
-
-@compiled(inner=True)
-def _central_duals(p: JerkSection, slack: _Duals, mu: float, dual: _Duals) -> None:
-    """Write the multipliers on the central path with the barrier parameter mu."""
-    for c in range(p.low.shape[0]):
-        for r in range(p.low.shape[1]):
-            dual.low[c, r] = mu / slack.low[c, r] if p.low[c, r] > -math.inf else 0.0
-            dual.high[c, r] = mu / slack.high[c, r] if p.high[c, r] < math.inf else 0.0
-        for r in range(p.curved.shape[1]):
-            for side in range(2):
-                dual.curved[c, r, side] = mu / slack.curved[c, r, side]
-        for r in range(p.round.shape[1]):
-            dual.round[c, r] = mu / slack.round[c, r]
-    for i in range(len(slack.positive)):
-        if slack.positive[i] > 0.0:
-            dual.positive[i] = mu / slack.positive[i]
 
 
 @compiled(inner=True)
@@ -533,15 +590,17 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
     """Improve a strictly feasible d in place until its gap is small; returns the iterations."""
     # `d`: control points of a [m²/s²], (n + 2,); the ends are fixed.
     n = len(p.width)
-    slack, dual, change = _new_duals(p), _new_duals(p), _new_duals(p)
-    tangents = np.empty((p.raised.shape[1], 4))
-    iterate = _Iterate(d, tangents, slack, dual)
-    bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
-    _write_slacks(p, d, tangents, slack)
+    blocks, slack, dual, change = _new_blocks(p), _new_duals(p), _new_duals(p), _new_duals(p)
+    iterate = _Iterate(d, blocks, slack, dual)
+    bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.zeros(n + 2)
+    _is_inside(p, d, blocks, slack)
     size = _add_durations(p, d, bands, right)
     bounds = _count_bounds(p, dual)
     mu = size / bounds
-    _central_duals(p, slack, mu, dual)
+    # Without multipliers and without a step, the changes are the multipliers on the central path.
+    _add_barriers(p, iterate, mu, bands, right)
+    _dual_changes(p, iterate, trial, mu, change)
+    _take_dual_step(blocks.rows, dual, change, 1.0)
     for iteration in range(max_iterations):
         bands[:], right[:] = 0.0, 0.0
         size = _add_durations(p, d, bands, right)
@@ -552,24 +611,19 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
         decrement = 0.0
         for i in range(n + 2):
             decrement += trial[i] * right[i]
-        reach = _dual_changes(p, iterate, right, mu, change)
-        share = reach[0]
+        share, dual_share = _dual_changes(p, iterate, right, mu, change)
+        _take_dual_step(blocks.rows, dual, change, dual_share)
         _take_step(d, right, share, trial)
         halvings = 0
-        while not _write_slacks(p, trial, tangents, slack):
+        while not _is_inside(p, trial, blocks, slack):
             # Rounding errors close to a bound can violate a row.
             halvings, share = halvings + 1, share * SHORTENING
             if halvings > MAX_SHORTENINGS:
                 return iteration
             _take_step(d, right, share, trial)
         d[:] = trial
-        _move_tangents(p, d, tangents, slack)
-        _add_scaled(dual.low, change.low, reach[1])
-        _add_scaled(dual.high, change.high, reach[1])
-        _add_scaled(dual.curved, change.curved, reach[1])
-        _add_scaled(dual.round, change.round, reach[1])
-        _add_scaled(dual.positive, change.positive, reach[1])
-        if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG_STEP:
+        _move_tangents(p, blocks)
+        if decrement < CENTERED * bounds * mu and min(share, dual_share) > LONG_STEP:
             if bounds * mu <= 0.5 * tolerance * size:
                 return iteration + 1
             mu *= REDUCTION

@@ -70,69 +70,67 @@ def raised(basis: Basis, degree: int) -> FloatArray:
 def motion_rows(
     grid: Intervals,
     basis: Basis,
-    degree: int,
+    cells: _Cells,
     of_powers: tuple[FloatArray, FloatArray],
-    joints: tuple[IntArray, IntArray],
+    first_rows: tuple[IntArray, IntArray],
     rows: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Write acceleration, and jerk divided by ds, as rows of the control points of ds²."""
+    """Write acceleration, and jerk divided by ds, as rows of the unknowns."""
     # The acceleration is `q'' a + q' dds`, and the jerk divided by ds is `q''' a + 3 q'' dds + q'
-    # slope`, with `a = ds²`. `grid`: the n parts of cells; `of_powers`: `to_bernstein` of the
-    # degrees of acceleration, `degree`, and of jerk, one less; `joints`: joints with rows of
-    # acceleration, and joints with rows of jerk; `rows`: output in the order of the joints, (n,
-    # joints (degree + 1), 3) and (n, joints degree, 3).
-    taylor = np.empty((3, HIGHEST + 1))
-    powers = np.empty(2 * HIGHEST)
-    t = np.empty(HIGHEST + 1)
+    # slope`, with `a = ds²`. `grid`: the n parts of cells; `cells`: cell of each part, and
+    # `control_points` of the cells; `of_powers`: `to_bernstein` of the degrees of acceleration and
+    # of jerk; `first_rows`: first rows of acceleration and of jerk of each joint, -1 if it has
+    # none; `rows`: output, (n, rows, 3) each.
+    taylor = np.zeros((3, HIGHEST + 1))
+    powers, points = np.empty((2, HIGHEST + 2, 3)), np.empty(3)
+    cell, begin, end = cells
     for i in range(len(grid.piece)):
-        k = grid.piece[i]
+        k, m = grid.piece[i], cell[i]
         scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
-        x0 = (grid.s[i] - grid.breaks[k]) * scale
+        x = (grid.s[i] - grid.breaks[k]) * scale
         h = grid.s[i + 1] - grid.s[i]
         dx = h * scale
-        for kind in range(2):
-            count = degree + 1 - kind
-            for position in range(len(joints[kind])):
-                j = joints[kind][position]
-                factor = 1.0
-                for m in range(HIGHEST + 1):
-                    # `total` is the m-th derivative at the start of the part, divided by m!.
-                    total = 0.0
-                    for n in range(HIGHEST, m - 1, -1):
-                        choose = 1.0
-                        for c in range(m):
-                            choose *= (n - c) / (c + 1.0)
-                        total = total * x0 + choose * grid.coefficients[(6 * k + n) * grid.dof + j]
-                    t[m] = total * factor
-                    factor *= dx
-                for m in range(HIGHEST + 1):
-                    taylor[0, m] = (m + 1) * t[m + 1] / h if m < HIGHEST else 0.0
-                    taylor[1, m] = (m + 2) * (m + 1) * t[m + 2] / h**2 if m < HIGHEST - 1 else 0.0
-                    taylor[2, m] = (
-                        (m + 3) * (m + 2) * (m + 1) * t[m + 3] / h**3 if m < HIGHEST - 2 else 0.0
-                    )
-                for b in range(3):
-                    powers[:] = 0.0
-                    for m in range(HIGHEST):
-                        for n in range(3):
-                            if kind == 0:
-                                powers[m + n] += taylor[1, m] * basis.square[i, b, n]
-                            else:
-                                powers[m + n] += taylor[2, m] * basis.square[i, b, n]
-                        for n in range(2):
-                            if kind == 0:
-                                powers[m + n] += taylor[0, m] * basis.rate[i, b, n]
-                            else:
-                                powers[m + n] += 3.0 * taylor[1, m] * basis.rate[i, b, n]
-                        if kind == 1:
-                            powers[m] += taylor[0, m] * basis.slope[i, b]
-                    for c in range(count):
-                        total = 0.0
-                        for m in range(c + 1):
-                            total += of_powers[kind][c, m] * powers[m]
-                        rows[kind][i, position * count + c, b] = total
+        for j in range(grid.dof):
+            if first_rows[0][j] < 0 and first_rows[1][j] < 0:
+                continue
+            at = 6 * k * grid.dof + j
+            c1, c2 = grid.coefficients[at + grid.dof], grid.coefficients[at + 2 * grid.dof]
+            c3, c4 = grid.coefficients[at + 3 * grid.dof], grid.coefficients[at + 4 * grid.dof]
+            c5 = grid.coefficients[at + 5 * grid.dof]
+            # Coefficients of q in powers of the share of the part
+            t1 = dx * (c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5))))
+            t2 = dx**2 * (c2 + x * (3 * c3 + x * (6 * c4 + x * 10 * c5)))
+            t3 = dx**3 * (c3 + x * (4 * c4 + x * 10 * c5))
+            t4, t5 = dx**4 * (c4 + x * 5 * c5), dx**5 * c5
+            taylor[0, 0], taylor[0, 1], taylor[0, 2] = t1 / h, 2 * t2 / h, 3 * t3 / h
+            taylor[0, 3], taylor[0, 4] = 4 * t4 / h, 5 * t5 / h
+            taylor[1, 0], taylor[1, 1] = 2 * t2 / h**2, 6 * t3 / h**2
+            taylor[1, 2], taylor[1, 3] = 12 * t4 / h**2, 20 * t5 / h**2
+            taylor[2, 0], taylor[2, 1], taylor[2, 2] = 6 * t3 / h**3, 24 * t4 / h**3, 60 * t5 / h**3
+            powers[:] = 0.0
+            for b in range(3):
+                for r in range(HIGHEST):
+                    for n in range(3):
+                        powers[0, r + n, b] += taylor[1, r] * basis.square[i, b, n]
+                        powers[1, r + n, b] += taylor[2, r] * basis.square[i, b, n]
+                    for n in range(2):
+                        powers[0, r + n, b] += taylor[0, r] * basis.rate[i, b, n]
+                        powers[1, r + n, b] += 3.0 * taylor[1, r] * basis.rate[i, b, n]
+                    powers[1, r, b] += taylor[0, r] * basis.slope[i, b]
+            for kind in range(2):
+                for c in range(len(of_powers[kind]) if first_rows[kind][j] >= 0 else 0):
+                    for b in range(3):
+                        points[b] = 0.0
+                        for r in range(c + 1):
+                            points[b] += of_powers[kind][c, r] * powers[kind, r, b]
+                    for b in range(3):
+                        value = points[0] * begin[m, b] + points[2] * end[m, b]
+                        value += points[1] if b == 1 else 0.0
+                        rows[kind][i, first_rows[kind][j] + c, b] = value
 
 
+# Cell of each part, and `control_points` of the cells
+_Cells = tuple[IntArray, FloatArray, FloatArray]
 # Smallest value at an end of the tangent that bounds ds², as a share of its value in the middle
 LEAST_SHARE = 0.25
 
@@ -269,50 +267,45 @@ class MeshRows:
         return slopes_by_cell[0], slopes_by_cell[1]
 
     def _make_section(self) -> JerkSection:
-        cell, basis = self.mesh.cell, self.basis
         begin, end = control_points(self.mesh)
-        acceleration, rows = self._motion_rows()
-        plain, low, high = self._plain_rows(acceleration)
+        cells = self.mesh.cell, begin, end
+        acceleration, rows = self._motion_rows(cells)
+        plain, low, high = self._plain_rows(cells, acceleration)
         vectors, radius = self._vector_rows()
-
-        def local(points: FloatArray) -> FloatArray:
-            """Convert rows of control points of ds² on each cell to rows of the unknowns."""
-            index = (cell,) + (None,) * (points.ndim - 2)
-            rows = points[..., :1] * begin[index] + points[..., 2:] * end[index]
-            rows[..., 1] += points[..., 1]
-            return np.asarray(rows)
-
         return JerkSection(
             width=self.mesh.width,
             begin=begin,
             end=end,
             ramps=np.zeros(2),
-            cell=cell,
-            plain=local(plain),
+            cell=self.mesh.cell,
+            plain=plain,
             low=low,
             high=high,
-            curved=local(rows),
+            curved=rows,
             jerk=np.repeat(self.jerk[self.joints[1]], self.degree),
             curved_points=np.tile(np.arange(self.degree), len(self.joints[1])),
-            raised=local(raised(basis, self.degree - 1)),
-            about=np.zeros(len(cell)),
-            round=local(vectors),
+            raised=_localize(cells, raised(self.basis, self.degree - 1)),
+            about=np.zeros(len(self.mesh.cell)),
+            round=_localize(cells, vectors),
             radius=radius,
         )
 
-    def _motion_rows(self) -> tuple[FloatArray, FloatArray]:
+    def _motion_rows(self, cells: _Cells) -> tuple[FloatArray, FloatArray]:
         """Rows of the accelerations and jerks of the limited joints, in the order of the joints."""
-        grid, degree = self.mesh.grid, self.degree
-        n, joints = len(grid), self.joints
-        rows = (
-            np.empty((n, len(joints[0]) * (degree + 1), 3)),
-            np.empty((n, len(joints[1]) * degree, 3)),
-        )
-        powers = to_bernstein(degree), to_bernstein(degree - 1)
-        motion_rows(self.path.intervals, self.basis, degree, powers, joints, rows)
-        return rows
+        dof, sizes = self.mesh.grid.joint_path.dof, (self.degree + 1, self.degree)
+        first, rows = np.full((2, dof), -1), []
+        for kind, (joints, size) in enumerate(zip(self.joints, sizes, strict=True)):
+            first[kind, joints] = size * np.arange(len(joints))
+            rows.append(np.empty((len(self.mesh.grid), size * len(joints), 3)))
+        acceleration, jerk = rows
+        powers = to_bernstein(self.degree), to_bernstein(self.degree - 1)
+        firsts = first[0], first[1]
+        motion_rows(self.path.intervals, self.basis, cells, powers, firsts, (acceleration, jerk))
+        return acceleration, jerk
 
-    def _plain_rows(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _plain_rows(
+        self, cells: _Cells, acceleration: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
         n, bounds, basis = len(self.mesh.grid), self.bounds, self.basis
         none = np.full((n, 3), np.inf)
@@ -327,10 +320,6 @@ class MeshRows:
             rows.append(np.stack([ends[0][1], ends[1][1], basis.slope], axis=1))
             low.append(-rate_bounds)
             high.append(rate_bounds)
-        rows.append(acceleration)
-        for sign, out in ((-1, low), (1, high)):
-            bound = self.bounded[(sign + 1) // 2][:, self.joints[0]]
-            out.append(np.repeat(sign * bound, self.degree + 1, axis=1))
         general = self.limits.rows.ends
         for e in range(2):
             square, rate = (x[:, None] for x in ends[e])
@@ -338,9 +327,13 @@ class MeshRows:
             rows.append(a * rate + b * square)
             low.append(general[:, e, :, LOW])
             high.append(general[:, e, :, HIGH])
+        for sign, out in ((-1, low), (1, high)):
+            bound = self.bounded[(sign + 1) // 2][:, self.joints[0]]
+            out.append(np.repeat(sign * bound, self.degree + 1, axis=1))
         bottom, top = np.concatenate(low, axis=1), np.concatenate(high, axis=1)
         self._bound_next_to_ramps(top)
-        return np.concatenate(rows, axis=1), bottom, top
+        others = _localize(cells, np.concatenate(rows, axis=1))
+        return np.concatenate([others, acceleration], axis=1), bottom, top
 
     def _vector_rows(self) -> tuple[FloatArray, FloatArray]:
         """Vector rows, (m, l, 2, 3), and radii, (m, l)."""
@@ -396,32 +389,32 @@ class MeshRows:
         """Reduce the bounds of ds² so that adjacent cells of uniform jerk satisfy the limits."""
         mesh, ramps = self.mesh, self.mesh.ramps
         largest = np.full(len(ramps), np.inf)
-        np.minimum.at(largest, mesh.cell, self._largest_at_ramps())
+        parts = np.flatnonzero(ramps[mesh.cell])
+        np.minimum.at(largest, mesh.cell[parts], self._largest_at_ramps(parts))
         first = np.searchsorted(mesh.cell, np.flatnonzero(ramps > 0) + 1)
         last = np.searchsorted(mesh.cell, np.flatnonzero(ramps < 0)) - 1
         top[first, 0] = np.minimum(top[first, 0], largest[ramps > 0])
         top[last, 2] = np.minimum(top[last, 2], largest[ramps < 0])
 
-    def _largest_at_ramps(self) -> FloatArray:
-        """Largest ds² that each part allows at the moving end of its cell of uniform jerk, (m,)."""
+    def _largest_at_ramps(self, parts: IntArray) -> FloatArray:
+        """Largest ds² that parts of cells of uniform jerk allow at the moving end, (m,)."""
         # On a cell of length h from a rest, `ds² = A (s / h)^(4/3)`, where A is ds² at the moving
         # end. At this end dds is `2 A / (3 h)`, and the jerk is `2 A^1.5 / (9 h²)`. Each part is
-        # bounded as if it had the speed and acceleration of the moving end. The values of parts of
-        # other cells have no meaning.
-        width, h = self.mesh.grid.width, self.mesh.width[self.mesh.cell]
+        # bounded as if it had the speed and acceleration of the moving end.
+        width, h = self.mesh.grid.width[parts], self.mesh.width[self.mesh.cell[parts]]
         ramp_column, width_column = h[:, None], width[:, None]
-        (slopes, bends), (third, fourth) = self.path.derivatives
+        (slopes, bends), (third, fourth) = (x[:, parts] for x in self.path.derivatives)
         first = np.abs(slopes).max(axis=1) + width_column**2 / 8 * third
         second = np.abs(bends).max(axis=1) + width_column**2 / 8 * fourth
         rate = 2 / (3 * h)
-        bounds = [self._ceiling().min(axis=1)]
+        bounds = [self._ceiling()[parts].min(axis=1)]
         with np.errstate(divide="ignore", invalid="ignore"):
-            bounds.append(((self.speeds / first) ** 2).min(axis=1))
+            bounds.append(((self.speeds[parts] / first) ** 2).min(axis=1))
             pull = second + first * rate[:, None]
-            bounds.append((self.bounded.min(axis=0) / pull).min(axis=1))
+            bounds.append((self.bounded[:, parts].min(axis=0) / pull).min(axis=1))
             jerk = third + 2 * second / ramp_column + 2 / 9 * first / ramp_column**2
             bounds.append(((self.jerk / jerk) ** (2 / 3)).min(axis=1))
-            general, rounds = self.limits.rows.ends, self.limits.rounds
+            general, rounds = self.limits.rows.ends[parts], self.limits.rounds
             for sign, column in ((1, HIGH), (-1, LOW)):
                 coefficient = np.maximum(sign * general[..., A], 0).max(axis=1) * rate[:, None]
                 coefficient += np.maximum(sign * general[..., B], 0).max(axis=1)
@@ -431,13 +424,22 @@ class MeshRows:
                         axis=1, initial=np.inf
                     )
                 )
-            aa, ab, bb = rounds.products
+            aa, ab, bb = (x[parts] for x in rounds.products)
             turned = rate[:, None, None]
             size = np.sqrt(np.maximum(aa * turned**2 + 2 * ab * turned + bb, 0.0)).max(axis=1)
-            bounds.append((rounds.radius / size).min(axis=1, initial=np.inf))
+            bounds.append((rounds.radius[parts] / size).min(axis=1, initial=np.inf))
             if self.bounds is not None:
-                bounds += [self.bounds.x, self.bounds.u / rate]
+                bounds += [self.bounds.x[parts], self.bounds.u[parts] / rate]
         return np.asarray(np.nanmin(bounds, axis=0))
+
+
+def _localize(cells: _Cells, points: FloatArray) -> FloatArray:
+    """Convert rows of control points of ds² on each cell to rows of the unknowns."""
+    cell, begin, end = cells
+    index = (cell,) + (None,) * (points.ndim - 2)
+    rows = points[..., :1] * begin[index] + points[..., 2:] * end[index]
+    rows[..., 1] += points[..., 1]
+    return np.asarray(rows)
 
 
 def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:

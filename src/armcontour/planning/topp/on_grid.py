@@ -71,6 +71,34 @@ def write_linear_rows(
             rows.rise[i, r, BY_CONSTANT] = alone
 
 
+@compiled(fastmath=FUSED)
+def write_derivatives(grid: Intervals, ends: FloatArray, bounds: FloatArray) -> None:
+    """Write dq_ds and d2q_ds2 at interval ends, and bounds of |d3q_ds3| and |d4q_ds4| inside."""
+    for i in range(len(grid.piece)):
+        k = grid.piece[i]
+        scale = 1 / (grid.breaks[k + 1] - grid.breaks[k])
+        begin, end = grid.s[i] - grid.breaks[k], grid.s[i + 1] - grid.breaks[k]
+        middle, half = scale * (begin + end) / 2, (end - begin) / 2
+        for j in range(grid.dof):
+            at = 6 * k * grid.dof + j
+            c1, c2 = grid.coefficients[at + grid.dof], grid.coefficients[at + 2 * grid.dof]
+            c3, c4 = grid.coefficients[at + 3 * grid.dof], grid.coefficients[at + 4 * grid.dof]
+            c5 = grid.coefficients[at + 5 * grid.dof]
+            for e in range(2):
+                x = scale * (end if e else begin)
+                slope = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
+                ends[0, i, e, j] = scale * slope
+                bend = 2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))
+                ends[1, i, e, j] = scale * scale * bend
+            # The bounds use a Taylor expansion about the middle; the fifth derivative is constant.
+            cube = scale * scale * scale
+            third = cube * abs(6 * c3 + middle * (24 * c4 + middle * 60 * c5))
+            fourth = cube * scale * abs(24 * c4 + middle * 120 * c5)
+            fifth = cube * scale * scale * abs(120 * c5)
+            bounds[0, i, j] = third + half * fourth + half * half / 2 * fifth
+            bounds[1, i, j] = fourth + half * fifth
+
+
 Terms = tuple[FloatArray, FloatArray, FloatArray]
 
 
@@ -99,17 +127,10 @@ class OnGrid:
     def derivatives(self) -> tuple[FloatArray, FloatArray]:
         """dq_ds and d2q_ds2 at interval ends, and bounds of |d3q_ds3| and |d4q_ds4| inside."""
         # Their shapes are (2, n, 2, dof) and (2, n, dof).
-        (begin, end), piece = (self.grid.s[:-1], self.grid.s[1:]), self.grid.piece
-
-        def derivative(s: FloatArray, order: int) -> FloatArray:
-            return self.grid.joint_path.on_interval(piece, s, order)
-
-        ends = [np.stack([derivative(s, k) for s in (begin, end)], axis=1) for k in (1, 2)]
-        # The bounds use a Taylor expansion about the middle; the fifth derivative is constant.
-        third, fourth, fifth = (np.abs(derivative((begin + end) / 2, k)) for k in (3, 4, 5))
-        half = self.grid.width[:, None] / 2
-        bounds = third + half * fourth + half**2 / 2 * fifth, fourth + half * fifth
-        return np.stack(ends), np.stack(bounds)
+        n, dof = len(self), self.grid.joint_path.dof
+        ends, bounds = np.empty((2, n, 2, dof)), np.empty((2, n, dof))
+        write_derivatives(self.intervals, ends, bounds)
+        return ends, bounds
 
     @cached_property
     def after(self) -> IntArray:
