@@ -252,7 +252,10 @@ def bound_excess(
     enough, remaining = slack, FINE * (n + 1000)
     for i in range(n):
         g = rows[segment[i]]
-        stack[0], depths[0] = parts[i], 0
+        # Numba compiles an assigned row for seconds.
+        for c in range(6):
+            stack[0, c] = parts[i, c]
+        depths[0] = 0
         top, count = 0, 0
         while top >= 0:
             part = stack[top]

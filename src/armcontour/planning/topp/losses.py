@@ -114,7 +114,9 @@ def estimate_losses(
                         first -= 1
                     while last < n - 1 and s[last] - s[i] < reach:
                         last += 1
-                    valley[first : last + 1] = np.maximum(valley[first : last + 1], wrong)
+                    # Numba compiles an assigned slice for seconds.
+                    for j in range(first, last + 1):
+                        valley[j] = max(valley[j], wrong)
             loss[i] += by_gap * max(gap, 0.0) * time
         elif rising or falling:
             loss[i] += by_gap * time * max(up if rising else down, 0.0)
