@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, dataclass, fields
+from functools import partial
 from importlib import import_module
 from inspect import Parameter, Signature, cleandoc
 from pathlib import Path as FilePath
@@ -28,6 +29,13 @@ SHORT: dict[str, dict[str, Any]] = {
     x["option"].split("/")[0].strip("-").replace("-", "_"): x
     for x in json.loads(FilePath(__file__).with_name("job_options.json").read_text("utf-8"))
 }
+# Conversions of the types of options whose texts need no check.
+CONVERTERS: dict[Any, Callable[[Any], Any]] = {
+    str: str,
+    FilePath: FilePath,
+    list[str]: list,
+    list[FilePath]: lambda texts: [FilePath(x) for x in texts],
+}
 KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
 
 
@@ -49,10 +57,40 @@ def _write_panels(self: Any, ctx: Any, formatter: Any) -> None:
                 formatter.write_dl(rows)
 
 
+@dataclass(frozen=True)
+class _Converter:
+    """Conversion of the texts of an option in place of typer's, which imports pydantic (0.1 s)."""
+
+    convert: Callable[[Any], Any]
+
+    def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Value of an option, which typer asks for; None or an empty tuple if it is not given."""
+        if value is None:
+            return () if param.multiple or param.nargs == -1 else None
+        return self.convert(value)
+
+
+def _given_parameters(command: Any, ctx: Any, args: list[str]) -> list[Any]:
+    """Parameters in the order of the arguments; sets how typer converts the values of all."""
+    *_, given = command.make_parser(ctx).parse_args(list(args))
+    for x in command.get_params(ctx):
+        # Older versions of typer have neither type descriptors nor pydantic.
+        kind = getattr(getattr(x, "type_descriptor", None), "annotation", None)
+        convert = CONVERTERS.get(kind) if x in given else lambda value: value
+        if convert is not None:
+            x.get_runtime_param = partial(_Converter, convert)
+    return list(given)
+
+
 class CommandGroup(TyperGroup):
     """Group of commands whose help has panels."""
 
     format_options = _write_panels
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the options of the program."""
+        _given_parameters(self, ctx, args)
+        return super().parse_args(ctx, args)
 
 
 class Command(TyperCommand):
@@ -62,7 +100,7 @@ class Command(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the arguments; refuse an option with one value that is specified several times."""
-        *_, parameters = self.make_parser(ctx).parse_args(list(args))
+        parameters = _given_parameters(self, ctx, args)
         for x in parameters:
             single = isinstance(x, TyperOption) and not (x.multiple or x.is_flag)
             if single and (times := parameters.count(x)) > 1:
