@@ -16,7 +16,9 @@ def lines() -> list[Line]:
     peer = reference.NAME
     return [
         Line("learn/square", "learn, the UR5e's square", peer, _square, Bar(seconds=3)),
-        Line("learn/paper", "learn, the paper's job", peer, _paper, Bar(seconds=0.5)),
+        # Half a second where the reference work takes 11.6 ms; half of it is SuperLU, which
+        # factorizes 13 sparse matrices of 14,000 unknowns.
+        Line("learn/paper", "learn, the paper's job", peer, _paper, Bar(ratio=43)),
     ]
 
 
