@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +48,10 @@ def ship(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         wheel("unpack", str(plain), "--dest", name)
         (tree,) = Path(name).iterdir()
+        differ = [x for x in used() if changed(x, tree)]
+        if differ:
+            sys.exit(f"{plain.name} has other sources: {', '.join(map(str, differ))}")
         shipped = tree / kernels.SHIPPED.relative_to(kernels.ROOT.parent)
-        for module, _ in compilation.read_list("all"):
-            __import__(module)
         for kernel in kernels.KERNELS.values():
             if not kernel.targetoptions["no_cpython_wrapper"]:
                 copy(kernel._cache, shipped)
@@ -61,6 +63,18 @@ def ship(folder: Path) -> None:
         (made,) = Path(name).glob(f"*-{python}-*.whl")
         shutil.copy(made, folder)
     print(f"{made.name}: {compiled.compiled} of {compiled.functions} functions compiled now.")
+
+
+def used() -> set[Path]:
+    """Sources on which the compiled functions depend."""
+    modules = {import_module(module) for module, _ in compilation.read_list("all")}
+    return {y for x in modules for y in kernels.sources(Path(str(x.__file__)))}
+
+
+def changed(source: Path, tree: Path) -> bool:
+    """Return whether a source differs from that of an unpacked wheel."""
+    packed = tree / source.relative_to(kernels.ROOT.parent)
+    return packed.read_bytes() != source.read_bytes()
 
 
 def copy(cache: Any, shipped: Path) -> None:
