@@ -44,13 +44,13 @@ def main() -> None:
 def ship(folder: Path) -> None:
     """Compile all functions, and add them to a copy of the plain wheel in a folder."""
     (plain,) = folder.glob("*-none-any.whl")
-    compiled = compilation.compile_kernels()
     with tempfile.TemporaryDirectory() as name:
         wheel("unpack", str(plain), "--dest", name)
         (tree,) = Path(name).iterdir()
         differ = [x for x in used() if changed(x, tree)]
         if differ:
             sys.exit(f"{plain.name} has other sources: {', '.join(map(str, differ))}")
+        compiled = compilation.compile_kernels()
         shipped = tree / kernels.SHIPPED.relative_to(kernels.ROOT.parent)
         for kernel in kernels.KERNELS.values():
             if not kernel.targetoptions["no_cpython_wrapper"]:
