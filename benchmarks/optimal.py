@@ -1,9 +1,9 @@
 """The optimal planner against TOPP-RA, in Python and in C++: time, duration, largest violation.
 
-Six joints, limits of joint velocity and acceleration, the same grid for all. Every time includes
-the spline, the constraints, the solution and the law. The peers use what is best in them: Seidel's
-solver, the interpolation scheme, a path acceleration that is uniform on every interval, and a path
-parameter from 0 to 1.
+Six joints, limits of joint velocity and acceleration, the same given grid for all. Every time
+includes the spline, the constraints, the solution and the law. The peers use what is best in them:
+Seidel's solver, the interpolation scheme, a path acceleration that is uniform on every interval,
+and a path parameter from 0 to 1.
 """
 
 from __future__ import annotations
@@ -78,13 +78,25 @@ def lines() -> list[Line]:
 def plan(points: int) -> ac.Trajectory:
     """Our plan on an even grid and the breaks of the spline, spline included."""
     limits = ac.Limits(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
-    return plan_on(ac.JointPath.spline(WAY, AT), None, limits, np.linspace(0, 1, points))
+    return plan_on(ac.JointPath.spline(WAY, AT), None, limits, _even_grid(points))
 
 
-def plan_on(path: ac.JointPath, arm: Any, limits: ac.Limits, points: np.ndarray) -> ac.Trajectory:
-    """Our plan on given grid points and the breaks of a path, which is not refined."""
-    s = np.union1d(points, path.breaks)
-    grid = Grid(path, s, path.locate((s[1:] + s[:-1]) / 2))
+@cache
+def _even_grid(points: int) -> tuple[np.ndarray, np.ndarray]:
+    return even_grid(points, AT)
+
+
+def even_grid(points: int, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Even grid points and the breaks of a path, and the piece of each interval."""
+    s = np.union1d(np.linspace(0, 1, points), breaks)
+    return s, np.searchsorted(breaks, (s[1:] + s[:-1]) / 2) - 1
+
+
+def plan_on(
+    path: ac.JointPath, arm: Any, limits: ac.Limits, points: tuple[np.ndarray, np.ndarray]
+) -> ac.Trajectory:
+    """Our plan on given grid points and pieces of their intervals, which is not refined."""
+    grid = Grid(path, *points)
     active = constraints_of(path, arm, limits.for_joints(path.dof))
     law = time_optimal(grid, active, arm, 0.0, 0.0, np.inf)
     return ac.Trajectory(laws=(law,), method="optimal")

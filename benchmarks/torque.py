@@ -17,7 +17,7 @@ import armcontour as ac
 from armcontour.core.checks import FloatArray
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Missing, Pair, timed
-from benchmarks.optimal import plan_on
+from benchmarks.optimal import even_grid, plan_on
 
 POINTS = 1000
 # Places of a traced path that are toppra's waypoints.
@@ -42,7 +42,7 @@ def _prepare() -> Pair:
         joint_velocity=VELOCITY, joint_acceleration=ACCELERATION, joint_torque=TORQUE
     )
     limits = limits.for_joints(arm.dof)
-    grid = np.linspace(0, 1, POINTS)
+    grid = even_grid(POINTS, np.array(AT))
 
     def ours() -> ac.Trajectory:
         return plan_on(ac.JointPath.spline(WAY, AT), arm, limits, grid)

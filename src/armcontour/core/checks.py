@@ -99,6 +99,24 @@ def _field_names(kind: type) -> tuple[str, ...]:
     return tuple(x.name for x in fields(kind)) if is_dataclass(kind) else ()
 
 
+def make_unchecked(kind: type[C], **values: Any) -> C:
+    """Object of a dataclass without checks of its fields; its arrays become read-only."""
+    # Only for values that are valid by construction: results of compiled functions of this package,
+    # which no other code uses, and fields of checked objects.
+    made = object.__new__(kind)
+    for name, value in values.items():
+        if type(value) is np.ndarray:
+            value.setflags(write=False)
+        object.__setattr__(made, name, value)
+    return made
+
+
+def copy_unchecked(value: C, **changes: Any) -> C:
+    """Copy of a checked dataclass with changed fields that are valid by construction."""
+    own = {name: getattr(value, name) for name in _field_names(type(value))}
+    return make_unchecked(type(value), **(own | changes))
+
+
 class Frozen:
     """Base of frozen dataclasses that only this package makes: arrays become read-only."""
 
@@ -144,9 +162,9 @@ def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArra
     array = np.array(floats(name, values, unit))
     # The sum of squares is a fast sufficient test. NaN fails the comparison.
     row = array.ravel("K")
-    with np.errstate(over="ignore", invalid="ignore"):
-        if row.dot(row) <= LARGEST**2:
-            return array
+    # Unlike `dot`, `vdot` never warns of overflow.
+    if np.vdot(row, row) <= LARGEST**2:
+        return array
     sound = np.abs(array) <= LARGEST
     if not sound.all():
         index = np.argwhere(~sound)[0]

@@ -161,20 +161,29 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     code = function.__code__
     names = code.co_varnames[: code.co_argcount]
 
+    # The annotations are read at the first call, because they may name classes defined later.
+    @cache
+    def readers_by_place() -> list[tuple[int, str, Reader]]:
+        readers = _readers_of_arguments(function)
+        return [(i, k, readers[k]) for i, k in enumerate(names) if k in readers]
+
     @wraps(function)
     def call(*args: Any, **keywords: Any) -> R:
-        readers = _readers_of_arguments(function)
-        positional = [
-            _read_named(k, readers[k], x, k) if k in readers else x
-            for k, x in zip(names, args, strict=False)
-        ]
-        named = {
-            k: _read_named(k, readers[k], x, k) if k in readers else x for k, x in keywords.items()
-        }
+        positional = list(args)
+        for i, k, read in readers_by_place():
+            if i < len(args):
+                positional[i] = _read_named(k, read, args[i], k)
+        named = keywords
+        if keywords:
+            readers = _readers_of_arguments(function)
+            named = {
+                k: _read_named(k, readers[k], x, k) if k in readers else x
+                for k, x in keywords.items()
+            }
         # `explained` is repeated here, because a second wrapper would change the stack level of
         # warnings.
         try:
-            return function(*positional, *args[len(names) :], **named)
+            return function(*positional, **named)
         except TypeError:
             checks.raise_call_error(function, args, keywords)
             raise
@@ -374,10 +383,10 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
         pair = " or a lower and an upper bound per joint" if shapes is BOUNDED else ""
         needed = f"be one value for all joints or one per joint{pair}"
 
-    # Numbers of axes, and the axes with a fixed length.
-    lengths = [
-        (len(x.axes), [(i, n) for i, n in enumerate(x.axes) if isinstance(n, int)]) for x in shapes
-    ]
+    # The axes with a fixed length, by the number of axes.
+    lengths = {
+        len(x.axes): [(i, n) for i, n in enumerate(x.axes) if isinstance(n, int)] for x in shapes
+    }
 
     # The range of texts is checked with that of numbers.
     written = replace(quantity, sign="any", within=None) if quantity and quantity.unit else None
@@ -389,19 +398,19 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
         # Fast paths for most values. NaN fails the comparisons.
         if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value
-        if per_joint and type(value) in (list, tuple) and 0 < len(value) <= FEW:
-            for x in value:
+        few = value.tolist() if per_joint and type(value) is np.ndarray else value
+        if per_joint and type(few) in (list, tuple) and 0 < len(few) <= FEW:
+            for x in few:
                 if type(x) is not float or not low <= x <= high:
                     break
             else:
-                few = np.array(value)
-                few.setflags(write=False)
-                return few
+                return checks.frozen_array(value)
         if written is not None and isinstance(value, str | list | tuple):
             value = texts_to_si(value, written, who)
         array = freeze(value, who)
-        fits = shapes[0].axes == (...,) or any(
-            array.ndim == n and all(array.shape[i] == x for i, x in fixed) for n, fixed in lengths
+        fixed = lengths.get(array.ndim)
+        fits = shapes[0].axes == (...,) or (
+            fixed is not None and all([array.shape[i] == x for i, x in fixed])
         )
         if not fits or (per_joint and not array.size):
             raise InvalidInput(

@@ -169,16 +169,18 @@ class JointPath(Checked):
             )
         else:
             parameters = checks.check_numbers("spline parameters", s)
-        shortest = REPEATED * np.abs(parameters).max(initial=0.0)
-        if parameters.shape != (len(knots),) or not (np.diff(parameters) > shortest).all():
+        if parameters.shape != (len(knots),) or not _increase(parameters):
             raise InvalidInput(
                 "Spline parameters must be one per point and increase. Remove repeated points."
             )
-        coefficients = spline_pieces(parameters, np.ascontiguousarray(knots), clamped)
-        # No other code uses these arrays, so they become read-only without copies.
-        for values in (parameters, coefficients):
-            values.setflags(write=False)
-        return cls(breaks=parameters, coefficients=coefficients)
+        coefficients = np.zeros((len(knots) - 1, 6, knots.shape[1]))
+        spline_pieces(parameters, np.ascontiguousarray(knots), clamped, coefficients)
+        # The shapes are right, so only the pieces are examined.
+        spline = checks.make_unchecked(
+            cls, breaks=parameters, coefficients=coefficients, stops=NO_STOPS, tool_path=None
+        )
+        spline._check_together()
+        return spline
 
     @property
     def length(self) -> float:
@@ -258,3 +260,10 @@ class JointPath(Checked):
         joint_motions(along, end, pieces, rows, self.breaks, self.coefficients, out)
         q, first, second = (x.reshape(*np.shape(s), self.dof) for x in (q, first, second))
         return q, first, second
+
+
+def _increase(parameters: FloatArray) -> bool:
+    """True if parameters of a spline increase by more than rounding errors."""
+    # If they increase, the largest is at an end.
+    shortest = REPEATED * max(abs(parameters[0]), abs(parameters[-1]))
+    return bool((parameters[1:] - parameters[:-1] > shortest).all())

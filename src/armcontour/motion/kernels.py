@@ -102,15 +102,17 @@ def examine_pieces(
 
 
 @compiled()
-def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> FloatArray:
-    """Coefficients of the cubic spline through points as those of a `JointPath`, (n, 6, dof)."""
+def spline_pieces(
+    knots: FloatArray, points: FloatArray, clamped: bool, coefficients: FloatArray
+) -> None:
+    """Write the cubic spline through points as coefficients of a `JointPath`, (n, 6, dof)."""
     # The second derivatives solve a diagonally dominant tridiagonal system by forward elimination
     # and back substitution.
     # `knots`: increasing parameters of the points, (n + 1,); `points`: the points, (n + 1, dof);
     # `clamped`: true if the slopes at both ends are zero; otherwise the second derivatives are
-    # zero.
+    # zero; `coefficients`: output, initially zero.
     n, dof = len(knots) - 1, points.shape[1]
-    coefficients, second, diagonal = np.zeros((n, 6, dof)), np.zeros((n + 1, dof)), np.empty(n + 1)
+    second, diagonal = np.zeros((n + 1, dof)), np.empty(n + 1)
     # First and last point with an unknown second derivative.
     first, last = (0, n) if clamped else (1, n - 1)
     for i in range(first, last + 1):
@@ -136,7 +138,6 @@ def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> Float
             coefficients[i, 1, j] = (slope - width * (2 * start + end) / 6) * width
             coefficients[i, 2, j] = start / 2 * width**2
             coefficients[i, 3, j] = (end - start) / 6 * width**2
-    return coefficients
 
 
 # Below this angle, hyperbolic and circular functions are computed by their series.

@@ -273,10 +273,12 @@ class PathLaw(LawAlongPath):
             )
         # Zeros of a new array take no memory until they are written.
         rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros(len(slope)))
-        # No other code uses these arrays, so they become read-only without copies.
-        for values in (breaks, *rates):
+        for values in rates:
             values.setflags(write=False)
-        return cls(joint_path=joint_path, breaks=breaks, s=s, rates=rates)
+        # The breaks increase, because every interval takes time.
+        return checks.make_unchecked(
+            cls, joint_path=joint_path, breaks=breaks, s=checks.frozen_array(s), rates=rates
+        )
 
     @classmethod
     def over_time(cls, joint_path: JointPath) -> PathLaw:

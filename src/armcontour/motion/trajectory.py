@@ -202,11 +202,13 @@ class Trajectory(Checked):
     def _check_together(self) -> None:
         if not self.laws:
             raise InvalidInput("A trajectory needs at least one law of motion.")
-        starts = [0.0, *accumulate(float(law.breaks[-1]) for law in self.laws)]
-        object.__setattr__(self, "starts", checks.frozen_array(starts))
+        starts = np.array([0.0, *accumulate([float(law.breaks[-1]) for law in self.laws])])
         parts = _law_ranges(self.laws, self.spans)
-        object.__setattr__(self, "_law_ranges", parts)
-        object.__setattr__(self, "_ends", checks.frozen_array([x.s for x in parts]))
+        ends = np.array([x.s for x in parts])
+        starts.setflags(write=False)
+        ends.setflags(write=False)
+        for name, values in (("starts", starts), ("_law_ranges", parts), ("_ends", ends)):
+            object.__setattr__(self, name, values)
 
     def __repr__(self) -> str:
         """Method, duration and number of joints, without arrays."""
@@ -268,18 +270,22 @@ class Trajectory(Checked):
             reserve: Fraction of the limits reserved for the servo.
             arm: The arm; by default the arm of the trajectory.
         """
-        joints = limits.of_joints
         spans = tuple(
             x
             if x.trajectory is None
             else replace(
                 x,
-                trajectory=x.trajectory.limited(limits if x.kind == "contour" else joints, reserve),
+                trajectory=x.trajectory.limited(
+                    limits if x.kind == "contour" else limits.of_joints, reserve
+                ),
             )
             for x in self.spans
         )
         plan_arm = self.arm if arm is None else arm
-        return replace(self, spans=spans, limits=limits, reserve=reserve, arm=plan_arm)
+        # The laws and their ranges are the same.
+        return checks.copy_unchecked(
+            self, spans=spans, limits=limits, reserve=reserve, arm=plan_arm
+        )
 
     @checked
     def limits_for(self, limits: Limits | None) -> Limits:

@@ -111,6 +111,8 @@ def time_optimal(
         limits = _add_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
         if grid_plan.outcome == kernels.FOUND:
+            if largest_loss == math.inf:
+                return _make_law(grid, grid_plan)
             duration, loss, points = estimate_losses(path.intervals, limits, grid_plan)
             gained = shortest - duration
             if duration < shortest:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray, make_unchecked
 from armcontour.core.errors import InvalidInput
 from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
@@ -85,8 +85,7 @@ def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = 
 
 def _make_grid(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
     """Make a grid of newly created arrays, which become read-only without a copy."""
-    s.setflags(write=False)
-    return Grid(joint_path, s, piece)
+    return make_unchecked(Grid, joint_path=joint_path, s=s, piece=piece)
 
 
 @compiled()

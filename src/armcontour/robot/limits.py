@@ -125,12 +125,12 @@ class Limits(Checked):
     lifted: frozenset[str] = field(default=frozenset(), init=False)
 
     def _check_together(self) -> None:
-        values = {name: x for name in UNITS if (x := getattr(self, name)) is not None}
-        lifted = frozenset(name for name, x in values.items() if _is_unlimited(x))
+        values = [(name, x) for name in UNITS if (x := getattr(self, name)) is not None]
+        lifted = [name for name, x in values if _is_unlimited(x)]
         if lifted:
             for name in lifted:
                 object.__setattr__(self, name, None)
-            object.__setattr__(self, "lifted", lifted)
+            object.__setattr__(self, "lifted", frozenset(lifted))
         # Infinity of either sign means that the range has no end.
         for name, end in (("joint_lower", -np.inf), ("joint_upper", np.inf)):
             values = getattr(self, name)
@@ -219,11 +219,7 @@ class Limits(Checked):
 
     def _with(self, changes: Mapping[str, Any], lifted: frozenset[str]) -> Limits:
         """Copy of the limits with changed values, which are not checked, and lifted limits."""
-        changed = object.__new__(Limits)
-        for name in UNITS:
-            object.__setattr__(changed, name, changes.get(name, getattr(self, name)))
-        object.__setattr__(changed, "lifted", lifted)
-        return changed
+        return checks.copy_unchecked(self, **changes, lifted=lifted)
 
     def _without(self, names: Iterable[str]) -> Limits:
         """Copy of the limits with additional lifted limits."""
@@ -287,7 +283,7 @@ class Limits(Checked):
         Args:
             dof: Number of joints.
         """
-        return self.bounds("joint_acceleration", dof)
+        return self._bounds("joint_acceleration", checks.check_int("dof", dof, 1))
 
     def velocity_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bounds of the joint velocities; infinite without a limit.
@@ -295,7 +291,7 @@ class Limits(Checked):
         Args:
             dof: Number of joints.
         """
-        return self.bounds("joint_velocity", dof)
+        return self._bounds("joint_velocity", checks.check_int("dof", dof, 1))
 
     @checked
     def bounds(
@@ -309,6 +305,9 @@ class Limits(Checked):
             name: "joint_velocity", "joint_acceleration", "joint_torque" or "joint_jerk".
             dof: Number of joints.
         """
+        return self._bounds(name, dof)
+
+    def _bounds(self, name: str, dof: int) -> tuple[FloatArray, FloatArray]:
         values = getattr(self, name)
         try:
             if values is not None and values.ndim == 2:

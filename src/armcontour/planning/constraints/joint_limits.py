@@ -88,17 +88,17 @@ class JointMotion(Constraint):
         # without a limit; None without velocity limits. `acceleration`: the same for accelerations
         # [rad/s²].
         none = np.empty((2, 0))
-        self.velocity = none if velocity is None else np.stack(velocity)
+        self.velocity = none if velocity is None else np.array(velocity)
         self.low, self.high = none if acceleration is None else map(kernel_array, acceleration)
 
     @classmethod
     def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointMotion | None:
         """Make the constraint of velocities and accelerations; None if neither is limited."""
-        bounds = (
-            None if getattr(limits, name) is None else limits.bounds(name, joint_path.dof)
-            for name in cls.serves
-        )
-        velocity, acceleration = bounds
+        dof, velocity, acceleration = joint_path.dof, None, None
+        if limits.joint_velocity is not None:
+            velocity = limits.velocity_bounds(dof)
+        if limits.joint_acceleration is not None:
+            acceleration = limits.acceleration_bounds(dof)
         return cls(velocity, acceleration) if velocity or acceleration else None
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
@@ -117,13 +117,8 @@ class JointMotion(Constraint):
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
         """Bounds of velocities and accelerations; the planner converts them to rows."""
-        none = np.full(0, np.inf), np.full(0, np.inf)
-        accelerations = (self.low, self.high) if len(self.low) else none
-        return (
-            JointBounds.from_limits(
-                path.grid.joint_path.dof, *accelerations, *(1 / self.velocity**2)
-            ),
-        )
+        dof, inverses = path.grid.joint_path.dof, 1 / self.velocity**2
+        return (JointBounds.from_limits(dof, self.low, self.high, *inverses),)
 
     def rows(self, path: OnGrid) -> LinearRows:
         """Rows of g = q' u + q'' x, with g'' = 5 q''' u + q'''' x + 4 q'' k, where k = u'."""

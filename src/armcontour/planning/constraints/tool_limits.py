@@ -108,17 +108,21 @@ def _speed_and_acceleration(
     return speed, along, np.sqrt(np.einsum("ij,ij->i", across, across))
 
 
+def _refuse_tool_limits(limits: Limits) -> None:
+    tool = [x for x in TOOL_LIMITS if getattr(limits, x) is not None]
+    if tool:
+        raise InvalidInput(
+            "Limits of the tool need a tool path, but this joint path has none: plan a Path or a "
+            "traced joint path, or lift the limits with "
+            f"limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
+        )
+
+
 def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,)."""
     path, breaks = joint_path.tool_path, joint_path.breaks
     if path is None:
-        tool = [x for x in TOOL_LIMITS if getattr(limits, x) is not None]
-        if tool:
-            raise InvalidInput(
-                "Limits of the tool need a tool path, but this joint path has none: plan a Path "
-                "or a traced joint path, or lift the limits with "
-                f"limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
-            )
+        _refuse_tool_limits(limits)
         return np.full(len(breaks) - 1, np.inf)
     if len(path) == 1:
         return np.repeat(path.assigned_speeds(limits.speed), len(breaks) - 1)
@@ -144,6 +148,9 @@ class ToolPace(Constraint):
     @classmethod
     def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> ToolPace | None:
         """Make the constraint of assigned velocities and centripetal acceleration, if any."""
+        if joint_path.tool_path is None:
+            _refuse_tool_limits(limits)
+            return None
         speed, centripetal = assigned_speeds(joint_path, limits), limits.centripetal_acceleration
         assigned = speed if np.isfinite(speed).any() else None
         if assigned is None and centripetal is None:

@@ -988,14 +988,29 @@ def _drop_slopes(
     return dropped
 
 
-@compiled()
 def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     """Plan without margins, then with margins for bounds of x and u that contain the plan."""
     # If `rules.tries` is 1, the result is the plan without margins, with the outcome FINER.
+    # Numba takes longer to return an array than NumPy to make one.
+    n = len(grid.piece)
+    x, k, lost = np.zeros(n + 1), np.zeros(n), np.zeros(n)
+    return GridPlan(x, k, lost, *write_plan(grid, limits, rules, x, k, lost))
+
+
+@compiled()
+def write_plan(
+    grid: Intervals,
+    limits: GridLimits,
+    rules: Rules,
+    x: FloatArray,
+    k: FloatArray,
+    lost: FloatArray,
+) -> tuple[int, int, float]:
+    """Write x, k and lost of a `GridPlan`, initially zero; return its other fields."""
     n, friction_rows = len(grid.piece), limits.friction.within.shape[1]
-    width, squares = np.empty(n), PassSquares(np.empty(n + 1), np.empty(n + 1), np.zeros(n + 1))
-    cap, reachable, x = squares
-    bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    width, cap, reachable = np.empty(n), np.empty(n + 1), np.empty(n + 1)
+    squares = PassSquares(cap, reachable, x)
+    bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), k)
     changed, slots = np.ones(n, np.bool_), 1
     while slots < min(n, BLOCK):
         slots *= 2
@@ -1007,11 +1022,11 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
         np.full(slots, -1),
         np.empty((slots, 2 * limits.rounds.radius.shape[1], 5)),
         np.empty((n, 2)),
-        np.zeros(n),
+        lost,
         np.empty((RISE + 1) * LANES),
     )
-    x_best, lost, shortest = np.zeros(n + 1), np.zeros(n), math.inf
-    slopes, kind, tangents = np.zeros(n), 0, 0
+    x_best, k_best, lost_best, shortest = x, k, lost, math.inf
+    kind, tangents = 0, 0
     # The first plan has no friction.
     none = Friction(np.empty((n, 2, 0)), np.empty((n, 0, 3)))
     free = GridLimits(
@@ -1032,7 +1047,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
             grid, used_limits, bounds, (changed, kind == 2), lines, rules, squares
         )
         if stuck >= n:
-            return GridPlan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
+            return UNLIMITED, stuck - n, 0.0
         worst = _largest_margin(lines.lost)
         if kind == 2 and lines.lost[worst] > rules.max_margin:
             if _drop_slopes(bounds, lines.lost, max(rules.max_margin, rules.steady), changed):
@@ -1048,8 +1063,8 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
                 for i in range(n):
                     if stuck < 0 or abs(i - stuck) < REFINED_NEIGHBOURS:
                         lines.lost[i] = max(lines.lost[i], NO_PLAN_MARGIN)
-                return GridPlan(x, bounds.k, lines.lost, FINER, max(stuck, 0), 0.0)
-            return GridPlan(x, bounds.k, lines.lost, outcome, stuck, allowed)
+                return FINER, max(stuck, 0), 0.0
+            return outcome, stuck, allowed
         if kind < 2:
             near = _linearize_friction(x, bounds, rules.near)
             kind = 1
@@ -1062,22 +1077,23 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
             kind = 2
         elif _prove_or_widen(width, x, rules, bounds, friction_rows > 0, changed):
             if not friction_rows:
-                return GridPlan(x, bounds.k, lines.lost, FOUND, -1, 0.0)
+                return FOUND, -1, 0.0
             duration = _duration(width, x, bounds.k)
             better = duration < shortest * (1 - rules.gain)
             if duration < shortest:
                 shortest = duration
-                x_best, slopes, lost = x.copy(), bounds.k.copy(), lines.lost.copy()
+                x_best, k_best, lost_best = x.copy(), k.copy(), lost.copy()
             if not better:
                 break
             _bound_motion(width, x, rules, rules.close, bounds)
             changed[:] = True
     if shortest < math.inf:
-        return GridPlan(x_best, slopes, lost, FOUND, -1, 0.0)
+        x[:], k[:], lost[:] = x_best, k_best, lost_best
+        return FOUND, -1, 0.0
     worst = _largest_margin(lines.lost)
     if lines.lost[worst] <= rules.max_margin:
         for i in range(n):
             if changed[i]:
                 lines.lost[i] = NO_PLAN_MARGIN
         worst = _largest_margin(lines.lost)
-    return GridPlan(x, bounds.k, lines.lost, FINER, worst, 0.0)
+    return FINER, worst, 0.0

@@ -9,7 +9,8 @@ is written once for a grid. docs/concepts/optimal.md has the proofs.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,9 @@ BY_U, BY_X, BY_SLOPE, BY_CONSTANT = range(4)
 LOWEST, HIGHEST, BACKWARD, FORWARD, LANE, ROWS = range(0, 6 * LANES, LANES)
 # Number of last pieces in the padded copy, because loads of LANES numbers read beyond a piece
 PADDED_PIECES = 2
-LANE_CODES = 2.0 * np.arange(LANES)
+# Rows of a group of `JointBounds` without limits, (rows, LANES)
+UNBOUNDED = np.zeros((ROWS // LANES, LANES))
+UNBOUNDED[0], UNBOUNDED[1], UNBOUNDED[4] = -np.inf, np.inf, 2.0 * np.arange(LANES)
 # Columns of `Friction.within`: largest absolute value, deviation from the chord, sign
 LARGEST, DEVIATION, SIGN = range(3)
 
@@ -54,11 +57,13 @@ class JointBounds(NamedTuple):
     def from_limits(cls, dof: int, *limits: FloatArray) -> JointBounds:
         """Make the groups from acceleration bounds and inverse squares of velocity bounds."""
         groups = -(-dof // LANES)
-        table = np.zeros((ROWS // LANES, groups * LANES))
-        table[0], table[1], table[4] = -np.inf, np.inf, np.tile(LANE_CODES, groups)
+        table = np.empty((groups, ROWS // LANES, LANES))
+        table[:] = UNBOUNDED
         for row, values in enumerate(limits):
-            table[row, : len(values)] = values
-        return cls(table.reshape(-1, groups, LANES).swapaxes(0, 1).ravel())
+            for k in range(groups):
+                part = values[k * LANES : (k + 1) * LANES]
+                table[k, row, : len(part)] = part
+        return cls(table.ravel())
 
 
 class LinearRows(NamedTuple):
@@ -131,6 +136,7 @@ SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
     Friction: {"viscous": (2, None), "within": (None, 3)},
     Ceiling: {"x": (2,)},
 }
+TABLES = (LinearRows, Squares, Rounds, Friction)
 
 
 def check_form(form: Form, n: int, name: str) -> Form:
@@ -156,30 +162,36 @@ def combine_forms(forms: Iterable[Form], n: int) -> GridLimits:
         tables.setdefault(type(form), []).append(form)
     ceiling = tables.get(Ceiling)
     if ceiling is None:
-        lowest = np.full((n, 2), np.inf)
+        lowest = np.empty((n, 2))
+        lowest.fill(np.inf)
     else:
         lowest = ceiling[0][0] if len(ceiling) == 1 else np.min([x[0] for x in ceiling], axis=0)
+    joints = [x[0] for x in tables.get(JointBounds, ())]
+    forms = (_concatenate(kind, tables.get(kind), n) for kind in TABLES)
     return GridLimits(
-        LinearRows(*_concatenate(tables.get(LinearRows), (n, 2, 0, 4), (n, 0, 4))),
-        Squares(*_concatenate(tables.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
-        Rounds(*_concatenate(tables.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
-        Friction(*_concatenate(tables.get(Friction), (n, 2, 0), (n, 0, 3))),
-        lowest,
-        np.concatenate([*(x[0] for x in tables.get(JointBounds, [])), np.empty(0)]),
+        *forms, lowest, joints[0] if len(joints) == 1 else np.concatenate([*joints, np.empty(0)])
     )
 
 
-def _concatenate(
-    tables: list[tuple[FloatArray, ...]] | None, *empty: tuple[int, ...]
-) -> Iterable[FloatArray]:
+def _concatenate(kind: type, tables: list[tuple[FloatArray, ...]] | None, n: int) -> Any:
+    """One form with the rows of all forms of a class."""
     if tables is None:
-        return [np.empty(x) for x in empty]
+        return _without_rows(kind, n)
     if len(tables) == 1:
         return tables[0]
     # Arrays for both ends of intervals have an additional axis before the axis of rows.
-    return [
-        np.concatenate(x, axis=2 if k == 0 else 1) for k, x in enumerate(zip(*tables, strict=True))
-    ]
+    return kind(
+        *(
+            np.concatenate(x, axis=2 if k == 0 else 1)
+            for k, x in enumerate(zip(*tables, strict=True))
+        )
+    )
+
+
+# Most plans have few classes of forms and repeat numbers of intervals.
+@lru_cache(maxsize=64)
+def _without_rows(kind: type, n: int) -> Any:
+    return kind(*(np.empty((n, *(x or 0 for x in axes))) for axes in SHAPES[kind].values()))
 
 
 def largest_u(limits: GridLimits) -> FloatArray:
