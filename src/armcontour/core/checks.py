@@ -113,8 +113,9 @@ def make_unchecked(kind: type[C], **values: Any) -> C:
 
 def copy_unchecked(value: C, **changes: Any) -> C:
     """Copy of a checked dataclass with changed fields that are valid by construction."""
-    own = {name: getattr(value, name) for name in _field_names(type(value))}
-    return make_unchecked(type(value), **(own | changes))
+    kind: Any = type(value)
+    own = {name: getattr(value, name) for name in _field_names(kind)}
+    return cast(C, make_unchecked(kind, **(own | changes)))
 
 
 class Frozen:

@@ -31,7 +31,6 @@ from armcontour.planning.topp.limit_forms import (
     LARGEST,
     LOW,
     LOWEST,
-    PADDED_PIECES,
     ROWS,
     SIGN,
     A,
@@ -427,11 +426,7 @@ def _write_ceilings(
 @compiled(inner=True)
 def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
     """Coefficients of x^power of LANES joints on the piece of an interval."""
-    k = grid.piece[i]
-    k_last = k - (len(grid.breaks) - 1 - PADDED_PIECES)
-    if k_last >= 0:
-        return load(grid.last, (6 * k_last + power) * grid.dof + joint)
-    return load(grid.coefficients, (6 * k + power) * grid.dof + joint)
+    return load(grid.coefficients, (6 * grid.piece[i] + power) * grid.dof + joint)
 
 
 @compiled(inner=True, fastmath=FUSED)

@@ -26,8 +26,6 @@ BY_U, BY_X, BY_SLOPE, BY_CONSTANT = range(4)
 # accelerations, inverse squares of lower and upper bounds of velocities, and twice the lane index.
 # ROWS is the length of a group.
 LOWEST, HIGHEST, BACKWARD, FORWARD, LANE, ROWS = range(0, 6 * LANES, LANES)
-# Number of last pieces in the padded copy, because loads of LANES numbers read beyond a piece
-PADDED_PIECES = 2
 # Rows of a group of `JointBounds` without limits, (rows, LANES)
 UNBOUNDED = np.zeros((ROWS // LANES, LANES))
 UNBOUNDED[0], UNBOUNDED[1], UNBOUNDED[4] = -np.inf, np.inf, 2.0 * np.arange(LANES)
@@ -41,8 +39,8 @@ class Intervals(NamedTuple):
     s: FloatArray  # Ends of the intervals [m], (n + 1,)
     piece: IntArray  # Piece of the joint path for each interval, (n,)
     breaks: FloatArray  # Breaks of the joint path [m], (pieces + 1,)
-    coefficients: FloatArray  # Coefficients of the joint path, flat
-    last: FloatArray  # Coefficients of the last PADDED_PIECES pieces, padded by LANES numbers
+    # Coefficients of the joint path, flat, then LANES zeros, because loads read beyond a piece
+    coefficients: FloatArray
     dof: int
 
 
@@ -167,10 +165,9 @@ def combine_forms(forms: Iterable[Form], n: int) -> GridLimits:
     else:
         lowest = ceiling[0][0] if len(ceiling) == 1 else np.min([x[0] for x in ceiling], axis=0)
     joints = [x[0] for x in tables.get(JointBounds, ())]
-    forms = (_concatenate(kind, tables.get(kind), n) for kind in TABLES)
-    return GridLimits(
-        *forms, lowest, joints[0] if len(joints) == 1 else np.concatenate([*joints, np.empty(0)])
-    )
+    bounds = joints[0] if len(joints) == 1 else np.concatenate([*joints, np.empty(0)])
+    rows, squares, rounds, friction = (_concatenate(x, tables.get(x), n) for x in TABLES)
+    return GridLimits(rows, squares, rounds, friction, lowest, bounds)
 
 
 def _concatenate(kind: type, tables: list[tuple[FloatArray, ...]] | None, n: int) -> Any:

@@ -18,7 +18,6 @@ from armcontour.planning.topp.limit_forms import (
     BY_X,
     HIGH,
     LOW,
-    PADDED_PIECES,
     A,
     B,
     Intervals,
@@ -117,11 +116,9 @@ class OnGrid:
     def intervals(self) -> Intervals:
         """Arrays of the grid and the joint path for kernels."""
         path = self.grid.joint_path
-        flat, dof = path.coefficients.ravel(), path.dof
-        last = np.zeros(6 * dof * PADDED_PIECES + LANES)
-        tail = flat[-6 * dof * PADDED_PIECES :]
-        last[6 * dof * PADDED_PIECES - len(tail) : -LANES] = tail
-        return Intervals(self.grid.s, self.grid.piece, path.breaks, flat, last, dof)
+        coefficients = np.zeros(path.coefficients.size + LANES)
+        coefficients[:-LANES] = path.coefficients.ravel()
+        return Intervals(self.grid.s, self.grid.piece, path.breaks, coefficients, path.dof)
 
     @cached_property
     def derivatives(self) -> tuple[FloatArray, FloatArray]:
