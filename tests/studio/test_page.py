@@ -138,3 +138,29 @@ def test_the_camera_sees_the_path_or_a_joint_wherever_it_is_moved():
     assert visible.all() and elevation.min() >= 0
     # Nearer than the parts of an arm there is always the path.
     assert reach.min() < 0.1 and path_seen[reach < 0.12 * 1.5].all()
+
+
+def test_the_piece_under_the_pointer_is_the_nearest_of_all():
+    random = np.random.default_rng(11)
+    lines = [random.normal(size=(1, 2)) + 0.1 * random.normal(size=(9, 2)) for _ in range(40)]
+    points, starts = np.concatenate(lines), np.arange(0, 360, 9)
+    at = random.normal(size=(200, 2)) * 1.5
+    found = compute(
+        """
+        const { PieceGrid } = await import("./polylines.js");
+        const grid = new PieceGrid(Float64Array.from(given[0].flat()), new Set(given[1]));
+        tell(given[2].map(([u, v]) => [0.05, 10].map((near) => grid.nearest(u, v, near))));
+        """,
+        [points, starts, at],
+    )
+    begin, way = points[:-1], np.diff(points, axis=0)
+    share = np.einsum("qij,ij->qi", at[:, None] - begin, way) / np.sum(way**2, axis=1)
+    on = begin + np.clip(share, 0.0, 1.0)[..., None] * way
+    distance = np.linalg.norm(at[:, None] - on, axis=2)
+    distance[:, starts[1:] - 1] = np.inf
+    near = distance.min(axis=1) < 0.05
+    assert near.any() and not near.all()
+    # Two pieces are equally near where they meet, except for rounding.
+    rows, (close, any_piece) = np.arange(len(at)), np.array(found).T
+    np.testing.assert_allclose(distance[rows, any_piece], distance.min(axis=1), rtol=1e-12)
+    np.testing.assert_array_equal(close, np.where(near, any_piece, -1))

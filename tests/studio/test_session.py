@@ -6,15 +6,22 @@ from tests.studio.session_pages import (
     JOB,
     MOVE,
     RecordingTaskWorker,
+    RestingWorker,
     SessionPage,
     figure,
     kinds,
     session_of,
 )
+from tools.studio_page import write_shapes
 
+import armcontour as ac
 from armcontour.studio.connection import open_session
+from armcontour.studio.document import Document
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.pages import without_options
+from armcontour.studio.preview import CoarsePlanner
+from armcontour.studio.scheduler import SchedulerOptions
+from armcontour.studio.session import Session
 
 CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
 pytestmark = pytest.mark.usefixtures("no_hurry")
@@ -123,6 +130,40 @@ def test_a_job_that_is_refused_from_the_start_is_drawn(tmp_path, old, new):
     early.edit({"do": "text", "text": JOB})
     assert early.last("picture")["tier"] == "preview"
     session.close()
+
+
+def test_a_page_that_joins_a_refused_job_has_its_outline(tmp_path):
+    file = tmp_path / "job.yaml"
+    file.write_text(JOB)
+    session = session_of(file)
+    session.begin()
+    tab = SessionPage(session)
+    tab.edit({**MOVE, "to": [2.0, 0.15]})
+    late = SessionPage(session)
+    assert late.last("picture")["tier"] == "outline"
+    *_, refusal = (x for x in late.frames if x.kind == "refusal")
+    assert len(refusal.arrays["objective"]) == 3 and refusal.header["at"]["uv"]
+    session.close()
+
+
+def test_many_contours_are_drawn_before_they_are_planned(tmp_path, monkeypatch):
+    file = write_shapes(tmp_path / "shapes.dxf", 120, 12, 8.0, 2.5)
+    document = Document.of_drawing(file, "ur5e")
+    previewer = CoarsePlanner(document.folder)
+    options = SchedulerOptions(RestingWorker, RecordingTaskWorker, 0.0)
+    session = Session(document, previewer, scheduling=options)
+    tab = SessionPage(session)
+    shown = []
+
+    def plan(self, *data, **how):
+        shown.extend(x for x in tab.frames if x.kind == "picture")
+        raise ac.Unreachable("too far")
+
+    monkeypatch.setattr(CoarsePlanner, "plan", plan)
+    session.begin()
+    session.close()
+    assert shown[0].header["tier"] == "outline"
+    assert len(shown[0].arrays["objective_breaks"]) == 121
 
 
 def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):

@@ -22,6 +22,7 @@ from armcontour.files.job_model import FrameModel, PathModel
 from armcontour.files.job_text_edits import Change, change_data
 from armcontour.files.keys import in_si
 from armcontour.files.scene_file import SceneModel
+from armcontour.geometry import Segments
 from armcontour.jobs import Job
 from armcontour.studio.view import Plane, in_space
 
@@ -272,7 +273,9 @@ def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane
 
 def _vertices(job: Job) -> FloatArray:
     """Ends of all segments of a job's path [m], (n, dimension)."""
-    return np.concatenate([x.path.vertices for x in job.program.contours])
+    # All segments in one table, because a program may have thousands of contours.
+    table = Segments.join([x.path.segments for x in job.program.contours])
+    return np.concatenate([table.starts, table.ends])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

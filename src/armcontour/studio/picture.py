@@ -26,6 +26,7 @@ from armcontour.studio.view import (
     View,
     drawing_error,
     drawn_arc_lengths,
+    drawn_points,
     essential_points,
     in_space,
     select_points,
@@ -203,12 +204,12 @@ def _line_arrays(
     The lines are the objective, and with a plan the kerf, and the path with speed and active limit.
     """
     paths = [x.path for x in program.contours]
-    points = np.concatenate([x(drawn_arc_lengths(x, np.inf)) for x in paths])
+    points, _ = drawn_points(paths, np.inf)
     error, flat = drawing_error(view.uv(points)), view.is_flat(points)
     header: dict[str, Any] = {"limits": [], "kerfs": []}
     if planned is not None:
         paths = [x.path for x in planned.objective.contours]
-    arrays = _lines("objective", [x(drawn_arc_lengths(x, error)) for x in paths], view, error)
+    arrays = _lines("objective", *drawn_points(paths, error), view, error)
     if planned is None:
         return header, arrays, flat
     header["limits"] = limits = _limits(planned.explanation)
@@ -231,9 +232,10 @@ def _line_arrays(
     return header, arrays, flat
 
 
-def _lines(name: str, parts: Sequence[FloatArray], view: View, error: float) -> dict[str, Any]:
-    """Arrays of lines through points [m]."""
-    points, ends = np.concatenate(parts), np.cumsum([0, *map(len, parts)])
+def _lines(
+    name: str, points: FloatArray, ends: IntArray, view: View, error: float
+) -> dict[str, Any]:
+    """Arrays of lines through points [m]; `ends` is that of `essential_points`."""
     indices = np.arange(len(points))
     if len(indices) > MAX_POINTS:
         indices = np.flatnonzero(essential_points(points, ends, error))
@@ -254,8 +256,9 @@ def _kerf(planned: Preview, view: View, error: float) -> tuple[list[float], dict
         s = drawn_arc_lengths(path, error)
         cut.append(path(np.concatenate([[begin], s[(s > begin) & (s < end)], [end]])))
     uncut = [x.path for x in planned.job.program.contours if process.of_layer(x.layer).kerf]
-    drawn = [x(drawn_arc_lengths(x, error)) for x in uncut]
-    lines = _lines("cut", cut, view, error) | _lines("drawn", drawn, view, error)
+    points, ends = np.concatenate(cut), np.cumsum([0, *map(len, cut)])
+    lines = _lines("cut", points, ends, view, error)
+    lines |= _lines("drawn", *drawn_points(uncut, error), view, error)
     return [x[3] for x in parts], lines
 
 

@@ -56,8 +56,9 @@ from armcontour.verification.contour_errors import ContourExecution, pieces_of, 
 # Maximum duration of a simulated motion times the number of joints [s], so that the simulation
 # takes seconds and 150 MB.
 MAX_SIMULATED = 2400.0
-# If a program has more segments, its outline is shown before its plan.
-LONG_PROGRAM = 5_000
+# If a program has more segments, its outline is shown before its plan. A contour counts as at least
+# so many segments, because each contour is planned separately.
+LONG_PROGRAM, CONTOUR_SEGMENTS = 5_000, 50
 # Minimum cycle of a preview [s].
 MIN_CYCLE = 4e-3
 # Number of grid intervals per contour of a preview (4000 or more in a full run). The coarser grid
@@ -163,7 +164,9 @@ class CoarsePlanner:
         """True if the program is too long to be planned at every edit."""
         program = self.path_program(data)
         count = self._cache.get(
-            "segments", program, lambda: sum(len(x.path) for x in program.contours)
+            "segments",
+            program,
+            lambda: sum(max(len(x.path), CONTOUR_SEGMENTS) for x in program.contours),
         )
         return count > LONG_PROGRAM
 

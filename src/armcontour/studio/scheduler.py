@@ -191,7 +191,8 @@ class Scheduler:
     def show_again(self) -> None:
         """Send everything with the next state, because a page has nothing yet."""
         with self._lock:
-            self._results.sent_parts = self._results.drawn = None
+            # Without the plan, a refusal brings the outline as a picture.
+            self._results.sent_parts = self._results.drawn = self._results.planned = None
 
     def forget_figures(self) -> None:
         """Discard the known exact figures, because files of the job may have changed."""

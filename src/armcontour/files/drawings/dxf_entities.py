@@ -297,6 +297,9 @@ def check_clip(entity: Any) -> None:
 
 def plane_axes(extrusion: Any) -> FloatArray:
     """Axes of an entity's plane as columns, by DXF's arbitrary axis algorithm."""
+    if tuple(extrusion) == (0.0, 0.0, 1.0):
+        # Nearly all entities lie in the plane of the drawing.
+        return np.eye(3)
     normal = _numbers("extrusion", tuple(extrusion))
     size = np.linalg.norm(normal)
     if normal.shape != (3,) or not 0 < size < np.inf:

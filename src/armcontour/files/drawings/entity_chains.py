@@ -70,6 +70,8 @@ def chain_pieces(
     ends = EntityEnds.from_segments(table, layers, repeated)
     partner = find_partners(ends, tolerance)
     again = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
+    # The exact box of a path is needed only if start and middle of its piece are close together.
+    small = np.abs(table.middles - table.starts).max(axis=1) <= tolerance
     contours, short, hooked = [], [], []
     for chain, closed in _chains(partner, repeated):
         first = pieces[min(chain) // 2]
@@ -77,7 +79,10 @@ def chain_pieces(
         if lengths[np.array(chain) // 2].sum() > tolerance:
             alone = len(chain) == 1 and not closed
             path = first.path if alone else table.join(chain, closed, tolerance)
-        if path is None or np.ptp(path.segments.extent, axis=0).max() <= tolerance:
+        if path is None or (
+            (path is not first.path or small[chain[0] // 2])
+            and np.ptp(path.segments.extent, axis=0).max() <= tolerance
+        ):
             short.append(first.name)
             continue
         straight = _remove_hooks(path, tolerance)
@@ -222,6 +227,8 @@ def _join_rows(rows: Segments, vertices: IntArray, tolerance: float) -> Path:
 def _remove_hooks(path: Path, tolerance: float) -> Path:
     """A path that crosses itself, without lines up to the tolerance [m] at which it turns back."""
     rows = path.segments
+    if not np.any((rows.curvatures == 0) & (rows.lengths <= tolerance)):
+        return path
     back = np.sum(rows.end_tangents * np.roll(rows.tangents, -1, axis=0), axis=1) < 0
     back[-1] &= rows.closed
     hook = (rows.curvatures == 0) & (rows.lengths <= tolerance) & (back | np.roll(back, 1))

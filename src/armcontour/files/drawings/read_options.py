@@ -8,11 +8,14 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated
 
+import numpy as np
+
 from armcontour.core import checks
-from armcontour.core.checks import LONGEST_NAME
+from armcontour.core.checks import LONGEST_NAME, BoolArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.file_access import SMALL
+from armcontour.core.frames import angle_between
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import (
     About,
@@ -23,8 +26,13 @@ from armcontour.core.quantities import (
 )
 from armcontour.core.text import digits, make_printable, shorten
 from armcontour.core.units import parse_quantity
-from armcontour.geometry import SegmentLimits
-from armcontour.geometry.rounding.tangent_repair import RepairedPath, repair_tangents
+from armcontour.geometry import Path, SegmentLimits, Segments
+from armcontour.geometry.rounding.tangent_repair import (
+    LARGEST_KINK,
+    RepairedPath,
+    repair_tangents,
+)
+from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
@@ -208,8 +216,10 @@ def repair_vertices(program: Program, options: ReadOptions) -> Program:
     # Contours with a tool orientation are not changed.
     moves: list[Move] = list(program.moves)
     tolerances, changed = options.layer_tolerances, []
+    paths = [x.path for x in moves if isinstance(x, Contour)]
+    needed = iter(_may_have_repairs(paths, options.mend_vertices).tolist())
     for i, move in enumerate(moves):
-        if not isinstance(move, Contour) or move.path.orientation is not None:
+        if not isinstance(move, Contour) or not next(needed) or move.path.orientation is not None:
             continue
         tolerance = tolerances.get(move.layer, math.inf)
         mended = repair_tangents(move.path, options.mend_vertices, tolerance)
@@ -221,6 +231,21 @@ def repair_vertices(program: Program, options: ReadOptions) -> Program:
         return program
     notes = (*program.notes, _describe_repairs(changed))
     return dataclasses.replace(program, moves=tuple(moves), notes=notes)
+
+
+def _may_have_repairs(paths: Sequence[Path], tolerance: float) -> BoolArray:
+    """Mask of the paths that `repair_tangents` may change, for all in a fraction of its time."""
+    table = Segments.join([x.segments for x in paths])
+    after = np.append(np.arange(1, len(table)), 0)
+    firsts = np.cumsum([0, *map(len, paths)])
+    after[firsts[1:] - 1] = firsts[:-1]
+    turns = angle_between(table.end_tangents, table.tangents[after])
+    # Nearly tangent vertices are repaired, and lines are merged at vertices that are no corners.
+    changed = (turns > TANGENT_TOLERANCE) & (turns <= LARGEST_KINK)
+    shorter = np.minimum(table.lengths, table.lengths[after])
+    lines = (table.curvatures == 0) & (table.curvatures[after] == 0) & (turns < np.pi / 2)
+    changed |= (lines & (shorter * np.sin(turns) <= 4 * tolerance)) | table.is_transition
+    return np.logical_or.reduceat(changed, firsts[:-1])
 
 
 def _describe_repairs(done: list[RepairedPath]) -> str:

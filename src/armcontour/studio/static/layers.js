@@ -1,6 +1,6 @@
 // Cached drawing layers of the newest frames, until the frame, the theme or an option changes.
 
-import { labelsOf, largest, magnified, nearestLine, polyline, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
+import { labelsOf, largest, magnified, nearestLine, PieceGrid, polyline, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -12,6 +12,12 @@ const TOO_SMALL = 13;
 const TOO_LARGE = 70;
 /** Powers of ten over which colours tell errors: most of a motion has far smaller ones than the largest. */
 export const DECADES = 3;
+
+// A picture with more coordinates is drawn without what cannot be seen, and moved as a bitmap until the view rests.
+const MANY = 12_000;
+const LEAST = 1.5; // px
+// Lines are at most so far outside of what they mark.
+const ASIDE = 8; // px
 
 export class Layers {
   /** @param {Store} store @param {import("./viewport.js").Viewport} view */
@@ -42,16 +48,41 @@ export class Layers {
    */
   lines(picture, name) {
     const { [name]: points = new Float32Array(0), [`${name}_breaks`]: breaks } = picture.arrays;
-    return this.keep(name, [points], () => polyline(points, breaks));
+    const { part } = this;
+    return this.keep(name, [points, part], () => polyline(points, breaks, part));
+  }
+
+  /** True if the picture takes long to draw. */
+  get large() {
+    const arrays = this.store.latest("picture")?.arrays;
+    return arrays ? arrays.path.length + arrays.objective.length > MANY : false;
+  }
+
+  /** What is drawn of a large picture; null: all of it. @returns {import("./polylines.js").Part | null} */
+  get part() {
+    const { width, height, u, v, scale } = this.view;
+    if (!this.large) return null;
+    return this.keep("part", [width, height, u, v, scale], () => {
+      const [left, top] = this.view.toPlane([-ASIDE, -ASIDE]);
+      const [right, bottom] = this.view.toPlane([width + ASIDE, height + ASIDE]);
+      return { left, right, bottom, top, least: LEAST / scale };
+    });
+  }
+
+  /** Index of the piece of the path that is nearest to a point, or -1. @param {Frame} picture @param {[number, number]} uv m @param {number} near m */
+  nearest(picture, [u, v], near) {
+    return this.keep("grid", [picture], () => new PieceGrid(picture.arrays.path, startsOf(picture))).nearest(u, v, near);
   }
 
   /** The path of a refusal, and its contour at the place of the refusal. @param {Frame} refusal @returns {{path: Path2D, contour: Path2D}} */
   refused(refusal) {
-    return this.keep("refused", [refusal], () => {
+    const { part } = this;
+    const isPlaced = String(refusal.head.outline.centre) === String(this.store.latest("picture")?.head.centre);
+    return this.keep("refused", [refusal, part, isPlaced], () => {
       const { objective: points, objective_breaks: breaks } = refusal.arrays;
       const { at, outline } = refusal.head;
       const place = at.uv?.map((/** @type {number} */ x, /** @type {number} */ k) => x - outline.centre[k]);
-      return { path: polyline(points, breaks), contour: place ? polyline(nearestLine(points, breaks, place)) : new Path2D() };
+      return { path: polyline(points, breaks, isPlaced ? part : null), contour: place ? polyline(nearestLine(points, breaks, place)) : new Path2D() };
     });
   }
 
@@ -70,14 +101,15 @@ export class Layers {
   strokes(picture, executed) {
     const { theme, options } = this.store;
     const errors = options.colour === "error" ? executed : null;
-    return this.keep("strokes", [picture, errors, theme, options.colour], () => {
+    const { part } = this;
+    return this.keep("strokes", [picture, errors, theme, options.colour, part], () => {
       if (errors) {
         const { base, error, breaks } = errors.arrays;
         const share = (/** @type {number} */ x) => 1 + Math.log10(x) / DECADES;
-        return strokesByHeat(base, error, this.most("executed", "error"), theme, new Set(breaks), share);
+        return strokesByHeat(base, error, this.most("executed", "error"), theme, new Set(breaks), null, share);
       }
-      if (options.colour !== "speed") return strokesByLimit(picture, theme);
-      return strokesByHeat(picture.arrays.path, picture.arrays.speed, this.most("picture", "speed"), theme, startsOf(picture));
+      if (options.colour !== "speed") return strokesByLimit(picture, theme, part);
+      return strokesByHeat(picture.arrays.path, picture.arrays.speed, this.most("picture", "speed"), theme, startsOf(picture), part);
     });
   }
 

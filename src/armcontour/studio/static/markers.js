@@ -3,7 +3,6 @@
 
 import { draw, make, mark, say } from "./dom.js";
 import { mm, seconds } from "./format.js";
-import { squaredDistance } from "./polylines.js";
 import { along, indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -104,7 +103,8 @@ class Marks {
     const picture = this.store.latest("picture");
     if (!picture || event.buttons || event.pointerType === "touch") return this.leave();
     const [x, y] = this.view.within(event);
-    const i = this.nearest(picture, x, y);
+    const { view, layers } = this.view;
+    const i = layers.nearest(picture, view.toPlane([x, y]), NEAR / view.scale);
     if (i < 0) return this.leave();
     this.hovering = true;
     this.store.setTime(picture.arrays.path_t[i]);
@@ -117,20 +117,6 @@ class Marks {
     if (!this.hovering) return;
     this.hovering = false;
     this.tip.hidden = true;
-  }
-
-  /** Index of the nearest point of the path, or -1. @param {Frame} picture @param {number} x @param {number} y px */
-  nearest(picture, x, y) {
-    const { path } = picture.arrays;
-    const { view } = this.view;
-    const [u, v] = view.toPlane([x, y]);
-    let best = -1;
-    let least = (NEAR / view.scale) ** 2;
-    for (let i = 0; 2 * i + 3 < path.length; i++) {
-      const distance = squaredDistance(u, v, path, 2 * i);
-      if (distance < least) [least, best] = [distance, i];
-    }
-    return best;
   }
 
   /** A box next to a place, within the region. @param {HTMLElement} box @param {number} x @param {number} y */

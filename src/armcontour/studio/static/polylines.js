@@ -1,11 +1,13 @@
 // Lines of a picture as paths in metres, one per colour: created once per picture, drawn often.
 
 import { BETWEEN, heat, styleOf } from "./colours.js";
+import { boxOf } from "./viewport.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {"light" | "dark"} Theme */
 /** @typedef {{path: Path2D, colour: string, dash: number[]}} Stroke */
+/** What can be seen of a large picture: a box, without details that are not larger than `least` [m]. @typedef {import("./viewport.js").Box & {least: number}} Part */
 /** @typedef {{at: [number, number], normal: [number, number], text: string, length: number}} Label */
 
 const SHADES = 16;
@@ -20,10 +22,10 @@ const SIGNS = /** @type {Record<string, string>} */ ({
 
 /**
  * Lines through points; a new one starts at every break.
- * @param {Numbers} points pairs @param {Iterable<number>} [breaks] indices of first points @returns {Path2D}
+ * @param {Numbers} points pairs @param {Iterable<number>} [breaks] indices of first points @param {Part | null} [part] @returns {Path2D}
  */
-export function polyline(points, breaks = []) {
-  return buckets(points, () => 0, new Set([0, ...breaks])).get(0) ?? new Path2D();
+export function polyline(points, breaks = [], part = null) {
+  return buckets(points, () => 0, new Set([0, ...breaks]), part).get(0) ?? new Path2D();
 }
 
 /** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
@@ -51,25 +53,89 @@ export function nearestLine(points, breaks, [u, v]) {
 /**
  * One way per bucket of the pieces between successive points.
  * @param {Numbers} points pairs @param {(i: number) => number} bucketOf of the piece from point i to i + 1; below 0: not drawn
- * @param {Set<number>} starts first points of lines
+ * @param {Set<number>} starts first points of lines @param {Part | null} part
  * @returns {Map<number, Path2D>}
  */
-function buckets(points, bucketOf, starts) {
+function buckets(points, bucketOf, starts, part) {
   /** @type {Map<number, Path2D>} */
   const all = new Map();
   const count = points.length / 2;
   let last = -1;
+  /** The last drawn point, and the end of the pieces after it. */
+  let [from, to] = [0, 0];
+  /** @type {Path2D | undefined} */
+  let path;
+  const finish = () => from !== to && path?.lineTo(points[2 * to], points[2 * to + 1]);
   for (let i = 0; i + 1 < count; i++) {
-    const bucket = starts.has(i + 1) ? -1 : bucketOf(i);
-    if (bucket >= 0) {
-      let path = all.get(bucket);
-      if (!path) all.set(bucket, (path = new Path2D()));
-      if (bucket !== last) path.moveTo(points[2 * i], points[2 * i + 1]);
-      path.lineTo(points[2 * i + 2], points[2 * i + 3]);
+    const bucket = starts.has(i + 1) || (part && !touches(points, 2 * i, part)) ? -1 : bucketOf(i);
+    if (bucket !== last) {
+      finish();
+      path = all.get(bucket);
+      if (bucket >= 0 && !path) all.set(bucket, (path = new Path2D()));
+      if (bucket >= 0) path?.moveTo(points[2 * i], points[2 * i + 1]);
+      from = to = i;
+      last = bucket;
     }
-    last = bucket;
+    if (bucket < 0) continue;
+    to = i + 1;
+    if (part && Math.abs(points[2 * to] - points[2 * from]) + Math.abs(points[2 * to + 1] - points[2 * from + 1]) < part.least) continue;
+    finish();
+    from = to;
   }
+  finish();
   return all;
+}
+
+/** True if a piece may be in a box. @param {Numbers} points @param {number} k @param {Part} part */
+const touches = (points, k, { left, right, bottom, top }) =>
+  Math.max(points[k], points[k + 2]) >= left &&
+  Math.min(points[k], points[k + 2]) <= right &&
+  Math.max(points[k + 1], points[k + 3]) >= bottom &&
+  Math.min(points[k + 1], points[k + 3]) <= top;
+
+/** Pieces of lines in the cells of a grid: the one that is nearest to a point is found without a scan of all. */
+export class PieceGrid {
+  /** @param {Numbers} points pairs @param {Set<number>} starts first points of lines */
+  constructor(points, starts) {
+    this.points = points;
+    this.box = boxOf(points) ?? { left: 0, right: 0, bottom: 0, top: 0 };
+    const { left, right, bottom, top } = this.box;
+    this.side = Math.max(right - left, top - bottom, 1e-9) / Math.ceil(Math.sqrt(points.length / 2));
+    /** @type {Map<number, Set<number>>} pieces by cell */
+    this.cells = new Map();
+    for (let i = 0; 2 * i + 3 < points.length; i++) {
+      if (starts.has(i + 1)) continue;
+      const [u, v] = [points[2 * i], points[2 * i + 1]];
+      const [du, dv] = [points[2 * i + 2] - u, points[2 * i + 3] - v];
+      // The box of a part that is not longer than a cell has at most four of them.
+      const parts = Math.max(1, Math.ceil(Math.hypot(du, dv) / this.side));
+      for (let k = 0; k < parts; k++) {
+        const [a, b] = [k / parts, (k + 1) / parts];
+        for (const cell of this.within(u + a * du, v + a * dv, u + b * du, v + b * dv))
+          this.cells.set(cell, (this.cells.get(cell) ?? new Set()).add(i));
+      }
+    }
+  }
+
+  /** Cells of a box with two opposite corners [m]. @param {number} u @param {number} v @param {number} x @param {number} y */
+  *within(u, v, x, y) {
+    const { side, box } = this;
+    const column = (/** @type {number} */ a) => Math.floor((Math.min(box.right, Math.max(box.left, a)) - box.left) / side);
+    const row = (/** @type {number} */ a) => Math.floor((Math.min(box.top, Math.max(box.bottom, a)) - box.bottom) / side);
+    for (let i = column(Math.min(u, x)); i <= column(Math.max(u, x)); i++)
+      for (let j = row(Math.min(v, y)); j <= row(Math.max(v, y)); j++) yield 2 ** 20 * i + j;
+  }
+
+  /** First point of the piece that is nearest to a point, -1 if none is nearer than `near`. @param {number} u @param {number} v @param {number} near m */
+  nearest(u, v, near) {
+    let [best, least] = [-1, near * near];
+    for (const cell of this.within(u - near, v - near, u + near, v + near))
+      for (const i of this.cells.get(cell) ?? []) {
+        const distance = squaredDistance(u, v, this.points, 2 * i);
+        if (distance < least || (distance === least && i < best)) [best, least] = [i, distance];
+      }
+    return best;
+  }
 }
 
 /** Largest tolerance of a rounded corner. @param {Frame} picture @returns {number} m */
@@ -91,8 +157,8 @@ export function kindAt(picture, i) {
   return picture.head.limits[picture.arrays.binding[i]]?.kind ?? BETWEEN;
 }
 
-/** @param {Frame} picture @param {Theme} theme @returns {Stroke[]} */
-export function strokesByLimit(picture, theme) {
+/** @param {Frame} picture @param {Theme} theme @param {Part | null} part @returns {Stroke[]} */
+export function strokesByLimit(picture, theme, part) {
   const { path } = picture.arrays;
   const kinds = /** @type {string[]} */ ([]);
   const found = buckets(
@@ -103,6 +169,7 @@ export function strokesByLimit(picture, theme) {
       return kinds.indexOf(kind);
     },
     startsOf(picture),
+    part,
   );
   return [...found].map(([k, way]) => {
     const { colour, dash } = styleOf(kinds[k], theme);
@@ -115,10 +182,10 @@ const same = (x) => x;
 
 /**
  * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade
- * @param {Theme} theme @param {Set<number>} starts first points of lines
+ * @param {Theme} theme @param {Set<number>} starts first points of lines @param {Part | null} part
  * @returns {Stroke[]}
  */
-export function strokesByHeat(points, values, most, theme, starts, shareOf = same) {
+export function strokesByHeat(points, values, most, theme, starts, part, shareOf = same) {
   const found = buckets(
     points,
     (i) => {
@@ -126,6 +193,7 @@ export function strokesByHeat(points, values, most, theme, starts, shareOf = sam
       return Number.isNaN(share) ? -1 : Math.round(share * (SHADES - 1));
     },
     starts,
+    part,
   );
   return [...found].map(([k, path]) => ({ path, colour: heat(k / (SHADES - 1), theme), dash: [] }));
 }

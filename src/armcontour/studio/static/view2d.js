@@ -11,8 +11,6 @@ import { boxOf, Viewport } from "./viewport.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
 
-// A picture with more coordinates is moved as a bitmap, and drawn again when the view rests.
-const MANY = 12_000;
 const REST = 130; // ms
 // A pointer that moves less has clicked.
 const MAX_MEASURES = 3000;
@@ -163,7 +161,7 @@ export class View2d {
     this.isFitted = false;
     this.isSeen = this.seesPart();
     clearTimeout(this.resting);
-    if (this.large) {
+    if (this.layers.large) {
       if (!this.moving) this.bitmap = this.copy();
       this.moving = true;
       this.resting = setTimeout(() => this.rest(), REST);
@@ -194,12 +192,6 @@ export class View2d {
     this.context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
     this.painter.paint(this.context, this.view);
     this.drawn = this.view.place;
-  }
-
-  /** True if the picture takes long to draw. */
-  get large() {
-    const arrays = this.store.latest("picture")?.arrays;
-    return arrays ? arrays.path.length + arrays.objective.length > MANY : false;
   }
 
   /** The canvas as it is, with its place. */
