@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -183,6 +183,9 @@ def places(path, n=4001):
     legs=st.tuples(st.floats(1e-3, 1.0), st.floats(1e-3, 1.0)),
     tilt=st.floats(0, 6),
 )
+# The largest turn with one quintic in each half.
+@example(turn=0.0186, error=1e-3, legs=(1.0, 1.0), tilt=0)
+@example(turn=0.0207, error=1e-3, legs=(1.0, 1.0), tilt=0)
 def test_a_smooth_corner_keeps_its_error_and_its_curvature_is_continuous(turn, error, legs, tilt):
     a, b = legs
     points = np.array([(-a, 0, 0), (0, 0, 0), (b * np.cos(turn), b * np.sin(turn), 0)])

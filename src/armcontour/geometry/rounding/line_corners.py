@@ -38,7 +38,7 @@ STEP = 0.25
 PEAK_RATIO = 15 / 8
 # Number of quintics in each half of SMOOTH, divided by (half the turn)**0.45. With this number the
 # parameter equals the arc length within 1e-6, see biarcs.py.
-QUINTICS = 7.8
+QUINTICS = 8.2
 # Gauss-Legendre nodes and weights that integrate along one quintic (QUINTIC_NODES) and along half
 # of SMOOTH (HALF_NODES) exactly up to rounding errors.
 QUINTIC_NODES, HALF_NODES = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
