@@ -180,7 +180,7 @@ def test_a_full_disk_is_no_error(tmp_path, load, monkeypatch):
         raise OSError(errno.ENOSPC, "full")
 
     (tmp_path / "module.py").write_text(MODULE.format(value=1))
-    monkeypatch.setattr(IndexDataCacheFile, "_save_data", refuse)
+    monkeypatch.setattr(IndexDataCacheFile, "save", refuse)
     assert load() == load() == (1, 0)
     monkeypatch.undo()
     assert [load(), load()] == [(1, 0), (1, 1)]
