@@ -21,7 +21,7 @@ from numba import types
 ROOT = Path(__file__).parents[1]
 LIST = ROOT / "src" / "armcontour" / "core" / "kernels.txt"
 RUNS = {
-    "plane": ["run", "paper"],
+    "plane": ["run", str(ROOT / "src" / "armcontour" / "jobs" / "library" / "paper.yaml")],
     "space": ["run", str(ROOT / "examples" / "drawings" / "gasket.dxf"), "--cell", "ur5e"],
 }
 TESTS = "-"
