@@ -38,7 +38,9 @@ STEP = 0.25
 PEAK_RATIO = 15 / 8
 # Number of quintics in each half of SMOOTH, divided by (half the turn)**0.45. With this number the
 # parameter equals the arc length within 1e-6, see biarcs.py.
-QUINTICS = 8.2
+QUINTICS = 7.8
+# Largest halves of turns for which one quintic is enough, and two [rad].
+FEW_QUINTICS = 0.0094, 0.047
 # Gauss-Legendre nodes and weights that integrate along one quintic (QUINTIC_NODES) and along half
 # of SMOOTH (HALF_NODES) exactly up to rounding errors.
 QUINTIC_NODES, HALF_NODES = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
@@ -229,7 +231,8 @@ def _smooth_tangent_ratio(half: FloatArray) -> FloatArray:
 
 def _count_quintics(half: FloatArray) -> IntArray:
     """Number of quintics in half of SMOOTH, (n,)."""
-    return np.maximum(np.ceil(QUINTICS * half**0.45), 1).astype(np.intp)
+    few = 1 + np.searchsorted(FEW_QUINTICS, half)
+    return np.maximum(np.ceil(QUINTICS * half**0.45), few).astype(np.intp)
 
 
 def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
