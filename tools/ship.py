@@ -47,10 +47,13 @@ def ship(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         wheel("unpack", str(plain), "--dest", name)
         (tree,) = Path(name).iterdir()
-        differ = [x for x in used() if changed(x, tree)]
+        differ = [x for x in compilation.used_sources() if changed(x, tree)]
         if differ:
             sys.exit(f"{plain.name} has other sources: {', '.join(map(str, differ))}")
         compiled = compilation.compile_kernels()
+        # Other processes may have compiled the functions; an import enters them in `KERNELS`.
+        for module, _ in compilation.read_list("all"):
+            import_module(module)
         shipped = tree / kernels.SHIPPED.relative_to(kernels.ROOT.parent)
         for kernel in kernels.KERNELS.values():
             if not kernel.targetoptions["no_cpython_wrapper"]:
@@ -63,12 +66,6 @@ def ship(folder: Path) -> None:
         (made,) = Path(name).glob(f"*-{python}-*.whl")
         shutil.copy(made, folder)
     print(f"{made.name}: {compiled.compiled} of {compiled.functions} functions compiled now.")
-
-
-def used() -> set[Path]:
-    """Sources on which the compiled functions depend."""
-    modules = {import_module(module) for module, _ in compilation.read_list("all")}
-    return {y for x in modules for y in kernels.sources(Path(str(x.__file__)))}
 
 
 def changed(source: Path, tree: Path) -> bool:

@@ -261,9 +261,16 @@ def _find_compiled(kind: Which) -> FilePath | None:
 def stamp(folder: FilePath, kind: Which, target: kernels.Target | None = None) -> None:
     """Record that the functions in a folder have been compiled in the present state."""
     with suppress(OSError):
+        state = _state(target or kernels.target())
         for name in INCLUDED[kind]:
-            state = _state(target or kernels.target())
             (folder / STAMP.format(name)).write_text(state, "utf-8")
+
+
+def used_sources() -> set[FilePath]:
+    """Return the sources on which the listed functions depend."""
+    modules = {module for module, _ in read_list("all")}
+    files = (ROOT.parent.joinpath(*module.split(".")).with_suffix(".py") for module in modules)
+    return {source for file in files for source in kernels.sources(file)}
 
 
 def _state(target: kernels.Target) -> str:
@@ -272,10 +279,8 @@ def _state(target: kernels.Target) -> str:
 
     # Builds of Python without the interpreter's lock differ in their flags only.
     python = sys.implementation.cache_tag, getattr(sys, "abiflags", "")
-    modules = {module for module, _ in read_list("all")}
-    files = (ROOT.parent.joinpath(*x.split(".")).with_suffix(".py") for x in modules)
-    used = sorted({y for x in files for y in kernels.sources(x)})
-    parts = numba.__version__, python, target, LIST.read_text("utf-8"), *map(kernels.digest, used)
+    digests = map(kernels.digest, sorted(used_sources()))
+    parts = numba.__version__, python, target, LIST.read_text("utf-8"), *digests
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 

@@ -132,7 +132,7 @@ class _Files(FunctionCache):
         super().__init__(function)
         source = Path(function.__code__.co_filename)
         index: Any = self._cache_file
-        index._source_stamp = tuple((x.name, digest(x)) for x in sources(source))
+        index._source_stamp = tuple((x.name, digest(x)) for x in sorted(sources(source)))
         self._shipped: Any = None
         if source.is_relative_to(ROOT):
             folder = SHIPPED / source.parent.relative_to(ROOT)
@@ -186,20 +186,15 @@ def digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def sources(file: Path) -> list[Path]:
-    """Return the sources on which the compiled functions of a file depend, in a fixed order."""
-    return sorted({file} | _imported(file))
-
-
 @functools.cache
-def _imported(file: Path) -> frozenset[Path]:
-    """A file and the files that it imports, the latter only if it has compiled functions."""
+def sources(file: Path) -> frozenset[Path]:
+    """Return the sources on which the compiled functions of a file depend."""
     text = file.read_text(encoding="utf-8")
     if COMPILED.search(text) is None:
         return frozenset({file})
     names = (x.split(".")[1:] for x in IMPORT.findall(text))
     files = (ROOT.joinpath(*x).with_suffix(".py") for x in names)
-    return frozenset({file}).union(*(_imported(x) for x in files if x.is_file()))
+    return frozenset({file}).union(*(sources(x) for x in files if x.is_file()))
 
 
 def _take_no_literals(kernel: Any) -> None:

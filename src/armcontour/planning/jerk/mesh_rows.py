@@ -18,6 +18,8 @@ from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, In
 
 # Highest degree of a joint path.
 HIGHEST = 5
+# Cell of each part, and `control_points` of the cells
+_Cells = tuple[IntArray, FloatArray, FloatArray]
 
 
 class Basis(NamedTuple):
@@ -129,8 +131,6 @@ def motion_rows(
                         rows[kind][i, first_rows[kind][j] + c, b] = value
 
 
-# Cell of each part, and `control_points` of the cells
-_Cells = tuple[IntArray, FloatArray, FloatArray]
 # Smallest value at an end of the tangent that bounds ds², as a share of its value in the middle
 LEAST_SHARE = 0.25
 
