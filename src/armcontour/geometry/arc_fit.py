@@ -94,14 +94,20 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
 
 
 def fit_many(
-    curves: Curves, breaks: FloatArray, rows: IntArray, tolerance: float
+    curves: Curves,
+    breaks: FloatArray,
+    rows: IntArray,
+    tolerance: float,
+    *,
+    separate: bool = False,
 ) -> list[Segments]:
     """Lines and tangent arcs along many curves, each as by `fit_arcs`."""
     # `curves`: `curves(row, t, order)` gives points or derivatives of the curves `row` at `t`, as
     # in `fit_arcs`; `breaks`: breaks of all curves one after the other, (n,); `rows`: curve of each
-    # break, ascending from 0, (n,).
+    # break, ascending from 0, (n,); `separate`: each curve also has the rounding errors of
+    # `fit_arcs`, and its last arcs are merged.
     _check_tolerance(tolerance)
-    arcs, vertices = _fit_curves(curves, breaks, rows, tolerance, through=False)
+    arcs, vertices = _fit_curves(curves, breaks, rows, tolerance, through=False, separate=separate)
     ends = np.flatnonzero(np.diff(rows, append=-1))
     return [arcs[vertices[i] : vertices[i + 1]] for i in range(len(ends))]
 
@@ -171,7 +177,13 @@ def _wrap_curve(curve: Curve) -> Curves:
 
 
 def _fit_curves(
-    curves: Curves, breaks: FloatArray, row: IntArray, tolerance: float, *, through: bool
+    curves: Curves,
+    breaks: FloatArray,
+    row: IntArray,
+    tolerance: float,
+    *,
+    through: bool,
+    separate: bool = False,
 ) -> tuple[Segments, IntArray]:
     """Segments of all curves, and indices of the vertices at which segments are never merged."""
     # The indices end with the number of segments. With `through` every break is such a vertex, and
@@ -184,7 +196,7 @@ def _fit_curves(
             vertices = first[np.searchsorted(intervals.begin, breaks[:-1])]
         else:
             vertices = first[np.flatnonzero(np.diff(intervals.row, prepend=-1))]
-        merged, rows = _merge(arcs, vertices)
+        merged, rows = _merge(arcs, vertices, vertices if separate else vertices[:1])
     return merged, np.append(np.searchsorted(rows, vertices), len(merged))
 
 
@@ -412,8 +424,9 @@ def _make_segments(intervals: _Intervals) -> tuple[Segments, IntArray]:
     return Segments.join([first, second])[in_order], np.append(0, used.sum(axis=1).cumsum()[:-1])
 
 
-def _merge(arcs: Segments, vertices: IntArray) -> tuple[Segments, IntArray]:
+def _merge(arcs: Segments, vertices: IntArray, starts: IntArray) -> tuple[Segments, IntArray]:
     """Merge neighbours on one line or circle; returns the segments and the first row of each."""
+    # `starts`: first rows of the curves that are merged separately, (n,).
     k, u = arcs.curvatures, arcs.lengths
     turn = k * u
     same = (
@@ -435,13 +448,16 @@ def _merge(arcs: Segments, vertices: IntArray) -> tuple[Segments, IntArray]:
     curvature = np.add.reduceat(turn, first) / size
     joined = arcs[first].replace(curvatures=curvature, lengths=size)
     ends = np.concatenate([arcs.starts[first[1:]], arcs[-1:].ends])
+    ends[np.searchsorted(first, starts[1:]) - 1] = arcs[starts[1:] - 1].ends
     moved = length(joined.ends - ends) > SAME_POINT
     # A run is not merged if the end of its arc would move.
     run = np.cumsum(np.concatenate([[False], ~same]))
     rows = np.union1d(first, np.flatnonzero(moved[run]))
     if len(rows) == len(u):
         return arcs, rows
-    one = ~moved[run[rows]]
+    # A curve without merged arcs keeps their values.
+    curve = np.searchsorted(starts, rows, side="right") - 1
+    one = ~moved[run[rows]] & (np.diff(starts, append=len(u)) > np.bincount(curve))[curve]
     curvatures, lengths = k[rows], u[rows]
-    curvatures[one], lengths[one] = curvature[~moved], size[~moved]
+    curvatures[one], lengths[one] = curvature[run[rows[one]]], size[run[rows[one]]]
     return arcs[rows].replace(curvatures=curvatures, lengths=lengths), rows

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
 from armcontour.core.sampling import number_parts
 from armcontour.geometry import Segments
-from armcontour.geometry.arc_fit import fit_arcs
+from armcontour.geometry.arc_fit import fit_many
 from armcontour.geometry.segments import REPEATED_POINT, close_gaps
 
 # An ellipse counts as a circle if both limits are satisfied: the difference of its semi-axes is at
@@ -30,6 +32,9 @@ MAX_CHORD_ANGLE = 1.5 * np.pi
 ONE_VERTEX = 0.5 * REPEATED_POINT
 # For an arc with a larger swept angle [rad], the bounding box is that of the whole ellipse.
 WIDE_ANGLE = 1.0
+# Number of curves that are fitted at once: large enough for a small overhead of numpy, and small
+# enough for less than 100 MB of memory.
+FIT_BATCH = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -160,7 +165,9 @@ class ArcChain:
             return chain._as_drawn()
         runs = np.split(np.arange(len(elliptical)), np.flatnonzero(np.diff(elliptical)) + 1)
         parts = [
-            chain[run]._fitted(tolerance) if elliptical[run[0]] else chain[run]._as_drawn()
+            chain[run]._fitted(np.array([len(run)]), tolerance)[0]
+            if elliptical[run[0]]
+            else chain[run]._as_drawn()
             for run in runs
         ]
         return Segments.join(parts)
@@ -183,10 +190,11 @@ class ArcChain:
         angles = np.where(arc, self.angles, 0.0)
         return dataclasses.replace(self, starts=starts, angles=angles)[has_length]
 
-    def _is_exact(self, tolerance: float) -> BoolArray:
-        """Mask of the lines and circular arcs with a length; these need no approximation, (n,)."""
-        arc, far = self._long_arcs, np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
-        return np.asarray(np.where(self.angles > 0, arc, far) & ~self._elliptical(tolerance))
+    @property
+    def _has_length(self) -> BoolArray:
+        """Mask of the lines and arcs with a length, (n,)."""
+        far = np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
+        return np.where(self.angles > 0, self._long_arcs, far)
 
     def _elliptical(self, tolerance: float) -> BoolArray:
         """Mask of the arcs that are not circular within the tolerance [m], (n,)."""
@@ -221,18 +229,21 @@ class ArcChain:
             return np.asarray(a * (c * self.sines - s * self.cosines) + missed)
         return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + fraction * missed)
 
-    def _fitted(self, tolerance: float) -> Segments:
-        """Tangent circular arcs within the tolerance [m] of a chain of elliptical arcs."""
-        n = len(self.angles)
+    def _fitted(self, counts: IntArray, tolerance: float) -> list[Segments]:
+        """Tangent circular arcs within the tolerance [m] of chains of `counts` elliptical arcs."""
+        first, chain_of = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
 
-        def curve(t: FloatArray, order: int) -> FloatArray:
-            # Elliptical arc i has the parameters from i to i + 1.
-            i = np.clip(np.floor(t).astype(np.intp), 0, n - 1)
-            return self[i]._evaluate(t - i, order)
+        def curves(row: IntArray, t: FloatArray, order: int) -> FloatArray:
+            # Elliptical arc i of a chain has the parameters from i to i + 1.
+            i = np.clip(np.floor(t).astype(np.intp), 0, counts[row] - 1)
+            return self[first[row] + i]._evaluate(t - i, order)
 
         quarters = np.maximum(np.ceil(self.angles / (np.pi / 2) - 1e-9), 1).astype(np.intp)
         i, k = number_parts(quarters)
-        return fit_arcs(curve, np.append(i + k / quarters[i], n), tolerance)
+        row, ends = chain_of[i], np.cumsum(np.add.reduceat(quarters, first))
+        breaks = np.insert(i - first[row] + k / quarters[i], ends, counts)
+        rows = np.insert(row, ends, np.arange(len(counts)))
+        return fit_many(curves, breaks, rows, tolerance, separate=True)
 
     def _as_drawn(self) -> Segments:
         """Segments of lines and circular arcs; these can have gaps between them."""
@@ -276,8 +287,8 @@ class ArcChain:
         )
 
 
-def draw_exact(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
-    """Segments of each chain that has only lines and circular arcs; None for other chains.
+def draw_together(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
+    """Segments of each chain that needs no approximation or only that; None for other chains.
 
     The result is that of `ArcChain.to_segments`, computed in one step for all chains.
     """
@@ -286,12 +297,24 @@ def draw_exact(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | 
     if not count.any():
         return tables
     table, chain_of = ArcChain.join(chains), np.repeat(np.arange(len(chains)), count)
-    other = np.bincount(chain_of, ~table._is_exact(tolerance), len(chains)) > 0
-    indices = np.flatnonzero(~other & (count > 0))
-    if len(indices):
-        drawn, ends = table[~other[chain_of]]._as_drawn(), np.cumsum(count[indices])
+    elliptical, usable = table._elliptical(tolerance), table._has_length
+
+    def indices_of(kind: BoolArray) -> IntArray:
+        other = np.bincount(chain_of, ~(kind & usable), len(chains)) > 0
+        return np.flatnonzero(~other & (count > 0))
+
+    if len(indices := indices_of(~elliptical)):
+        drawn, ends = table[np.isin(chain_of, indices)]._as_drawn(), np.cumsum(count[indices])
         for i, begin, end in zip(indices, ends - count[indices], ends, strict=True):
             tables[i] = drawn[begin:end]
+    indices = indices_of(elliptical)
+    batch = np.cumsum(count[indices]) // FIT_BATCH
+    for part in np.split(indices, np.flatnonzero(np.diff(batch)) + 1) if len(indices) else ():
+        # A chain that cannot be fitted is left to its own call, whose error identifies the chain.
+        with suppress(InvalidInput):
+            fitted = table[np.isin(chain_of, part)]._fitted(count[part], tolerance)
+            for i, segments in zip(part, fitted, strict=True):
+                tables[i] = segments
     return tables
 
 

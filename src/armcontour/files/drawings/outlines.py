@@ -13,14 +13,11 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.drawings.arc_chain import Affine, ArcChain, draw_exact
+from armcontour.files.drawings.arc_chain import FIT_BATCH, Affine, ArcChain, draw_together
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.arc_fit import fit_many
 from armcontour.geometry.segments import REPEATED_POINT
 
-# Number of Bézier curves that are fitted at once: large enough for a small overhead of numpy, and
-# small enough for less than 100 MB of memory.
-FIT_BATCH = 4000
 # Largest gap in a continuous spline due to rounding, as a fraction of the extent or of the largest
 # coordinate of the spline (the larger one).
 SAME_RELATIVE = 1e-9
@@ -281,7 +278,7 @@ def paths_of(
     [m]. `join` is that of `Outline.close_gap`.
     """
     # All curves are fitted in one call, which is faster.
-    plain = _draw_exact(outlines, tolerance, join)
+    plain = _draw_together(outlines, tolerance, join)
     parts: list[list[Segments | BezierSpline]] = []
     for i, outline in enumerate(outlines):
         with _indexed(i):
@@ -304,14 +301,16 @@ def paths_of(
     return _join_parts([[x for x in row if isinstance(x, Segments)] for row in parts])
 
 
-def _draw_exact(outlines: Sequence[Outline], tolerance: float, join: float) -> dict[int, Segments]:
-    """Segments, by index, of the outlines that consist of one chain of lines and circular arcs."""
+def _draw_together(
+    outlines: Sequence[Outline], tolerance: float, join: float
+) -> dict[int, Segments]:
+    """Segments, by index, of the outlines that consist of one chain for `draw_together`."""
     alone: dict[int, ArcChain] = {}
     for i, outline in enumerate(outlines):
         shapes = outline.close_gap(join)
         if len(shapes) == 1 and isinstance(shapes[0], ArcChain):
             alone[i] = shapes[0]
-    drawn = draw_exact(list(alone.values()), tolerance)
+    drawn = draw_together(list(alone.values()), tolerance)
     return {i: x for i, x in zip(alone, drawn, strict=True) if x is not None}
 
 
