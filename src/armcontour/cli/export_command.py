@@ -20,7 +20,6 @@ from armcontour.files.exports import formats, make_table, predict_tolerances
 from armcontour.files.exports.table import SetPointTable
 from armcontour.files.exports.template import BUILT_IN
 from armcontour.files.keys import read_keys
-from armcontour.files.trajectory_file import read_run
 from armcontour.jobs import Job, RunResult, analog_outputs
 from armcontour.jobs.analog import events_of
 from armcontour.jobs.exports import Exports, ending_of
@@ -98,6 +97,9 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
     """Export the set-points or the plan of an earlier result for a robot controller."""
     file, reference = options.file, options.reference
     kind = options.format or formats.format_of(file)
+    # Imported here, because `run` uses this module and reads no trajectory.
+    from armcontour.files.trajectory_file import read_run
+
     run = read_run(options.result, options.run_name)
     patch, names = read_patch(options)
     data = {"outputs": dict(run.outputs)} | {str(keys[-1]): x for keys, x in patch.items()}
