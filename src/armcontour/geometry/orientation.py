@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray, copy_unchecked
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import angle_between, exp, log
@@ -293,7 +293,7 @@ class Orientation(Checked):
             scale: Factor of all lengths.
         """
         if self.fixed and scale == 1.0:
-            return replace(self, starts=rotation @ self.starts)
+            return copy_unchecked(self, starts=rotation @ self.starts)
         return replace(
             self,
             breaks=self.breaks * scale,
