@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
-from llvmlite.binding import parse_assembly, parse_bitcode
 from numba import njit, types
 from numba.core import event
 from numba.core.caching import (
@@ -120,20 +119,6 @@ class _NoFolder(_CacheLocator):
 
 class _Implementation(CompileResultCacheImpl):
     _locator_classes: Any = [*CompileResultCacheImpl._locator_classes, _NoFolder]
-
-    def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Load the machine code; the bitcode is parsed only if a caller is compiled."""
-        # Names without code must never be linked, so a numba without this method parses at once.
-        if not hasattr(target_context.codegen()._library_class, "_get_module_for_linking"):
-            return super().rebuild(target_context, payload)
-        (name, kind, (code, bitcode)), description, *others = payload
-        symbols = description.llvm_func_name, description.llvm_cpython_wrapper_name
-        # Numba takes only the names of symbols from bitcode; parsing it takes longer than loading.
-        defined = (f'define void @"{x}"() {{ ret void }}\n' for x in symbols if x.encode() in code)
-        state = name, kind, (code, parse_assembly("".join(defined)).as_bitcode())
-        loaded: Any = super().rebuild(target_context, (state, description, *others))
-        loaded.library._get_module_for_linking = functools.cache(lambda: parse_bitcode(bitcode))
-        return loaded
 
 
 class _Files(FunctionCache):
