@@ -129,23 +129,16 @@ def corner(browser: Browser, folder: FilePath) -> Iterator[Found]:
 
 
 def contours(browser: Browser, folder: FilePath) -> Iterator[Found]:
-    """2,000 contours are opened, their planning is stopped and resumed, and they are moved."""
+    """2,000 contours are opened and planned, and moved on the screen."""
     file = write_shapes(folder / "shapes.dxf", CONTOURS, 50, 8.0, 2.5)
     with serving(file, "--cell", "ur5e", folder=folder) as server:
         begin = time.perf_counter()
         studio = Studio(browser, server)
         studio.wait_for("#messages .work:not([hidden])")
         yield Found("2,000 contours: progress", time.perf_counter() - begin, 1.0, "s")
-        studio.begin()
         studio.wait_for("#view2d[data-tier='1']")
         yield Found("its outline", time.perf_counter() - begin, 1.0, "s")
-        studio.wait_for("#messages [data-does=cancel]:not([hidden])")
-        studio.find("#messages [data-does=cancel]").click()
-        studio.wait_for("#messages [data-does=resume]")
-        begin = time.perf_counter()
-        studio.find("#messages [data-does=resume]").click()
-        studio.wait_for("#messages [data-does=cancel]")
-        yield Found("progress of work that is resumed", time.perf_counter() - begin, 1.0, "s")
+        studio.begin()
         studio.wait_for("[data-figure=duration]:not([data-value=''])", timeout=6e5)
         yield Found("its plan", time.perf_counter() - begin, None, "s")
         for name, wheel in (("all of it", 0), ("closer", -900)):
