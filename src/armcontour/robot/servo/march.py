@@ -347,9 +347,8 @@ def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m:
         first, second = find_passage(demands, n, 1, 0.0, end, 0.0), end
         if first == end:
             turn = find_passage(demands, n, 2, 0.0, end, 0.0)
-            if turn < end:
-                first = find_passage(demands, n, 1, 0.0, turn, 0.0)
-                second = find_passage(demands, n, 1, turn, end, 0.0)
+            first = find_passage(demands, n, 1, 0.0, turn, 0.0)
+            second = find_passage(demands, n, 1, turn, end, 0.0)
         lowest, highest, begin, following = min(lowest, z), max(highest, z), 0.0, side
         for t in (first, second, end):
             value = evaluate(demands, n, 0, t)
@@ -412,14 +411,6 @@ def respond(
     # Most steps return here, without a start or end of saturation and without a new extreme.
     if least <= min(last, bottom) and max(last, top) <= most and low <= bottom and top <= high:
         return Motion(q, w, x, saturated, low, high)
-    if z != ddq and a * b < 0.0:
-        # In saturation without an integrator, the demand is a cubic, which has one extremum here.
-        bend, third, sign = 3 * rise - 2 * a - b, a + b - 2 * rise, math.copysign(1.0, a)
-        root, second = math.sqrt(bend * bend - 3 * third * a), sign * bend
-        t = -sign * (second + root) * THIRD / third if second > 0.0 else abs(a) / (root - second)
-        peak = z + t * (a + t * (bend + t * third))
-        if least <= min(last, peak) and max(last, peak) <= most:
-            return Motion(q, w, x, saturated, min(low, peak), max(high, peak))
     return respond_by_events(servo, taylor, h, u, m)
 
 
