@@ -84,6 +84,7 @@ def test_a_long_path_is_about_as_fast_as_in_one_piece(arm, limits, monkeypatch):
 
     whole = plan()
     monkeypatch.setattr(search, "LONG_PATH", 4)
+    monkeypatch.setattr(search, "CHUNKED", 4)
     monkeypatch.setattr(search, "CORNERS", 4)
     parts = plan()
     assert parts.duration < 1.005 * whole.duration

@@ -23,14 +23,17 @@ from armcontour.planning.shaping.quadratic_program import solve_program
 from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
 
-# A path with more corners and rests than this is optimized in chunks.
+# On a path with more corners and rests than this, corners are rejected separately.
 LONG_PATH = 40
+# A path with more corners and rests than this is also optimized in chunks, by several threads. The
+# fixed nodes between chunks often leave no solution.
+CHUNKED = 400
 # Number of corners of a chunk, and number of corners by which cuts move in each iteration
 CORNERS, SHIFT = 8, 3
 
 
 def is_long(group: IntArray) -> bool:
-    """Test whether a path is optimized in chunks; `group`: as in `place_cuts`."""
+    """Test whether corners are rejected separately; `group`: as in `place_cuts`."""
     return bool(group[-1] >= LONG_PATH)
 
 
@@ -38,7 +41,7 @@ def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntAr
     """Index of the first of both fixed nodes between chunks, (m,); empty for a single chunk."""
     # `group`: index of the corner or rest nearest to each node, ascending, (n,); `whole`: true for
     # a single chunk on long paths, too.
-    if whole or not is_long(group):
+    if whole or group[-1] < CHUNKED:
         return np.zeros(0, dtype=np.intp)
     first = 1 + SHIFT * iteration % CORNERS
     cuts = np.searchsorted(group, np.arange(first, int(group[-1]) + 1, CORNERS))
@@ -143,7 +146,12 @@ class ShapeSearch:
         idle = tightened = 0
         while idle < IDLE and tightened < MAX_TIGHTENED:
             before = self.state.best.duration
+            trust, inside = self.state.trust.copy(), self.state.inside
             accepted = self._iterate()
+            unchanged = np.array_equal(trust, self.state.trust) and inside is self.state.inside
+            if not accepted and unchanged and self.nodes.group[-1] < CHUNKED:
+                # The next proposal would be the same one.
+                return
             gained = before - self.state.best.duration
             tightened = 0 if accepted else tightened + 1
             idle = 0 if gained > LEAST_GAIN * before else idle + accepted
