@@ -98,10 +98,10 @@ GROUPS = {
 # fields, those named in MAPPING_LABELLED have the name of the mapping as their label.
 FLAT_MAPPINGS = ("corners", "servo", "timing", "compensation")
 MAPPING_LABELLED = {"method", "shape"}
-# Keys without a field: geometry, because the drawing defines it; `runs`, because they have a table;
-# and keys of the arm, because the arm has a single field.
+# Keys without a field: geometry, because the drawing defines it; contours and `runs`, because they
+# have lists; and keys of the arm, because the arm has a single field.
 OMITTED = (
-    *(f"path.{x}" for x in (*GEOMETRY_KEYS, "file")),
+    *(f"path.{x}" for x in (*GEOMETRY_KEYS, "file", "contours")),
     *("runs", "arm.name", "arm.file"),
 )
 # Matches the unit in a description.

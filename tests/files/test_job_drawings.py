@@ -9,6 +9,7 @@ import armcontour as ac
 from armcontour.files import parse_job, read_job
 from armcontour.files.cell import cell_names, read_cell
 from armcontour.files.robots.loading import arm_names
+from armcontour.jobs import run
 from armcontour.program import Program, prepare
 
 TWO = "contour,x [mm],y [mm]\na,0,0\na,60,0\nb,0,30\nb,60,30\nb,60,60\nb,0,30\n"
@@ -123,10 +124,10 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
         text = text.replace(old, new)
     (folder / "layers.csv").write_text(text)
     made = job(folder, path={"file": "layers.csv"}, process=yaml.safe_load(LAYERS))
-    layer_process = made.process.of_layer("MARK")
-    assert layer_process.lead_in is None and layer_process.passes == 2
-    assert layer_process.tabs.width == 1e-3 and layer_process.switch.value == 0.2
-    assert made.process.of_layer("CUT").lead_in is not None
+    at_cut, at_mark = (made.process.of_contour(x) for x in made.program.contours)
+    assert at_mark.lead_in is None and at_mark.passes == 2
+    assert at_mark.tabs.width == 1e-3 and at_mark.switch.value == 0.2
+    assert at_cut.lead_in is not None
     cut, mark = prepare(made.program, made.process).contours
     assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
     note = "process.by_layer has the layer 'GONE', but no contour is on this layer."
@@ -135,6 +136,84 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
     refusals(lambda x: job(folder, x), [(open_speeds, "Run compensated ... power ... contour a")])
     speeds = {"file": "layers.csv", "layers": {x: {"speed": "1 mm/s"} for x in ("CUT", "MARK")}}
     assert job(folder, open_speeds, path=speeds).process.analog
+
+
+OWN = """
+speed: 20 mm/s
+tolerance: 0
+lead_in: null
+tabs: {count: 1, width: 2 mm}
+"""
+
+
+@pytest.mark.parametrize("key", ["b", 2, "2"])
+def test_a_contour_has_values_of_its_own(folder, key):
+    """Values of the contour win over those of its layer and of the file; others stay the same."""
+    rows = TWO.replace("[mm]\n", "[mm],layer,speed\n", 1).replace("0\n", "0,CUT,0.04\n")
+    (folder / "layers.csv").write_text(rows)
+    by_layer = {"CUT": {"overlap": "3 mm", "tabs": {"count": 2, "width": "1 mm"}}}
+    shared = {"lead_in": {"length": "5 mm"}, "switch": {"name": "laser"}, "by_layer": by_layer}
+    own = yaml.safe_load(OWN)
+    drawn = {"file": "layers.csv", "layers": {"CUT": {"tolerance": "0.1 mm"}}}
+    plain, changed = (
+        job(folder, path=drawn | {"contours": x}, process=shared) for x in ({}, {key: own})
+    )
+    (a, b), (same, mine) = (prepare(x.program, x.process).contours for x in (plain, changed))
+    for name in ("starts", "ends", "speeds", "tolerances"):
+        np.testing.assert_array_equal(*(getattr(x.path.segments, name) for x in (a, same)))
+    assert same.events == a.events and same.work == a.work
+    assert set(b.path.speeds[1:]) == {0.04} and set(b.path.tolerances[1:]) == {1e-4}
+    assert set(mine.path.speeds) == {0.02} and set(mine.path.tolerances) == {0.0}
+    # Its own tabs and no lead-in, but the overlap of its layer.
+    assert mine.at_work[0] == 0.0 and b.at_work[0] == pytest.approx(5e-3)
+    assert mine.path.length == pytest.approx(b.path.length - 5e-3)
+    assert len(b.events) == 6 and len(mine.events) == 4
+    assert mine.events[2].s - mine.events[1].s == pytest.approx(2e-3)
+    before, after = (
+        np.ptp(
+            [y.t for y in run(x, simulate=False).runs["compensated"].trajectory.contour_spans], 1
+        )
+        for x in (plain, changed)
+    )
+    assert after[0] == before[0] and after[1] > mine.path.length / 0.02 > before[1]
+
+
+def test_contours_run_in_the_order_of_their_own(folder):
+    later = job(folder, path={"contours": {"a": {"order": 1}}})
+    assert [x.name for x in prepare(later.program, later.process).contours] == ["b", "a"]
+    repeat = {"columns": 2, "column_spacing": "70 mm"}
+    own = {"b [1,1]": {"order": -1}, 3: {"order": 2}}
+    copies = job(folder, path={"repeat": repeat, "contours": own}, process={"order": "nearest"})
+    assert [x.number for x in copies.program.contours] == [1, 2, 3, 4]
+    order = [x.name for x in prepare(copies.program, copies.process).contours]
+    assert order[0] == "b [1,1]" and order[-1] == "a [1,2]" and len(order) == 4
+    (folder / "two.ngc").write_text("G21 G1 F900 X10\nG0 X20\nG1 X30\n")
+    moved = job(folder, path={"file": "two.ngc", "contours": {2: {"order": -1}}})
+    refusals(lambda x: prepare(moved.program, moved.process), [("", "only ... rapids")])
+
+
+CONTOURS = """
+{c: {speed: 1 mm/s}} => path.contours.c ... two.csv ... numbers 1 to 2 ... 'a', 'b' ... (line 10)
+{3: {speed: 1 mm/s}} => path.contours.3 ... numbers 1 to 2 ... (line 10)
+{a: {}, 1: {speed: 1 mm/s}} => path.contours.1 is the same contour as a ... (line 11)
+{a: {sped: 1}} => path.contours.a.sped ... speed
+{a: {speed: 1 kg}} => path.contours.a.speed ... (line 11)
+{b: {pierce: {time: 1 s}}} => contour 2 ... switch ... (line 10)
+"""
+
+
+def test_names_of_contours_are_checked(folder):
+    def of_text(contours):
+        data = {**JOB, "path": {"contours": yaml.safe_load(contours), **JOB["path"]}}
+        return parse_job(yaml.safe_dump(data), source="plate.yaml", folder=folder)
+
+    refusals(of_text, CONTOURS)
+    left_out = job(folder, path={"names": ["a"], "contours": {"b": {"speed": "1 mm/s"}}})
+    assert "path.contours.b has no effect" in left_out.program.notes[-1]
+    points = parse_job(
+        yaml.safe_dump({**POINTS, "path": {**POINTS["path"], "contours": {1: {"speed": 0.01}}}})
+    )
+    assert set(points.program.contours[0].path.speeds) == {0.01}
 
 
 BAD = r"""

@@ -242,7 +242,7 @@ def test_transitions_spare_the_stops_within_their_tolerance():
 @needs_dynamics
 def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
     """An ellipse of 37 arcs on the UR5e, with acceleration and jerk of a joint_limits.yaml."""
-    one = {("path", "names"): ["handle 38"]}
+    one = {("path", "names"): ["CUT-6"]}
     drawn = read_cell(DRAWINGS / "gentle.yaml", DRAWINGS / "gasket.dxf", patch=one)
     as_planned, compensated = run(drawn, simulate=False).runs.values()
     assert full_stops(as_planned) == {} and as_planned.warnings == ()

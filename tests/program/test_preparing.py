@@ -550,8 +550,8 @@ def test_contours_of_a_layer_have_values_of_their_own():
     assert [x.value for x in cut.events] == [True, False]
     assert [x.value for x in mark.events] == [0.2, False]
     assert kinds(prepared_program) == "Dwell Contour Contour"
-    assert process.cuts and not process.of_layer("MARK").cuts
-    assert process.of_layer("other") is process
+    assert process.cuts and not process.of_contour(mark).cuts
+    assert process.of_contour(Contour(path=SQUARE, layer="other")) is process
 
 
 def test_a_layer_is_woven_between_its_leads():

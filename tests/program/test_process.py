@@ -28,7 +28,8 @@ def test_a_pierce_needs_a_switch_and_an_active_lead():
         (lambda: ac.prepare(LINE, high), "plane"),
     )
     marked = Process(pierce=pierce, switch=LASER, by_layer={"MARK": {"pierce": None}})
-    assert marked.of_layer("CUT").begins_on and not marked.of_layer("MARK").begins_on
+    cut, mark = (marked.of_contour(ac.Contour(path=LINE, layer=x)) for x in ("CUT", "MARK"))
+    assert cut.begins_on and not mark.begins_on
 
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -188,7 +188,7 @@ def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):
     [
         ("lettering.svg", "pmk3s", {}),
         ("pocket.ngc", "pmk3s", {("path", "ignore_z"): True}),
-        ("gasket.dxf", DRAWINGS / "laser.yaml", {("path", "names"): ["handle 33", "handle 38"]}),
+        ("gasket.dxf", DRAWINGS / "laser.yaml", {("path", "names"): ["CUT-1", "CUT-6"]}),
     ],
 )
 def test_a_sample_drawing_runs_to_a_report(name, cell, path):
@@ -199,6 +199,6 @@ def test_a_sample_drawing_runs_to_a_report(name, cell, path):
     assert result.evaluation.contour_error.max < 1e-4
     # The ports of the gasket are slower than assigned from where they begin, and the arcs of the
     # pocket have three decimals. Without the extra, distances of the links are not checked.
-    expected = ("handle 38", "Repaired ", "armcontour[dynamics]")
+    expected = ("CUT-6", "Repaired ", "armcontour[dynamics]")
     assert all(any(part in x for part in expected) for x in result.warnings)
     assert any("Repaired " in x for x in result.warnings) == (name == "pocket.ngc")

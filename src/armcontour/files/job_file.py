@@ -22,7 +22,7 @@ from armcontour.core.text import Keys, key_text, show
 from armcontour.core.yaml_loader import load
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_model import JobModel, PathModel, RunModel
-from armcontour.files.job_path import part_of, path_of
+from armcontour.files.job_path import CONTOUR_LIMITS, find_contours, part_of, path_of
 from armcontour.files.keys import Patch, read_keys
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
@@ -292,18 +292,35 @@ def add_process(
 
     If the job has neither a drawing nor a process, the path is returned unchanged.
     """
-    if drawing.file is None and process is None:
+    if isinstance(path, Path) and process is None:
         return path, Process()
     program = Program.from_path(path)
     if drawing.file is None:
         # As for a drawing, the process selects the start point of a closed path of points.
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
         program = Program(moves=tuple(contours))
-    process = process or Process()
+    process = _set_contour_values(program, process or Process(), drawing)
     notes = _note_unused_keys(process, program)
     if notes:
         program = dataclasses.replace(program, notes=(*program.notes, *notes))
     return program, _on_drawing(process, drawing, {x.layer for x in program.contours})
+
+
+def _set_contour_values(program: Program, process: Process, drawing: PathModel) -> Process:
+    """Process with the values of the key `path.contours`."""
+    key_of_contour, _ = find_contours(program, drawing)
+    by_contour = dict[int, Any]()
+    for contour in program.contours if key_of_contour else ():
+        values = drawing.contours.get(key_of_contour.get(contour.number, ""), {})
+        own = {x: y for x, y in values.items() if x not in CONTOUR_LIMITS}
+        if own:
+            by_contour[contour.number] = {**process.by_layer.get(contour.layer, {}), **own}
+    try:
+        return dataclasses.replace(process, by_contour=by_contour)
+    except InvalidInput as error:
+        _, number, *inner = error.key
+        error.key = ("path", "contours", str(key_of_contour[int(number)]), *inner)
+        raise
 
 
 def _note_unused_keys(process: Process, program: Program) -> list[str]:
@@ -332,9 +349,9 @@ def _switched(program: Program, process: Process) -> set[str]:
     """Names of the outputs that a program or its process switches."""
     names = {x.name for x in program.moves if isinstance(x, Event)}
     for contour in program.contours:
-        layer_process = process.of_layer(contour.layer)
-        names |= {y.name for y in (*contour.events, *layer_process.events)}
-        names |= set() if layer_process.switch is None else {layer_process.switch.name}
+        contour_process = process.of_contour(contour)
+        names |= {y.name for y in (*contour.events, *contour_process.events)}
+        names |= set() if contour_process.switch is None else {contour_process.switch.name}
     return names
 
 

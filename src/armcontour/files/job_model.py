@@ -38,7 +38,7 @@ from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
 from armcontour.planning import METHODS, PlanOptions
 from armcontour.planning.options import FASTEST
-from armcontour.program import Process
+from armcontour.program import ContourProcess, Process
 from armcontour.robot import Limits
 from armcontour.robot.chain import Payload
 from armcontour.robot.servo import ServoModel
@@ -206,6 +206,8 @@ class PathModel(ReadOptions):
         file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv);
             the name is relative to the job file.
         frame: Position and rotation of the origin of the file, or of points and segments.
+        contours: Values for single contours, by their name, as in `names`, or their number in the
+            drawing, from 1. They have priority over those of the layer, and those of `process`.
         repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
             contours have names such as `hole [2,1]` (row, column).
         orientation: The required tool orientation in space (tilt, work angle, push or drag angle of
@@ -224,6 +226,9 @@ class PathModel(ReadOptions):
         ),
         About("--rpy", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
     ] = None
+    contours: dict[
+        int | str, Annotated[dict[str, Any], PartialFields(ContourProcess, null=True)]
+    ] = field(default_factory=dict)
     repeat: RepeatModel | None = None
     orientation: OrientationModel | list[OrientationModel] | None = None
 

@@ -12,15 +12,17 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context, key_context
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
-from armcontour.core.text import Keys, key_text
+from armcontour.core.text import Keys, key_text, list_some
 from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import OrientationModel, PathModel, RepeatModel, SegmentModel
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
-from armcontour.program import Contour, Program, contour_called
+from armcontour.program import Contour, Move, Program, contour_called, set_limits
 from armcontour.program.moves import name_copy
 
+# Keys of `path.contours` that are not values of the process.
+CONTOUR_LIMITS = ("speed", "tolerance", "order")
 # Keys that require `path.file`.
 FILE_OPTIONS = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat")
 NOT_PLANAR = (
@@ -73,9 +75,53 @@ def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path 
     frame = part_of(model)
     if dimension == 2 and path.dimension == 2 and not frame.is_planar_transform:
         raise InvalidInput(NOT_PLANAR)
-    if isinstance(path, Program):
-        return path.placed(frame)
-    return path if model.frame is None else path.placed(frame)
+    if isinstance(path, Program) or model.frame is not None:
+        path = path.placed(frame)
+    return _set_contour_limits(Program.from_path(path), model) if model.contours else path
+
+
+def _set_contour_limits(program: Program, model: PathModel) -> Program:
+    """Program with the speeds, tolerances and order of the key `path.contours`."""
+    key_of_contour, notes = find_contours(program, model)
+    moves = list[Move](program.moves)
+    for i, move in enumerate(moves):
+        if isinstance(move, Contour) and move.number in key_of_contour:
+            values = model.contours[key_of_contour[move.number]]
+            speed, tolerance, order = (values.get(x) for x in CONTOUR_LIMITS)
+            limits = SegmentLimits(speed=speed, tolerance=tolerance)
+            path = set_limits(move.path, limits, override=True)
+            moves[i] = dataclasses.replace(move, path=path, order=order or 0)
+    return dataclasses.replace(program, moves=tuple(moves), notes=(*program.notes, *notes))
+
+
+def find_contours(program: Program, model: PathModel) -> tuple[dict[int, int | str], list[str]]:
+    """Key of `path.contours` by the number of a contour, and notes on contours that are not run."""
+    contours, notes = program.contours, list[str]()
+    named: dict[str, list[int]] = {str(x.number): [x.number] for x in contours}
+    # A name has priority over a number, and can be the name of several contours.
+    named |= {x.name: [] for x in contours if x.name}
+    for contour in contours:
+        if contour.name:
+            named[contour.name].append(contour.number)
+    found: dict[int, int | str] = {}
+    is_selected = bool(program.other_layers or model.names or model.colors)
+    for key in model.contours:
+        numbers = named.get(str(key), [])
+        twice = next((found[x] for x in numbers if x in found), None)
+        problem = ""
+        if twice is not None:
+            problem = f"is the same contour as {twice}. Combine their values."
+        elif not numbers and is_selected:
+            notes.append(f"path.contours.{key} has no effect, because this contour is not run.")
+        elif not numbers:
+            names = list_some([repr(x.name) for x in contours if x.name], 12)
+            known = f"numbers 1 to {len(contours)}" + f" and the names {names}" * bool(names)
+            problem = f"is not in {program.source or 'the path'}, whose contours have the {known}."
+        if problem:
+            keys_of_error = ("path", "contours", str(key))
+            raise InvalidInput(f"{key_text(keys_of_error)} {problem}", key=keys_of_error)
+        found |= dict.fromkeys(numbers, key)
+    return found, notes
 
 
 def _path_from_keys(model: PathModel) -> Path:

@@ -38,8 +38,8 @@ def analog_outputs(
     states = _States(trajectory, process)
     functions: dict[str, Values] = {}
     for name in process.analog_names:
-        # The entry is None for contours whose layer does not have the output.
-        outputs = [_output(process.of_layer(x.layer), name) for x in program.contours]
+        # The entry is None for contours that do not have the output.
+        outputs = [_output(process.of_contour(x), name) for x in program.contours]
         idle = next(x.off for own in process.variants if (x := _output(own, name)) is not None)
         functions[name] = partial(_values, program, trajectory, states, limits, outputs, idle)
     return functions
@@ -69,7 +69,7 @@ def check_analog(program: Program, process: Process, limits: Limits) -> None:
         layer = process.layers.get(contour.layer)
         if (layer is not None and layer.speed) or not np.isnan(contour.path.speeds).any():
             continue
-        for output in process.of_layer(contour.layer).analog:
+        for output in process.of_contour(contour).analog:
             if output.speed is None and output.rest != output.full:
                 raise InvalidInput(
                     f"The analog output {output.name} depends on the assigned velocity, but "
@@ -94,7 +94,7 @@ def _values(
     for contour, span, output in zip(program.contours, spans, outputs, strict=True):
         if output is None:
             continue
-        process = states.process.of_layer(contour.layer)
+        process = states.process.of_contour(contour)
         begin, end = _times_on(span, process)
         # The output is switched earlier than the tool arrives, by the lead time.
         lead = output.lead_time
@@ -104,7 +104,7 @@ def _values(
             s = trajectory.s(inside) - span.s[0]
             speeds = _tool_speeds(contour, s, trajectory.s(inside, 1))
             active = _values_at_speeds(output, speeds, _full_speeds(contour, s, limits, output))
-            on = states.on(contour.layer, output, np.clip(inside, *span.t))
+            on = states.on(process, output, np.clip(inside, *span.t))
             if output.full_s is not None:
                 active = active * states.s_words(np.clip(inside, *span.t)) / output.full_s
             values[first:last] = np.where(on, active, output.off)
@@ -189,9 +189,9 @@ class _States:
         dues, values = self._s_words
         return np.asarray(values[np.searchsorted(dues, t, side="right")])
 
-    def on(self, layer: str, output: Analog, t: FloatArray) -> BoolArray:
-        """Mask of increasing times [s] at which the process of a layer is on."""
-        switch, names = self.process.of_layer(layer).switch, self.drawn
+    def on(self, process: Process, output: Analog, t: FloatArray) -> BoolArray:
+        """Mask of increasing times [s] at which the process of a contour is on."""
+        switch, names = process.switch, self.drawn
         if output.follows:
             names = {output.follows}
         elif switch is not None:

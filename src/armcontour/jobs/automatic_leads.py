@@ -54,7 +54,8 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
         approach=0.0,
         retract=0.0,
         order="drawn",
-        by_layer={layer: {**given, **unled} for layer, given in process.by_layer.items()},
+        by_layer={x: {**given, **unled} for x, given in process.by_layer.items()},
+        by_contour={x: {**given, **unled} for x, given in process.by_contour.items()},
     )
     gain = LEAST_GAIN if run.limits.limits_jerk else SAME_SPEED
     leads = []
@@ -67,11 +68,11 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
         )
     for contour in contours:
         bare = dataclasses.replace(contour, events=(), work=None)
-        process_of_layer = process.of_layer(contour.layer)
+        contour_process = process.of_contour(contour)
         lengths = []
         for lead, s, side, name in (
-            (process_of_layer.lead_in, 0.0, "right", "before"),
-            (process_of_layer.lead_out, contour.path.length, "left", "after"),
+            (contour_process.lead_in, 0.0, "right", "before"),
+            (contour_process.lead_out, contour.path.length, "left", "after"),
         ):
             if lead is None or lead.length is not None:
                 lengths.append(0.0)
@@ -93,7 +94,7 @@ def _lead_speeds(
     They are at evenly spaced points from the end at which the tool rests to the contour. None if
     the arm does not reach this end, but may reach the end of a shorter lead.
     """
-    process = job.process.of_layer(contour.layer)
+    process = job.process.of_contour(contour)
     used = "lead_in" if name == "before" else "lead_out"
     ends = Process(begin="drawn", up=process.up, **{used: getattr(process, used)})
     leads = dataclasses.replace(Leads(before=0.0, after=0.0), **{name: length})

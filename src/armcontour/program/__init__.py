@@ -5,8 +5,8 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "kerf": "cut_parts",
     "moves": "Contour Dwell Event Move Program Rapid contour_called",
-    "preparation": "arrange_contours prepare",
-    "process": "Analog LayerProcess Lead Leads Pierce Process Switch Tabs",
+    "preparation": "arrange_contours prepare set_limits",
+    "process": "Analog ContourProcess LayerProcess Lead Leads Pierce Process Switch Tabs",
     "rounded_corners": "draw_with_arcs put_on_path round_corners smooth_curvature",
     "armcontour.geometry.weave": "Weave",
 }

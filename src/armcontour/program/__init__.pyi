@@ -9,7 +9,9 @@ from armcontour.program.moves import Rapid as Rapid
 from armcontour.program.moves import contour_called as contour_called
 from armcontour.program.preparation import arrange_contours as arrange_contours
 from armcontour.program.preparation import prepare as prepare
+from armcontour.program.preparation import set_limits as set_limits
 from armcontour.program.process import Analog as Analog
+from armcontour.program.process import ContourProcess as ContourProcess
 from armcontour.program.process import LayerProcess as LayerProcess
 from armcontour.program.process import Lead as Lead
 from armcontour.program.process import Leads as Leads

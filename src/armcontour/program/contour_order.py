@@ -40,7 +40,7 @@ MAX_SEGMENTS = 1_000_000
 def direct_contours(program: Program, process: Process) -> Program:
     """Reverse closed contours that do not have the direction of travel of the process."""
     contours = program.contours
-    directions = [process.of_layer(x.layer).direction if x.closed else DRAWN for x in contours]
+    directions = [process.of_contour(x).direction if x.closed else DRAWN for x in contours]
     if all(x == DRAWN for x in directions):
         return program
     from armcontour.program.kerf import waste_sides
@@ -73,21 +73,27 @@ def order_contours(program: Program, process: Process) -> Program:
     """Sort the contours of a program by the order of the process."""
     # For a shorter tour, a contour can start at another point or run backwards; later steps do not
     # change this start. A note reports a contour that is cut before a contour inside it.
-    order = process.order
+    order, contours = process.order, program.contours
     if order == "auto":
         drawing = all(isinstance(x, Contour) for x in program.moves)
         order = "inside_first" if process.cuts and drawing else "drawn"
-    if order == "drawn":
+    orders = sorted({x.order for x in contours})
+    if order == "drawn" and len(orders) == 1:
         return _add_order_note(program, process)
     for move in program.moves:
         if not isinstance(move, Contour):
             raise InvalidInput(
-                f"The order {order!r} is for drawings only. This program has rapids, dwells or "
-                "events between its contours, so its order must not change. Specify order: drawn."
+                f"The order {order if len(orders) == 1 else orders[-1]!r} is for drawings only. "
+                "This program has rapids, dwells or events between its contours, so its order must "
+                "not change. Specify order: drawn, and remove the order of single contours."
             )
-    contours = program.contours
     if len(contours) == 1:
         return program
+    if len(orders) > 1:
+        groups = [[x for x in contours if x.order == number] for number in orders]
+        arranged = [order_contours(replace(program, moves=tuple(x)), process) for x in groups]
+        joined = replace(program, moves=tuple(y for x in arranged for y in x.contours))
+        return _add_order_note(joined, process)
     from armcontour.program.nesting import find_nesting
 
     inner_first = order == "inside_first" or process.cuts
@@ -302,7 +308,7 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
     else:
         starts = find_start_candidates(path, count).tolist()
         makers = [partial(_fix_start, contour, s) for s in starts]
-    overlap = process.of_layer(contour.layer).overlap
+    overlap = process.of_contour(contour).overlap
     return [
         (maker, path([s, (s + overlap) % path.length]))
         for maker, s in zip(makers, starts, strict=True)

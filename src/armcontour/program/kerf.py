@@ -57,7 +57,7 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
     # `process`: the process for which the program was prepared.
     parts = []
     for contour in program.contours:
-        layer, (begin, end) = process.of_layer(contour.layer), contour.at_work
+        layer, (begin, end) = process.of_contour(contour), contour.at_work
         if not layer.kerf:
             continue
         if layer.begins_on:
@@ -73,7 +73,7 @@ def apply_kerf(program: Program, process: Process) -> Program:
     """Offset the contours of a program by half the kerf."""
     # `program`: the program as it is drawn; `process`: kerf, its side, and the upward direction.
     contours = program.contours
-    kerfs = [process.of_layer(x.layer).kerf or 0.0 for x in contours]
+    kerfs = [process.of_contour(x).kerf or 0.0 for x in contours]
     if not any(kerfs):
         return program
     sides = _kerf_sides(contours, kerfs, process)
@@ -313,7 +313,7 @@ def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) 
 
 def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
     """Mask of the contours that are cut, (n,): contours with a kerf, or all if none has one."""
-    mask = np.array([process.of_layer(x.layer).kerf is not None for x in contours])
+    mask = np.array([process.of_contour(x).kerf is not None for x in contours])
     return mask if mask.any() else ~mask
 
 
@@ -359,7 +359,7 @@ class LeadPlacement:
 
         full_lead = lead_of(length)
         judged = lead.shape == "arc" and lead.side == WASTE and contour.closed and self._cut[number]
-        if not judged or self._process.of_layer(contour.layer).weave is not None:
+        if not judged or self._process.of_contour(contour).weave is not None:
             return full_lead
         if self._fits(full_lead, after):
             return full_lead

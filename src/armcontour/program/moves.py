@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import field, replace
@@ -17,6 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import Frame, Pose
 from armcontour.core.quantities import (
+    AtLeast,
     Distance,
     Interval,
     Key,
@@ -94,6 +96,7 @@ class Contour(Checked):
     Args:
         path: The path.
         name: Name of the contour in its source, such as an id or a line number.
+        number: Number of the contour in its source, from 1; 0 without a source.
         layer: Layer of the drawing.
         events: Events along the contour.
         work: Arc lengths at which the process is switched on and off [m]; leads are before and
@@ -102,6 +105,8 @@ class Contour(Checked):
         ring: Whether the contour is closed, for a path with leads or overlap; None compares the
             ends of the path.
         woven: Seam and parameters of a woven path; None without weaving.
+        order: Contours with smaller values run first; the order of the process applies to contours
+            with the same value.
 
     Raises:
         InvalidInput: The path is missing, a name or layer is invalid, an event is after the end of
@@ -110,12 +115,14 @@ class Contour(Checked):
 
     path: Path = field(kw_only=False)
     name: Name = ""
+    number: Annotated[int, AtLeast(0)] = 0
     layer: Name = ""
     events: tuple[Event, ...] = ()
     work: tuple[Length, Length] | None = None
     keep_start: bool = False
     ring: bool | None = None
     woven: Woven | None = None
+    order: int = 0
 
     def _check_together(self) -> None:
         if self.work is not None:
@@ -294,7 +301,7 @@ class Program(Checked):
             return path
         if not isinstance(path, Path):
             raise InvalidInput(f"{needs}, not {type(path).__name__}.")
-        return cls(moves=(Contour(path=path, keep_start=True),))
+        return cls(moves=(Contour(path=path, number=1, keep_start=True),))
 
     @property
     def contours(self) -> tuple[Contour, ...]:
@@ -436,14 +443,16 @@ class Program(Checked):
         dy = _check_spacing("row_spacing", row_spacing, rows)
         self._check_size(columns * rows)
         moves: list[Move] = []
+        numbers = itertools.count(1)
         for row in range(rows):
             back = row % 2 == 1
             for column in reversed(range(columns)) if back else range(columns):
                 copy = self.placed(Frame(position=np.array([column * dx, row * dy, 0.0])))
-                moves += [
-                    replace(x, name=name_copy(x.name, row, column)) if isinstance(x, Contour) else x
-                    for x in copy.moves
-                ]
+                for move in copy.moves:
+                    if isinstance(move, Contour):
+                        name = name_copy(move.name, row, column)
+                        move = replace(move, name=name, number=next(numbers))
+                    moves.append(move)
         return replace(self, moves=tuple(moves))
 
     def _check_size(self, copies: int) -> None:

@@ -79,11 +79,11 @@ def prepare(
     changes = 0
     for i, move in enumerate(program.moves):
         if isinstance(move, Contour):
-            layer_process, called = process.of_layer(move.layer), contour_called(move, len(drawn))
-            passes = _repeat_open_contour(move, layer_process.passes)
+            contour_process, called = process.of_contour(move), contour_called(move, len(drawn))
+            passes = _repeat_open_contour(move, contour_process.passes)
             drawn += passes
             move = _start_contour(
-                move, layer_process, has_intended_start(program.moves, i), called, output_states
+                move, contour_process, has_intended_start(program.moves, i), called, output_states
             )
             moves += [replace(move, name=y.name) for y in passes]
         elif isinstance(move, Event) and move.changes_tool:
@@ -109,10 +109,10 @@ def prepare(
         )
     contours: list[Contour] = []
     for k, move in enumerate(program.contours, len(drawn) - len(program.contours)):
-        layer_process = process.of_layer(move.layer)
-        leads = _lead_lengths(layer_process, lengths, len(contours))
+        contour_process = process.of_contour(move)
+        leads = _lead_lengths(contour_process, lengths, len(contours))
         contours.append(
-            _add_leads(move, layer_process, leads, run_in if not contours else None, placement, k)
+            _add_leads(move, contour_process, leads, run_in if not contours else None, placement, k)
         )
     result = _link_moves(program.moves, contours, process, departing_rapids)
     notes = (*program.notes, *(() if placement is None else placement.notes))
@@ -128,7 +128,7 @@ def prepare(
         limit = SegmentLimits(speed=speed)
         for i, move in enumerate(result):
             if isinstance(move, Rapid) and move.path is not None:
-                result[i] = Rapid(path=_with_limits(move.path, limit))
+                result[i] = Rapid(path=set_limits(move.path, limit))
     return replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
 
 
@@ -174,9 +174,9 @@ def _repeat_open_contour(contour: Contour, passes: int) -> list[Contour]:
 
 def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
     """True if an event keeps its time advance when it is switched again at a resumed start."""
-    layer_process = process.of_layer(contour.layer)
-    switched = layer_process.switch is not None and layer_process.switch.name == event.name
-    return layer_process.lead_in is not None or (switched and bool(event.value))
+    contour_process = process.of_contour(contour)
+    switched = contour_process.switch is not None and contour_process.switch.name == event.name
+    return contour_process.lead_in is not None or (switched and bool(event.value))
 
 
 def _link_moves(
@@ -204,9 +204,9 @@ def _link_moves(
             result[k] = reroute(result[k], end=contour.path(0.0))
         followed = next_rapid(moves, range(i + 1, len(moves))) is not None
         added = _add_heights(contour, process, linked=before is not None, followed=followed)
-        layer_process = process.of_layer(contour.layer)
-        dwell = layer_process.dwell + (
-            0.0 if layer_process.pierce is None else layer_process.pierce.time
+        contour_process = process.of_contour(contour)
+        dwell = contour_process.dwell + (
+            0.0 if contour_process.pierce is None else contour_process.pierce.time
         )
         if dwell:
             added.insert(added.index(contour), Dwell(duration=dwell))
@@ -242,10 +242,10 @@ def _check_layers(program: Program, layers: Sequence[str]) -> None:
             )
 
 
-def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
-    """Set speed and tolerance of those segments of a path that have no speed or tolerance."""
+def set_limits(path: Path, segment_limits: SegmentLimits, *, override: bool = False) -> Path:
+    """Set speed and tolerance of those segments of a path that have none, or of all segments."""
     speeds, tolerances = (
-        values if limit is None else np.where(np.isnan(values), limit, values)
+        values if limit is None else np.where(np.isnan(values) | override, limit, values)
         for values, limit in (
             (path.speeds, segment_limits.speed),
             (path.tolerances, segment_limits.tolerance),
@@ -262,7 +262,7 @@ def _start_contour(
     """Apply start point, overlap, layer limits, events, tabs and weave to a contour."""
     segment_limits = process.layers.get(contour.layer)
     if segment_limits is not None:
-        path = _with_limits(contour.path, segment_limits)
+        path = set_limits(contour.path, segment_limits)
         contour = replace(contour, path=path)
     closed, lap = contour.closed, contour.path.length
     if closed:
@@ -344,7 +344,7 @@ def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end
 
 def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
     """A contour with its approach and retract, as moves in order."""
-    path, pierce = contour.path, process.of_layer(contour.layer).pierce
+    path, pierce = contour.path, process.of_contour(contour).pierce
     result: list[Move] = [contour]
     segment_limits = SegmentLimits(speed=process.approach_speed)
     height = process.approach - (0.0 if pierce is None else pierce.height)
@@ -467,7 +467,7 @@ class OutputStates:
         # the process for the contour.
         merged = sorted((*contour.events, *events), key=lambda x: x.s)
         self.values |= {x.name: x.value for x in merged}
-        layer = self.process.of_layer(contour.layer).switch
+        layer = self.process.of_contour(contour).switch
         confined: list[Event] = []
         for name in self.names:
             switch = layer if layer is not None and layer.name == name else None

@@ -37,7 +37,7 @@ from armcontour.core.quantities import (
 )
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
-from armcontour.program.moves import Event, Value
+from armcontour.program.moves import Contour, Event, Value
 
 # In a file, "auto" is the length of a lead that the arm needs.
 LEAD_LENGTH = Key(
@@ -199,6 +199,22 @@ class LayerProcess:
     direction: Annotated[str, Choice(DIRECTIONS)] = DRAWN
 
 
+@declared()
+class ContourProcess(LayerProcess):
+    """Values for one contour, instead of those of its layer and of the process.
+
+    Args:
+        speed: Assigned velocity of the contour, also instead of velocities in the drawing [m/s].
+        tolerance: Largest corner error of the contour, also instead of those in the drawing [m].
+        order: Contours with smaller values run first; 0 by default. `process.order` applies to
+            contours with the same value.
+    """
+
+    speed: Speed | None = None
+    tolerance: Distance | None = None
+    order: int = 0
+
+
 @declared(eq=False)
 class Process(Checked):
     """Requirements of a process that are added to the contours of a program.
@@ -236,6 +252,8 @@ class Process(Checked):
         tabs: Parts of closed contours that are not cut.
         weave: Weaving along contours; speeds are along the seam.
         by_layer: Values for the contours of a layer, by the names of the fields of `LayerProcess`.
+        by_contour: Values for single contours, by their number in the drawing; `by_layer` does not
+            apply to these contours.
         layers: Speed and tolerance of contours by layer, for segments that have none.
         order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" runs each
             contour after all contours inside it. "nearest" continues with the nearest contour.
@@ -277,6 +295,7 @@ class Process(Checked):
     by_layer: Mapping[str, Annotated[Mapping[str, Any], PartialFields(LayerProcess, null=True)]] = (
         field(default_factory=dict)
     )
+    by_contour: Annotated[Mapping[int, Mapping[str, Any]], NO_KEY] = field(default_factory=dict)
     layers: Annotated[Mapping[str, SegmentLimits], NO_KEY] = field(
         default_factory=lambda: NO_LAYERS
     )
@@ -287,7 +306,7 @@ class Process(Checked):
     rapid_speed: Speed | None = None
     approach_speed: Speed | None = None
     resume_at: Annotated[Distance, About("--resume-at")] = 0.0
-    _of_layers: Mapping[str, Process] = field(init=False, repr=False)
+    _parts: Mapping[str | int, Process] = field(init=False, repr=False)
 
     def _check_together(self) -> None:
         side = TOOL_SIDES.get(self.direction, self.kerf_side)
@@ -307,7 +326,7 @@ class Process(Checked):
         checks.raise_if(length == 0, "up must be a direction in space, but is zero.")
         object.__setattr__(self, "up", checks.frozen_array(self.up / length))
         self._check_switch()
-        self._make_layers()
+        self._make_parts()
 
     def _check_switch(self) -> None:
         """Raise InvalidInput for tabs or a pierce on which the switch has no effect."""
@@ -325,49 +344,53 @@ class Process(Checked):
                 "lead-in. Set active: true in lead_in."
             )
 
-    def _make_layers(self) -> None:
-        """Make the processes of the layers in `by_layer`."""
+    def _make_parts(self) -> None:
+        """Make the processes of the layers in `by_layer`, and of the contours in `by_contour`."""
         allowed = tuple(x.name for x in fields(LayerProcess))
-        made: dict[str, Process] = {}
-        for layer, values in self.by_layer.items():
-            with error_context(f"by_layer.{layer}"):
-                for name in values:
-                    checks.check_choice("name of a value", name, allowed)
-                layer_values: dict[str, Any] = {
-                    name: NULL_VALUES.get(name) if x is None else x for name, x in values.items()
-                }
-                made[layer] = replace(self, by_layer={}, **layer_values)
-        object.__setattr__(self, "by_layer", MappingProxyType(dict(self.by_layer)))
-        object.__setattr__(self, "_of_layers", MappingProxyType(made))
+        made: dict[str | int, Process] = {}
+        for key in ("by_layer", "by_contour"):
+            values_by_part: Mapping[str | int, Mapping[str, Any]] = getattr(self, key)
+            for part, values in values_by_part.items():
+                location = f"by_layer.{part}" if isinstance(part, str) else f"contour {part}"
+                with error_context(location, key, part):
+                    for name in values:
+                        checks.check_choice("name of a value", name, allowed)
+                    part_values: dict[str, Any] = {
+                        name: NULL_VALUES.get(name) if x is None else x
+                        for name, x in values.items()
+                    }
+                    made[part] = replace(self, by_layer={}, by_contour={}, **part_values)
+            object.__setattr__(self, key, MappingProxyType(dict(values_by_part)))
+        object.__setattr__(self, "_parts", MappingProxyType(made))
 
     def __reduce__(self) -> tuple[Callable[[], Process], tuple[()]]:
         """Pickle without read-only mappings, which cannot be copied to other processes."""
         values = {x.name: getattr(self, x.name) for x in fields(self) if x.init}
-        values |= {"by_layer": dict(self.by_layer), "layers": dict(self.layers)}
+        values |= {x: dict(values[x]) for x in ("by_layer", "by_contour", "layers")}
         return partial(type(self), **values), ()
 
     @checked
-    def of_layer(self, layer: str) -> Process:
-        """The process of the contours of a layer, without `by_layer`.
+    def of_contour(self, contour: Contour) -> Process:
+        """The process of a contour, with the values of the contour or of its layer.
 
         Args:
-            layer: Name of the layer.
+            contour: The contour.
         """
-        return self._of_layers.get(layer, self)
+        return self._parts.get(contour.number) or self._parts.get(contour.layer, self)
 
     @property
     def variants(self) -> tuple[Process, ...]:
-        """The process, and the processes of the layers in `by_layer`."""
-        return (self, *self._of_layers.values())
+        """The process, and the processes of `by_layer` and `by_contour`."""
+        return (self, *self._parts.values())
 
     @property
     def analog_names(self) -> tuple[str, ...]:
-        """Names of the analog outputs of all layers."""
+        """Names of the analog outputs of all contours."""
         return tuple(dict.fromkeys(x.name for variant in self.variants for x in variant.analog))
 
     @property
     def leads(self) -> tuple[Lead, ...]:
-        """The leads of all layers."""
+        """The leads of all contours."""
         pairs = ((x.lead_in, x.lead_out) for x in self.variants)
         return tuple(x for pair in pairs for x in pair if x is not None)
 

@@ -279,7 +279,7 @@ def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[str]:
 
 def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
     """Yield the SVG path of contours as drawn: those with kerf, else all if rounding is visible."""
-    contours = [x for x in job.program.contours if job.process.of_layer(x.layer).kerf]
+    contours = [x for x in job.program.contours if job.process.of_contour(x).kerf]
     if not contours and (result.rounding_error or 0.0) * sheet.size > SHORTEST:
         contours = list(result.objective.contours)
     curves = [x.path(fine_places(x.path)) for x in contours]

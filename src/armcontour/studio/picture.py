@@ -255,7 +255,7 @@ def _kerf(planned: Preview, view: View, error: float) -> tuple[list[float], dict
     for path, begin, end, _ in parts:
         s = drawn_arc_lengths(path, error)
         cut.append(path(np.concatenate([[begin], s[(s > begin) & (s < end)], [end]])))
-    uncut = [x.path for x in planned.job.program.contours if process.of_layer(x.layer).kerf]
+    uncut = [x.path for x in planned.job.program.contours if process.of_contour(x).kerf]
     points, ends = np.concatenate(cut), np.cumsum([0, *map(len, cut)])
     lines = _lines("cut", points, ends, view, error)
     lines |= _lines("drawn", *drawn_points(uncut, error), view, error)

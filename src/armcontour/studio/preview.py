@@ -283,16 +283,18 @@ class CoarsePlanner:
             data["arm"],
             lambda: arm_of(model.arm, self.folder),
         )
-        # The drawing is cached without the part frame, so that moving the part does not read the
-        # drawing again.
-        unplaced = {key: x for key, x in data["path"].items() if key != "frame"}
+        # The drawing is cached without the part frame and the values of contours, so that these
+        # edits do not read the drawing again.
+        unplaced = {x: y for x, y in data["path"].items() if x not in ("frame", "contours")}
         drawn = self._cache.get(
             "drawing",
             (unplaced, arm.dimension),
             lambda: unplaced_path(model.path, self.folder, arm.dimension),
         )
         path = self._cache.get(
-            "path", (drawn, _part(data)), lambda: placed_path(model.path, drawn, arm.dimension)
+            "path",
+            (drawn, _part(data), data["path"].get("contours")),
+            lambda: placed_path(model.path, drawn, arm.dimension),
         )
         return arm, path
 

@@ -94,8 +94,8 @@ def read_dxf(
 ) -> Program:
     """Read the contours of a DXF drawing."""
     # Lines and arcs are not changed; ellipses and splines become arcs within the chord tolerance.
-    # If all points have z = 0, the program is in the plane, otherwise in space. The name of a
-    # contour is the handle of its first entity. In a block, the handle of the INSERT precedes it.
+    # If all points have z = 0, the program is in the plane, otherwise in space.
+    # Entities are named by their handles. In a block, the handle of the INSERT precedes the name.
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source)
         walk = DxfWalk(document, source, options, progress)
@@ -135,6 +135,7 @@ class DxfWalk(Walk):
     """Traversal of the entities of a DXF document, with notes on omitted entities."""
 
     part = " in its model space"
+    counts_contours = True
 
     def __init__(
         self,

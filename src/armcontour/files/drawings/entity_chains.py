@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import LONGEST_NAME, BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
-from armcontour.core.text import list_some
+from armcontour.core.text import list_some, shorten
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.near_points import group_points, nearest_points
 from armcontour.geometry.segments import REPEATED_POINT
@@ -43,13 +44,14 @@ class DrawnEntity:
 
 
 def chain_pieces(
-    pieces: Sequence[DrawnEntity], tolerance: float
+    pieces: Sequence[DrawnEntity], tolerance: float, *, counted: bool = False
 ) -> tuple[list[Contour], list[str]]:
     """Contours of the pieces, chained if their ends are closer than a tolerance [m], and notes.
 
     Only pieces of the same layer are chained. Pieces can be reversed. The first piece of a contour
-    determines the direction, the name and the position in the order. Closed pieces are not joined
-    to others. If more than two ends meet, ends that touch are joined before ends with a gap, then
+    determines the direction, the name and the position in the order. With `counted`, contours are
+    named by layer and number on it instead, such as `CUT-3`. Closed pieces are not joined to
+    others. If more than two ends meet, ends that touch are joined before ends with a gap, then
     pairs with a smaller turn first, then earlier pieces first. A gap is closed at its middle: the
     end of a line is moved, and an arc is scaled and rotated without a change of its angle. If an
     arc would move too far, a short line closes the gap. No point moves by more than the tolerance.
@@ -72,7 +74,9 @@ def chain_pieces(
     again = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
     # The exact box of a path is needed only if start and middle of its piece are close together.
     small = np.abs(table.middles - table.starts).max(axis=1) <= tolerance
-    contours, short, hooked = [], [], []
+    contours: list[Contour] = []
+    short, hooked = [], []
+    counts = Counter[str]()
     for chain, closed in _chains(partner, repeated):
         first = pieces[min(chain) // 2]
         path = None
@@ -88,7 +92,11 @@ def chain_pieces(
         straight = _remove_hooks(path, tolerance)
         if straight is not path:
             hooked.append(first.name)
-        contours.append(Contour(path=straight, name=first.name, layer=first.layer))
+        number, layer = len(contours) + 1, first.layer
+        counts[layer] += 1
+        suffix = f"-{counts[layer]}"
+        name = shorten(layer, LONGEST_NAME - len(suffix)) + suffix if counted else first.name
+        contours.append(Contour(path=straight, name=name, number=number, layer=layer))
     limit = f"the join tolerance of {1e3 * tolerance:g} mm"
     reasons = {
         "Skipped because they coincide with others": again,

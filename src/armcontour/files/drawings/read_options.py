@@ -127,8 +127,8 @@ class ReadOptions(Checked):
         layers: Layers to read, or a mapping from layers to the speed and tolerance of their
             contours, for segments that have none. Layers of a mapping that do not exist are
             ignored.
-        names: Names of contours to read: ids of elements (SVG), handles of entities (DXF), "line
-            12" (G-code).
+        names: Names of contours to read: ids of elements (SVG), "CUT-3" for the third contour of
+            the layer CUT (DXF), "line 12" (G-code).
         colors: Colours of DXF entities, or of strokes in SVG, to read: names, "#rrggbb", and for
             DXF also AutoCAD's numbers.
         ignore_z: Whether to ignore z and the tool orientation in the file.

@@ -100,6 +100,8 @@ class Walk:
 
     # Whether the parts of one entity have the same name and are never chained.
     separates_parts = False
+    # Whether contours are named by their layer and their number on it, instead of an entity.
+    counts_contours = False
     # Part of the file that is read, for messages.
     part = ""
 
@@ -140,7 +142,9 @@ class Walk:
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
         """Chain all entities to a program with `notes` and the notes of traversal and chaining."""
         pieces = self._clipped_entities(list(entities))
-        contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
+        contours, chaining_notes = chain_pieces(
+            pieces, self.options.join_tolerance, counted=self.counts_contours
+        )
         notes = [*notes, *self.notes, *chaining_notes]
         if not contours:
             if self.of_other_colors:

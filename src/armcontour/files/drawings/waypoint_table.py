@@ -61,7 +61,8 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
             checks.check_name(f"name in {table.place(first, key)}", texts[key][first])
         name = texts["contour"][first] or f"contour {k + 1}"
         switched = _events(table, events, rows, path)
-        contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
+        layer = texts["layer"][first]
+        contours.append(Contour(path=path, name=name, number=k + 1, layer=layer, events=switched))
     program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
     return repair_vertices(program, options)
 

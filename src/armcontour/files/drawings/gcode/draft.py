@@ -137,7 +137,7 @@ class ProgramDraft:
         for move in self.moves:
             if isinstance(move, FeedChain):
                 counts[move.line] += 1
-                moves.append(_contour(move, dimension, counts[move.line], source))
+                moves.append(_contour(move, dimension, counts, source))
             elif isinstance(move, array):
                 moves.append(Rapid(path=_path(move, dimension)))
             else:
@@ -182,8 +182,8 @@ def _point(values: Sequence[float]) -> Point:
     return (values[0], values[1], values[2])
 
 
-def _contour(chain: FeedChain, dimension: int, count: int, source: str) -> Contour:
-    """Contour of feed moves; `count` is its number among contours that start in the same line."""
+def _contour(chain: FeedChain, dimension: int, counts: Counter[int], source: str) -> Contour:
+    """Contour of feed moves; `counts` are the numbers of contours so far that start in a line."""
     try:
         path = _path(chain.points, dimension, chain)
     except InvalidInput as error:
@@ -192,8 +192,9 @@ def _contour(chain: FeedChain, dimension: int, count: int, source: str) -> Conto
     events = tuple(
         Event(name=name, value=value, s=float(path.breaks[i])) for i, name, value in chain.events
     )
+    count = counts[chain.line]
     name = f"line {chain.line}" if count == 1 else f"line {chain.line} ({count})"
-    return Contour(path=path, name=name, events=events, keep_start=True)
+    return Contour(path=path, name=name, number=counts.total(), events=events, keep_start=True)
 
 
 def _path(points: array[float], dimension: int, chain: FeedChain | None = None) -> Path:
