@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -166,6 +167,26 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("corners.shape", "free", "paper")["corners"]["shape"] == "free"
     changes = set_to("corners.shape", "arc")["runs"]["own"]["corners"]
     assert changes == {"shape": "arc", "tolerance": "1 mm"}
+
+
+@pytest.mark.parametrize("contour", ["CUT-3", 3])
+def test_values_of_a_contour_are_set_and_removed(contour):
+    key = ["path", "contours", contour]
+    edits = [
+        {"do": "set", "key": [*key, "speed"], "value": "20"},
+        {"do": "set", "key": [*key, "tabs", "width"], "value": 0.002},
+        {"do": "set", "key": [*key, "kerf"], "value": None},
+        {"do": "set", "key": [*key, "speed"], "value": "30"},
+    ]
+    text, state = PLANE, state_of(PLANE)
+    for edit in edits:
+        text = change_text(text, changes_of(edit, replace(state, data=load(text, ""))))
+    own = load(text, "")["path"]["contours"]
+    assert own == {contour: {"speed": "30 mm/s", "tabs": {"width": "2 mm"}, "kerf": None}}
+    for name in (["speed"], ["kerf"], ["tabs", "width"]):
+        edit = {"do": "unset", "key": [*key, *name]}
+        text = change_text(text, changes_of(edit, replace(state, data=load(text, ""))))
+    assert text == PLANE
 
 
 def test_obstacles_are_added_changed_and_removed():

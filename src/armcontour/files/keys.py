@@ -353,8 +353,8 @@ def _inside(hints: Sequence[Any], key: Any) -> tuple[Any, ...]:
             continue
         for kind in kinds_of_keys(leaf):
             inner += leaves(key_fields(kind)[key].hint) if key in key_fields(kind) else ()
-        form = list if isinstance(key, int) else dict
-        if get_args(base) and FORM_OF.get(get_origin(base)) is form:
+        form = FORM_OF.get(get_origin(base))
+        if get_args(base) and (form is dict or (form is list and isinstance(key, int))):
             inner += leaves(get_args(base)[form is dict])
     return tuple(inner)
 

@@ -25,6 +25,11 @@ from armcontour.studio.handles import EditState
 SHARP = "sharp"
 # Initial tolerance of corners that become rounded.
 FIRST_TOLERANCE = "1 mm"
+# Keys of all contours by the key of one contour; others are keys of `process`.
+SHARED_BY_CONTOURS: dict[Keys, Keys] = {
+    ("speed",): ("limits", "speed"),
+    ("tolerance",): ("corners", "tolerance"),
+}
 # Required mappings of a job: they stay even if they become empty.
 REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
@@ -54,6 +59,10 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     elif isinstance(last, int) and not isinstance(values, list | dict):
         keys, value = tuple(outer), _list_joint_values(keys, value, values, state)
     else:
+        if now is None and keys[:2] == ("path", "contours"):
+            # A number without a unit has that of the value which applies to all contours.
+            shared = SHARED_BY_CONTOURS.get(keys[3:], ("process", *keys[3:]))
+            now = value_at(state.data, locate_key(shared, state.data, state.run))
         value = format_value(value, now, keys)
     return resolve_patch(state.data, {keys: value}, state.run)
 
@@ -61,7 +70,7 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that remove a key and the mappings that become empty."""
     keys = _keys_of_edit(edit, state)
-    while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in REQUIRED_LIBRARIES:
+    while len(keys) > 1 and keys[:-1] not in REQUIRED_LIBRARIES:
         outer = value_at(state.data, keys[:-1])
         # The mapping of a run or of a layer stays, because it may be empty.
         stays = keys[0] == "runs" and len(keys) == 3 or keys[:2] == ("path", "layers")
