@@ -198,7 +198,7 @@ CONTOURS = """
 {a: {}, 1: {speed: 1 mm/s}} => path.contours.1 is the same contour as a ... (line 11)
 {a: {sped: 1}} => path.contours.a.sped ... speed
 {a: {speed: 1 kg}} => path.contours.a.speed ... (line 11)
-{b: {pierce: {time: 1 s}}} => contour 2 ... switch ... (line 10)
+{b: {pierce: {time: 1 s}}} => path.contours.b ... switch ... (line 10)
 """
 
 

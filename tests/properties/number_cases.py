@@ -336,6 +336,14 @@ BASES: list[dict[str, Any]] = [
     _with(SPACE, arm={"tool": {"shapes": _body("halfspace", normal=[0.0, 0.0, 1.0])}}),
     _with(SPACE, arm={"shapes": _body("halfspace", link="base", normal=[0.0, 0.0, 1.0])}),
 ]  # fmt: skip
+_OWN = {"speed": 0.05, "tolerance": 1e-3, "order": 1}
+BASES.append(_with(PLANE, path={"contours": {"1": _OWN}}))
+# What a layer can have, a contour can have.
+BASES += [
+    _with(x, path={"contours": {"1": x["process"]["by_layer"][""]}})
+    for x in BASES
+    if "by_layer" in x.get("process", {})
+]
 
 
 def fields() -> list[Place]:

@@ -145,6 +145,37 @@ def test_the_kerf_lies_beside_the_drawn_contours(previewer, square, view):
     assert "cut" not in packed(picture_frame(previewer.plan(PAPER, "optimal"), view)).arrays
 
 
+def test_the_process_of_each_contour_is_drawn(previewer, square, view):
+    """Numbers and names, pierces, and where the process is off: on one contour otherwise."""
+    square["path"] = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
+    lead, tabs = {"length": "2 mm"}, {"count": 2, "width": "1 mm"}
+    process = {"lead_in": lead, "lead_out": lead, "switch": {"name": "laser"}}
+    square["process"] = process | {"order": "drawn"}
+    others = [x["t"] for x in picture_frame(previewer.plan(square), view).header["contours"][:2]]
+    square = copy.deepcopy(square)
+    own = {"lead_in": None, "tabs": tabs, "pierce": {"time": "0.2 s"}, "order": 1}
+    square["path"]["contours"] = {"CUT-1": own | {"speed": "20 mm/s"}}
+    planned = previewer.plan(square)
+    frame = packed(picture_frame(planned, view))
+    contours = frame.header["contours"]
+    assert [x["number"] for x in contours] == [1, 2, 4, 5, 6, 7, 8, 9, 10, 3]
+    assert contours[-1]["name"] == "CUT-1" and contours[-1]["layer"] == "CUT"
+    assert [x["number"] for x in contours if x["pierces"]] == [3]
+    near([x["t"] for x in contours[:2]], others, 1e-12)
+    *unchanged, mine = np.split(
+        idle := frame.arrays["idle"], np.flatnonzero(np.diff(idle[:, 0])) + 1
+    )
+    ends = planned.path.breaks
+    for k, rows in enumerate(unchanged):
+        near(rows[:, 1:] - ends[k], np.add([[0, 0.002], np.diff(ends)[k] - [0.002, 0]], 0), 1e-6)
+    starts, ends_of_parts = mine[:, 1:].T - ends[-2]
+    near(ends_of_parts - starts, [0.001, 0.001, 0.002], 1e-6)
+    assert ends_of_parts[-1] == pytest.approx(np.diff(ends)[-1], abs=1e-6) and starts[0] > 0.001
+    begin, end = contours[-1]["t"]
+    assert end - begin == np.ptp(planned.trajectory.contour_spans[-1].t)
+    assert end - begin > np.diff(ends)[-1] / 0.02
+
+
 def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view):
     k = np.arange(30_001)
     vertices = np.stack([0.3 + 1e-5 * k % 0.05, 0.2 + 0.01 * (k % 2)], axis=1)

@@ -320,7 +320,7 @@ def _set_contour_values(program: Program, process: Process, drawing: PathModel) 
     except InvalidInput as error:
         _, number, *inner = error.key
         error.key = ("path", "contours", str(key_of_contour[int(number)]), *inner)
-        raise
+        raise error.with_location(key_text(error.key[:3])) from None
 
 
 def _note_unused_keys(process: Process, program: Program) -> list[str]:

@@ -3,7 +3,7 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "kerf": "cut_parts",
+    "kerf": "cut_parts idle_parts",
     "moves": "Contour Dwell Event Move Program Rapid contour_called",
     "preparation": "arrange_contours prepare set_limits",
     "process": "Analog ContourProcess LayerProcess Lead Leads Pierce Process Switch Tabs",

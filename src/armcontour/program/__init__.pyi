@@ -1,5 +1,6 @@
 from armcontour.geometry.weave import Weave as Weave
 from armcontour.program.kerf import cut_parts as cut_parts
+from armcontour.program.kerf import idle_parts as idle_parts
 from armcontour.program.moves import Contour as Contour
 from armcontour.program.moves import Dwell as Dwell
 from armcontour.program.moves import Event as Event

@@ -69,6 +69,33 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
     return parts
 
 
+def idle_parts(program: Program, process: Process) -> list[tuple[int, float, float]]:
+    """Parts of contours on which the process is off, such as leads and tabs.
+
+    Each is the index of the contour, and the first and last arc length [m].
+    """
+    if not process.leads and all(x.switch is None for x in process.variants):
+        return []
+    parts = []
+    for k, contour in enumerate(program.contours):
+        own, (begin, end), length = (
+            process.of_contour(contour),
+            contour.at_work,
+            contour.path.length,
+        )
+        switch = "" if own.switch is None else own.switch.name
+        changes = [(x.s, bool(x.value)) for x in contour.events if x.name == switch]
+        if not changes:
+            changes = [(0.0 if own.begins_on else begin, True)]
+            changes.append((length if own.ends_on else end, False))
+        is_on, last = False, 0.0
+        for s, value in (*changes, (length, True)):
+            if value and not is_on and s - last > REPEATED_POINT:
+                parts.append((k, last, s))
+            is_on, last = value, s if is_on != value else last
+    return parts
+
+
 def apply_kerf(program: Program, process: Process) -> Program:
     """Offset the contours of a program by half the kerf."""
     # `program`: the program as it is drawn; `process`: kerf, its side, and the upward direction.

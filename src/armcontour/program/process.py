@@ -351,7 +351,7 @@ class Process(Checked):
         for key in ("by_layer", "by_contour"):
             values_by_part: Mapping[str | int, Mapping[str, Any]] = getattr(self, key)
             for part, values in values_by_part.items():
-                location = f"by_layer.{part}" if isinstance(part, str) else f"contour {part}"
+                location = f"by_layer.{part}" if isinstance(part, str) else ""
                 with error_context(location, key, part):
                     for name in values:
                         checks.check_choice("name of a value", name, allowed)

@@ -18,7 +18,7 @@ from armcontour.jobs import Run
 from armcontour.jobs.rows import verdict_rows
 from armcontour.motion import LawAlongPath
 from armcontour.planning import Explanation
-from armcontour.program import Program, cut_parts
+from armcontour.program import Program, cut_parts, idle_parts
 from armcontour.studio.execution_picture import joint_usage
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import Preview, Tier
@@ -180,7 +180,7 @@ def picture_frame(planned: Preview, view: View) -> PageFrame:
 
 def drawing_frame(program: Program | None, view: View, *, run: str = "") -> PageFrame:
     """Message frame with the picture of a program without a plan; `program` None: empty path."""
-    header: dict[str, Any] = {"limits": [], "kerfs": []}
+    header: dict[str, Any] = {"limits": [], "kerfs": [], "contours": []}
     arrays: dict[str, Any] = {
         "objective": to_float32(np.empty(0)),
         "objective_breaks": np.zeros(1, np.uint32),
@@ -206,7 +206,7 @@ def _line_arrays(
     paths = [x.path for x in program.contours]
     points, _ = drawn_points(paths, np.inf)
     error, flat = drawing_error(view.uv(points)), view.is_flat(points)
-    header: dict[str, Any] = {"limits": [], "kerfs": []}
+    header: dict[str, Any] = {"limits": [], "kerfs": [], "contours": _contours(planned, program)}
     if planned is not None:
         paths = [x.path for x in planned.objective.contours]
     arrays = _lines("objective", *drawn_points(paths, error), view, error)
@@ -220,6 +220,7 @@ def _line_arrays(
     points, s = line.points[indices], line.s[indices]
     arrays |= {
         **kerf,
+        "idle": _idle(planned),
         "path": view.screen_points(points),
         "path_breaks": np.searchsorted(indices, line.ends).astype(np.uint32),
         "path_s": to_float32(s),
@@ -230,6 +231,26 @@ def _line_arrays(
         "xyz": to_float32(in_space(points)),
     }
     return header, arrays, flat
+
+
+def _contours(planned: Preview | None, program: Program) -> list[dict[str, Any]]:
+    """Number, name and layer of each contour in the order of the motion, with a plan also times."""
+    rows: list[dict[str, Any]] = [
+        {"number": x.number or k + 1, "name": x.name, "layer": x.layer}
+        for k, x in enumerate(program.contours)
+    ]
+    if planned is not None:
+        process, spans = planned.job.process, planned.trajectory.contour_spans
+        for row, contour, span in zip(rows, program.contours, spans, strict=True):
+            row |= {"t": span.t, "pierces": process.of_contour(contour).pierce is not None}
+    return rows
+
+
+def _idle(planned: Preview) -> Any:
+    """Parts on which the process is off: contour, and arc lengths as in `path_s` [m], (n, 3)."""
+    parts = np.array(idle_parts(planned.path, planned.job.process)).reshape(-1, 3)
+    parts[:, 1:] += planned.path.breaks[parts[:, 0].astype(np.intp), None]
+    return to_float32(parts)
 
 
 def _lines(

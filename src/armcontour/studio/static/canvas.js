@@ -11,6 +11,8 @@ import { bandOf } from "./polylines.js";
 /** @typedef {CanvasRenderingContext2D} Context */
 
 const SHORTEST_LABELLED = 46; // px
+// Marks of contours have at least about this distance.
+const ROOM = 40; // px
 // Longer lines (numbers of coordinates) are drawn without dashes, which cost more than they do.
 const LONG = 12_000;
 
@@ -32,6 +34,7 @@ export class Painter {
     // The last good motion is grey.
     context.globalAlpha = refusal?.head.tier === 1 && picture.arrays.path.length ? 0.28 : 1;
     this.inMetres(context, view, () => this.lines(context, view, picture));
+    this.contours(context, view, picture);
     this.names(context, view, picture);
     context.globalAlpha = 1;
     if (refusal?.head.outline) this.inMetres(context, view, () => this.refused(context, view, refusal, picture));
@@ -80,7 +83,33 @@ export class Painter {
         dash.map((d) => d * px),
       );
     }
+    // A gap in the coloured line, with a thin line in it.
+    for (const [colour, width] of [["--ground", 4], ["--ink", 0.8]]) stroke(context, layers.idle(picture), themed(String(colour)), Number(width) * px);
     if (executed && store.options.executed) this.executed(context, view, executed);
+  }
+
+  /** Number, start, direction and pierce of each contour that has room for them. @param {Context} context @param {Viewport} view @param {Frame} picture */
+  contours(context, view, picture) {
+    const taken = new Set();
+    const [arrows, pierces] = [new Path2D(), new Path2D()];
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillStyle = themed("--ink");
+    for (const [k, { at, along, out, size, inner }] of this.layers.marks(picture).entries()) {
+      const [x, y] = view.toScreen([at[0], at[1]]);
+      const cell = `${Math.round(x / ROOM)} ${Math.round(y / ROOM)}`;
+      if (size * view.scale < ROOM / 2 || taken.has(cell) || x < 0 || y < 0 || x > view.width || y > view.height) continue;
+      taken.add(cell);
+      const { number, pierces: isPierced } = picture.head.contours[k];
+      arrow(arrows, x, y, along);
+      if (isPierced) pierces.addPath(ring(x, y));
+      if (size * view.scale > 3 * ROOM) arrow(arrows, ...view.toScreen([inner[0][0], inner[0][1]]), inner[1]);
+      const half = 3.2 * String(number).length;
+      context.fillText(String(number), x + (9 + half) * out[0], y - 13 * out[1]);
+    }
+    context.fill(arrows);
+    stroke(context, pierces, themed("--ink"), 1.2);
   }
 
   /** @param {Context} context @param {Viewport} view @param {Frame} moved */
@@ -133,6 +162,22 @@ export class Painter {
     }
     context.stroke();
   }
+}
+
+/** An arrow in a direction of the plane. @param {Path2D} path @param {number} x px @param {number} y px @param {number[]} along */
+function arrow(path, x, y, [u, v]) {
+  const at = (/** @type {number} */ a, /** @type {number} */ b) => /** @type {[number, number]} */ ([x + a * u + b * v, y - a * v + b * u]);
+  path.moveTo(...at(8, 0));
+  path.lineTo(...at(-1, 4));
+  path.lineTo(...at(-1, -4));
+  path.closePath();
+}
+
+/** @param {number} x px @param {number} y px */
+function ring(x, y) {
+  const path = new Path2D();
+  path.arc(x, y, 6.5, 0, 2 * Math.PI);
+  return path;
 }
 
 /** Distance of grid lines: round, about 60 px or more. @param {number} scale px per m @returns {number} m */

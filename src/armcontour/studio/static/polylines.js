@@ -1,6 +1,7 @@
 // Lines of a picture as paths in metres, one per colour: created once per picture, drawn often.
 
 import { BETWEEN, heat, styleOf } from "./colours.js";
+import { along, indexAt } from "./state.js";
 import { boxOf } from "./viewport.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
@@ -230,6 +231,56 @@ function besides(points, i) {
   const along = [points[b] - points[a], points[b + 1] - points[a + 1]];
   const length = Math.hypot(along[0], along[1]) || 1;
   return { at: [points[2 * i], points[2 * i + 1]], normal: [-along[1] / length, along[0] / length] };
+}
+
+/**
+ * Parts of the path on which the process is off, such as leads and tabs.
+ * @param {Frame} picture @returns {Path2D}
+ */
+export function idleOf(picture) {
+  const { idle = [], path, path_s, path_breaks: breaks } = picture.arrays;
+  const lines = new Path2D();
+  for (let k = 0; k < idle.length; k += 3) {
+    const [begin, end] = [breaks[idle[k]], breaks[idle[k] + 1]];
+    const [places, line] = [path_s.subarray(begin, end), path.subarray(2 * begin, 2 * end)];
+    const [from, to] = [idle[k + 1], idle[k + 2]];
+    const [first, last] = [along(places, line, from, 2), along(places, line, to, 2)];
+    lines.moveTo(first[0], first[1]);
+    for (let i = indexAt(places, from) + 1; places[i] < to; i++) lines.lineTo(line[2 * i], line[2 * i + 1]);
+    lines.lineTo(last[0], last[1]);
+  }
+  return lines;
+}
+
+/**
+ * Start of a contour, its direction, the way out of the contour, and its size; `inner`: middle and direction there. All in m.
+ * @typedef {{at: number[], along: number[], out: number[], size: number, inner: number[][]}} Mark
+ */
+
+/** Marks of the contours of a picture. @param {Frame} picture @returns {Mark[]} */
+export function marksOf(picture) {
+  const { arrays } = picture;
+  const [points, breaks] = arrays.path?.length ? [arrays.path, arrays.path_breaks] : [arrays.objective, arrays.objective_breaks];
+  return picture.head.contours.map((/** @type {any} */ _, /** @type {number} */ k) => {
+    const line = points.subarray(2 * breaks[k], 2 * breaks[k + 1]);
+    const { left, right, bottom, top } = /** @type {import("./viewport.js").Box} */ (boxOf(line));
+    const [at, middle] = [place(line, 0), place(line, line.length >> 2)];
+    const out = unit(at.at[0] - (left + right) / 2, at.at[1] - (bottom + top) / 2);
+    return { ...at, out, size: Math.max(right - left, top - bottom), inner: [middle.at, middle.along] };
+  });
+}
+
+/** A point of a line, and the direction to the next one that is elsewhere. @param {Numbers} line @param {number} i */
+function place(line, i) {
+  let next = i + 1;
+  while (2 * next + 3 < line.length && line[2 * next] === line[2 * i] && line[2 * next + 1] === line[2 * i + 1]) next++;
+  return { at: [line[2 * i], line[2 * i + 1]], along: unit(line[2 * next] - line[2 * i], line[2 * next + 1] - line[2 * i + 1]) };
+}
+
+/** @param {number} u @param {number} v */
+function unit(u, v) {
+  const length = Math.hypot(u, v) || 1;
+  return [u / length, v / length];
 }
 
 /**
