@@ -55,7 +55,7 @@ def page(name):
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def test_the_table_of_the_readme_is_what_is_computed(plans):
+def test_the_table_of_contour_errors_is_what_is_computed(plans):
     slow = ac.plan(OBJECTIVE, ARM, LIMITS.replace(speed=0.04), ac.Conventional())
     with_reserve, full = plans[0.02], plans[0.0]
     rows = [
@@ -67,7 +67,7 @@ def test_the_table_of_the_readme_is_what_is_computed(plans):
         (with_reserve, errors(with_reserve, bodies=True)),
         (with_reserve, errors(with_reserve, bodies=True, arm=ARM, options=ac.InverseDynamics())),
     ]
-    lines = [x for x in page("README.md").splitlines() if " s | " in x]
+    lines = [x for x in page("docs/benchmarks.md").splitlines() if re.search(r"\d s \| .* / ", x)]
     for (plan, figures), line in zip(rows, lines, strict=True):
         is_printed([plan.duration, *figures], numbers(line.split("|", 2)[2]))
     servo = next(x for x in lines if "K_v" in x).split("|")[1]
@@ -80,6 +80,17 @@ def test_the_figures_of_learning_are_those_of_the_example():
     (line,) = (x for x in page("README.md").splitlines() if "in the first run" in x)
     first, third = (numbers(runs[k])[1] for k in (0, 2))
     assert numbers(line.split("|")[1]) == [first, third]
+
+
+def test_the_readme_states_the_error_of_its_example_without_compensation():
+    text = page("README.md")
+    names = {}
+    exec(text.split("```python\n")[1].split("```")[0], names)
+    plain = ac.compensate(names["planned"], names["servo"], ac.NoCompensation(), cycle=CYCLE)
+    execution = ac.simulate(plain, ac.ServoPlant(names["arm"], names["servo"]))
+    error = ac.evaluate(execution, names["rounded"]).contour_error
+    printed = re.search(r"Without compensation, the error is ([\d.]+) mm RMS", text)
+    is_printed([error.rms * 1e3], printed.groups())
 
 
 def test_figures_without_a_reserve(plans):

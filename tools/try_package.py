@@ -60,8 +60,8 @@ import armcontour
 assert armcontour.__file__.startswith(sys.prefix), armcontour.__file__
 print("compiled:", *{{x.data["dispatcher"].py_func.__name__ for _, x in recorded.buffer}})
 """
-# Motion [s] and RMS contour error [m] of the paper's method, as in README.md. The tolerance of 1 %
-# is below the effect of a fault, and above rounding differences between libraries.
+# Motion [s] and RMS contour error [m] of the paper's method, as in docs/start/installing.md.
+# The tolerance of 1 % is below the effect of a fault, and above differences between libraries.
 PROPOSED = (5.327, 2.28e-6)
 
 
@@ -190,7 +190,7 @@ def try_install(wheel: Path, folder: Path) -> None:
     run_of_paper = summary["runs"]["proposed"]
     figures = run_of_paper["duration"], run_of_paper["contour_error"]["rms"]
     if any(abs(x / y - 1) > 0.01 for x, y in zip(figures, PROPOSED, strict=True)):
-        sys.exit(f"The demo's run proposed has {figures}; README.md says {PROPOSED}.")
+        sys.exit(f"The demo's run proposed has {figures}, expected {PROPOSED}.")
     print(run(str(bin_folder / "python"), str(ROOT / "tools" / "install_size.py")))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import matplotlib.pyplot as plt
 import numpy as np
 from docs.figures import style
@@ -112,4 +114,72 @@ def draw_fig_optimal() -> Figure:
         axes.set_title(f"({'bc'[j]}) Joint {j + 1} acceleration")
     rows[2].set(xlabel="arc length $s$ [mm]", xlim=(0, 1e3 * ROUNDED.length))
     figure.legend(loc="outside lower center", ncols=4)
+    return figure
+
+
+class Node(NamedTuple):
+    """A value of the data flow: column and row of its box, its text and its colour."""
+
+    column: int
+    row: int
+    text: str
+    colour: str
+
+
+NODES = (
+    Node(0, 0, "drawing,\nwaypoints, G-code", style.GREY),
+    Node(1, 0, "Program:\ncontours, rapids", style.BLUE),
+    Node(2, 0, "Program,\nrounded corners", style.BLUE),
+    Node(3, 0, "Tracing:\njoint paths", style.BLUE),
+    Node(0, 1, "Evaluation,\nreport", style.GREEN),
+    Node(1, 1, "Execution:\njoints and tool", style.BLUE),
+    Node(2, 1, "SetPoints:\njoints, each cycle", style.BLUE),
+    Node(3, 1, "Trajectory:\njoints over time", style.BLUE),
+    Node(0, 2, "ServoModel", style.ORANGE),
+    Node(1, 2, "Log: commands,\nmeasurements", style.GREY),
+    Node(2, 2, "file or adapter\nof a controller", style.GREY),
+)
+STEPS = (
+    ("read_path,\nprepare", 0, 1),
+    ("round_corners,\nshape", 1, 2),
+    ("trace\n(arm)", 2, 3),
+    ("plan (limits)", 3, 7),
+    ("compensate", 7, 6),
+    ("simulate", 6, 5),
+    ("evaluate", 5, 4),
+    ("export, play", 6, 10),
+    ("robot", 10, 9),
+    ("identify", 9, 8),
+)
+COLUMN, ROW = 38, 23  # distances of the boxes
+BOX = (23, 9)
+THIN = {"color": style.BLACK, "lw": 1}
+
+
+def draw_flow() -> Figure:
+    """Data flow from a drawing to set-points and the contour error, and back from a log."""
+    figure, axes = plt.subplots(figsize=(9.6, 4.2))
+    axes.set(xlim=(-13, 3 * COLUMN + 25), ylim=(-2 * ROW - 14, 7), aspect="equal")
+    axes.axis("off")
+    centres = [(COLUMN * x.column, -ROW * x.row) for x in NODES]
+    for node, centre in zip(NODES, centres, strict=True):
+        style.box(axes, centre, BOX, node.text, node.colour)
+    for name, begin, end in STEPS:
+        (x, y), (x_end, y_end) = centres[begin], centres[end]
+        middle = ((x + x_end) / 2, (y + y_end) / 2)
+        if y == y_end:
+            half = BOX[0] / 2 if x_end > x else -BOX[0] / 2
+            style.arrow(axes, (x + half, y), (x_end - half, y))
+            axes.text(middle[0], y + 1, name, ha="center", va="bottom", fontsize=8)
+        else:
+            style.arrow(axes, (x, y - BOX[1] / 2), (x_end, y_end + BOX[1] / 2))
+            axes.text(x + 1.5, middle[1], name, ha="left", va="center", fontsize=8)
+    # The servo model enters `compensate`, and the log the learning of set-points.
+    (x, y), (log, _), (used, used_y) = centres[8], centres[9], centres[6]
+    low, right, top = y - 8, 2.5 * COLUMN, used_y - 0.3
+    axes.plot([x, x, right, right], [y - BOX[1] / 2, low, low, top - 2], **THIN)
+    style.arrow(axes, (right, top - 3), (right, top))
+    axes.text(right + 1.5, (low + top) / 2, "servo\nmodel", ha="left", va="center", fontsize=8)
+    style.arrow(axes, (log + 8, y + BOX[1] / 2), (used - 8, used_y - BOX[1] / 2))
+    axes.text(log + 15, y + 12.5, "learn", ha="right", va="center", fontsize=8)
     return figure
