@@ -50,7 +50,7 @@ def gcode(lines: int) -> str:
     return f"{head}{body}M5\nM2\n"
 
 
-def circles(count: int) -> str:
+def circles(count: int, scale: float = 1.0) -> str:
     """An SVG drawing of circles in rows, none quite where a grid has it."""
     rng = np.random.default_rng(2)
     columns = int(np.ceil(np.sqrt(1.2 * count)))
@@ -61,13 +61,16 @@ def circles(count: int) -> str:
         f'<circle cx="{a:.3f}" cy="{b:.3f}" r="{r:.3f}"/>'
         for a, b, r in zip(x, y, rng.uniform(*RADII, count), strict=True)
     ]
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{size}mm" height="{size}mm" '
+    side = scale * size
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{side}mm" height="{side}mm" '
     return f'{head}viewBox="0 0 {size} {size}">{"".join(circles_svg)}</svg>'
 
 
 SET_POINTS = ("--no-simulation", "--export", "csv")
 GCODE = Drawn("ngc", gcode, "lines of G-code", 2000, SET_POINTS)
 CIRCLES = Drawn("svg", circles, "circles", 30, ("--no-simulation",))
+# 10,000 of them are within reach of a UR5e.
+SMALL = Drawn("svg", partial(circles, scale=0.5), "small circles", 30, ("--no-simulation",))
 
 
 def lines() -> list[Line]:
@@ -79,6 +82,9 @@ def lines() -> list[Line]:
         _long("gcode/ur5e/full", GCODE, 150_000, "ur5e", _by_clock(60, 2e9), full=True),
         _long("circles/ur5e", CIRCLES, 300, "ur5e", Bar()),
         _long("circles/ur5e/full", CIRCLES, 3000, "ur5e", _by_clock(8), full=True),
+        _long("contours/1", SMALL, 1, "ur5e", Bar()),
+        _long("contours/100", SMALL, 100, "ur5e", Bar()),
+        _long("contours/10000", SMALL, 10_000, "ur5e", Bar(), full=True),
         Line("gasket/warm", "run, gasket, ur5e", reference.NAME, _gasket, Bar(seconds=2.6)),
         Line("gasket/cold", "first run, gasket, ur5e", reference.COMPILED, _cold, _by_clock(12)),
         Line("demo", "armcontour demo", reference.NAME, _demo, _by_clock(4)),
