@@ -96,30 +96,25 @@ def _set_contour_limits(program: Program, model: PathModel) -> Program:
 
 def find_contours(program: Program, model: PathModel) -> tuple[dict[int, int | str], list[str]]:
     """Key of `path.contours` by the number of a contour, and notes on contours that are not run."""
-    contours, notes = program.contours, list[str]()
-    named: dict[str, list[int]] = {str(x.number): [x.number] for x in contours}
+    contours, notes, found = program.contours, list[str](), dict[int, int | str]()
     # A name has priority over a number, and can be the name of several contours.
-    named |= {x.name: [] for x in contours if x.name}
+    names = {x.name: list[int]() for x in contours if x.name}
     for contour in contours:
-        if contour.name:
-            named[contour.name].append(contour.number)
-    found: dict[int, int | str] = {}
-    is_selected = bool(program.other_layers or model.names or model.colors)
+        names.get(contour.name, []).append(contour.number)
+    named = {str(x.number): [x.number] for x in contours} | names
     for key in model.contours:
-        numbers = named.get(str(key), [])
-        twice = next((found[x] for x in numbers if x in found), None)
-        problem = ""
-        if twice is not None:
-            problem = f"is the same contour as {twice}. Combine their values."
-        elif not numbers and is_selected:
+        numbers, problem = named.get(str(key), []), ""
+        if twice := [found[x] for x in numbers if x in found]:
+            problem = f"is the same contour as {twice[0]}. Combine their values."
+        elif not numbers and (program.other_layers or model.names or model.colors):
             notes.append(f"path.contours.{key} has no effect, because this contour is not run.")
         elif not numbers:
-            names = list_some([repr(x.name) for x in contours if x.name], 12)
-            known = f"numbers 1 to {len(contours)}" + f" and the names {names}" * bool(names)
-            problem = f"is not in {program.source or 'the path'}, whose contours have the {known}."
+            known = f" and the names {list_some(list(map(repr, names)), 12)}" * bool(names)
+            problem = f"is not in {program.source or 'the path'}, whose contours have the numbers "
+            problem += f"1 to {len(contours)}{known}."
         if problem:
-            keys_of_error = ("path", "contours", str(key))
-            raise InvalidInput(f"{key_text(keys_of_error)} {problem}", key=keys_of_error)
+            at = ("path", "contours", str(key))
+            raise InvalidInput(f"{key_text(at)} {problem}", key=at)
         found |= dict.fromkeys(numbers, key)
     return found, notes
 

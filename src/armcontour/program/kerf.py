@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -83,16 +84,12 @@ def idle_parts(program: Program, process: Process) -> list[tuple[int, float, flo
             contour.at_work,
             contour.path.length,
         )
-        switch = "" if own.switch is None else own.switch.name
-        changes = [(x.s, bool(x.value)) for x in contour.events if x.name == switch]
-        if not changes:
-            changes = [(0.0 if own.begins_on else begin, True)]
-            changes.append((length if own.ends_on else end, False))
-        is_on, last = False, 0.0
-        for s, value in (*changes, (length, True)):
-            if value and not is_on and s - last > REPEATED_POINT:
-                parts.append((k, last, s))
-            is_on, last = value, s if is_on != value else last
+        switch = own.switch and own.switch.name
+        leads = (0.0 if own.begins_on else begin, True), (length if own.ends_on else end, False)
+        changes = [(x.s, bool(x.value)) for x in contour.events if x.name == switch] or leads
+        for (a, is_on), (b, _) in pairwise(((0.0, False), *changes, (length, True))):
+            if not is_on and b - a > REPEATED_POINT:
+                parts.append((k, a, b))
     return parts
 
 

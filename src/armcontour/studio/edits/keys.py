@@ -25,11 +25,8 @@ from armcontour.studio.handles import EditState
 SHARP = "sharp"
 # Initial tolerance of corners that become rounded.
 FIRST_TOLERANCE = "1 mm"
-# Keys of all contours by the key of one contour; others are keys of `process`.
-SHARED_BY_CONTOURS: dict[Keys, Keys] = {
-    ("speed",): ("limits", "speed"),
-    ("tolerance",): ("corners", "tolerance"),
-}
+# Mappings of the values of all contours; others are in `process`.
+SHARED = {"speed": "limits", "tolerance": "corners"}
 # Required mappings of a job: they stay even if they become empty.
 REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
@@ -61,7 +58,7 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     else:
         if now is None and keys[:2] == ("path", "contours"):
             # A number without a unit has that of the value which applies to all contours.
-            shared = SHARED_BY_CONTOURS.get(keys[3:], ("process", *keys[3:]))
+            shared = (SHARED.get(str(keys[-1]), "process"), *keys[3:])
             now = value_at(state.data, locate_key(shared, state.data, state.run))
         value = format_value(value, now, keys)
     return resolve_patch(state.data, {keys: value}, state.run)

@@ -2,7 +2,7 @@
 
 import { themed } from "./colours.js";
 import { besideHandles, beyond, handledOf } from "./corner.js";
-import { bandOf } from "./polylines.js";
+import { bandOf, idleOf, marksOf } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -13,6 +13,8 @@ import { bandOf } from "./polylines.js";
 const SHORTEST_LABELLED = 46; // px
 // Marks of contours have at least about this distance.
 const ROOM = 40; // px
+// Radius of the mark of a pierce.
+const RING = 6.5; // px
 // Longer lines (numbers of coordinates) are drawn without dashes, which cost more than they do.
 const LONG = 12_000;
 
@@ -34,6 +36,10 @@ export class Painter {
     // The last good motion is grey.
     context.globalAlpha = refusal?.head.tier === 1 && picture.arrays.path.length ? 0.28 : 1;
     this.inMetres(context, view, () => this.lines(context, view, picture));
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillStyle = themed("--ink");
     this.contours(context, view, picture);
     this.names(context, view, picture);
     context.globalAlpha = 1;
@@ -84,7 +90,9 @@ export class Painter {
       );
     }
     // A gap in the coloured line, with a thin line in it.
-    for (const [colour, width] of [["--ground", 4], ["--ink", 0.8]]) stroke(context, layers.idle(picture), themed(String(colour)), Number(width) * px);
+    const idle = layers.keep("idle", [picture], () => idleOf(picture));
+    stroke(context, idle, themed("--ground"), 4 * px);
+    stroke(context, idle, themed("--ink"), 0.8 * px);
     if (executed && store.options.executed) this.executed(context, view, executed);
   }
 
@@ -92,21 +100,17 @@ export class Painter {
   contours(context, view, picture) {
     const taken = new Set();
     const [arrows, pierces] = [new Path2D(), new Path2D()];
-    context.font = "11px system-ui, sans-serif";
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    context.fillStyle = themed("--ink");
-    for (const [k, { at, along, out, size, inner }] of this.layers.marks(picture).entries()) {
-      const [x, y] = view.toScreen([at[0], at[1]]);
+    const marks = this.layers.keep("marks", [picture], () => marksOf(picture));
+    for (const { at, along, out, size, inner, number, isPierced } of marks) {
+      const [x, y] = view.toScreen(at);
       const cell = `${Math.round(x / ROOM)} ${Math.round(y / ROOM)}`;
       if (size * view.scale < ROOM / 2 || taken.has(cell) || x < 0 || y < 0 || x > view.width || y > view.height) continue;
       taken.add(cell);
-      const { number, pierces: isPierced } = picture.head.contours[k];
       arrow(arrows, x, y, along);
-      if (isPierced) pierces.addPath(ring(x, y));
-      if (size * view.scale > 3 * ROOM) arrow(arrows, ...view.toScreen([inner[0][0], inner[0][1]]), inner[1]);
-      const half = 3.2 * String(number).length;
-      context.fillText(String(number), x + (9 + half) * out[0], y - 13 * out[1]);
+      pierces.moveTo(x + RING, y);
+      if (isPierced) pierces.arc(x, y, RING, 0, 2 * Math.PI);
+      if (size * view.scale > 3 * ROOM) arrow(arrows, ...view.toScreen(inner.at), inner.along);
+      context.fillText(number, x + (9 + 3.2 * number.length) * out[0], y - 13 * out[1]);
     }
     context.fill(arrows);
     stroke(context, pierces, themed("--ink"), 1.2);
@@ -128,10 +132,6 @@ export class Painter {
   /** @param {Context} context @param {Viewport} view @param {Frame} picture */
   names(context, view, picture) {
     if (this.store.options.colour !== "limit") return;
-    context.font = "11px system-ui, sans-serif";
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    context.fillStyle = themed("--ink");
     const [u, v] = picture.head.centre;
     const screen = (/** @type {[number, number]} */ at) => view.toScreen([at[0] - u, at[1] - v]);
     const taken = handledOf(picture).flatMap((x) => [beyond(x, screen(x.apex)), screen(x.corner)]);
@@ -171,13 +171,6 @@ function arrow(path, x, y, [u, v]) {
   path.lineTo(...at(-1, 4));
   path.lineTo(...at(-1, -4));
   path.closePath();
-}
-
-/** @param {number} x px @param {number} y px */
-function ring(x, y) {
-  const path = new Path2D();
-  path.arc(x, y, 6.5, 0, 2 * Math.PI);
-  return path;
 }
 
 /** Distance of grid lines: round, about 60 px or more. @param {number} scale px per m @returns {number} m */

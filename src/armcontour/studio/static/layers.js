@@ -1,6 +1,6 @@
 // Cached drawing layers of the newest frames, until the frame, the theme or an option changes.
 
-import { idleOf, labelsOf, largest, magnified, marksOf, nearestLine, PieceGrid, polyline, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
+import { labelsOf, largest, magnified, nearestLine, PieceGrid, polyline, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -111,16 +111,6 @@ export class Layers {
       if (options.colour !== "speed") return strokesByLimit(picture, theme, part);
       return strokesByHeat(picture.arrays.path, picture.arrays.speed, this.most("picture", "speed"), theme, startsOf(picture), part);
     });
-  }
-
-  /** @param {Frame} picture */
-  idle(picture) {
-    return this.keep("idle", [picture], () => idleOf(picture));
-  }
-
-  /** @param {Frame} picture */
-  marks(picture) {
-    return this.keep("marks", [picture], () => marksOf(picture));
   }
 
   /** @param {Frame} picture */

@@ -57,6 +57,7 @@ export function legendOf(store, layers, picture, magnify) {
     found.push(sample(themed("--ink"), [2, 2], 1, "as drawn"), sample(themed("--kerf"), [], 8, "kerf"));
   }
   if (picture.arrays.rapid?.length && !found.some((x) => "text" in x && x.text.startsWith("rapids"))) found.push(sample(themed("--faint"), [1.5, 4], 1, "rapid"));
+  if (picture.arrays.idle?.length) found.push(sample(themed("--ink"), [], 0.8, "process off"));
   if (slowPlaces(picture).length) found.push({ ...sample(themed("--alarm"), [], 1, "slow place", 10), corners: SLOW });
   return found;
 }

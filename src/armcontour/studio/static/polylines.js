@@ -252,36 +252,33 @@ export function idleOf(picture) {
   return lines;
 }
 
-/**
- * Start of a contour, its direction, the way out of the contour, and its size; `inner`: middle and direction there. All in m.
- * @typedef {{at: number[], along: number[], out: number[], size: number, inner: number[][]}} Mark
- */
+/** @typedef {{at: [number, number], along: [number, number]}} Place a point, and a direction of length 1 */
 
-/** Marks of the contours of a picture. @param {Frame} picture @returns {Mark[]} */
-export function marksOf(picture) {
-  const { arrays } = picture;
+/**
+ * Start and direction of each contour, the way out of it there, its size, and a place farther on.
+ * @param {Frame} picture @returns {(Place & {out: [number, number], size: number, inner: Place, number: string, isPierced: boolean})[]}
+ */
+export function marksOf({ head, arrays }) {
   const [points, breaks] = arrays.path?.length ? [arrays.path, arrays.path_breaks] : [arrays.objective, arrays.objective_breaks];
-  return picture.head.contours.map((/** @type {any} */ _, /** @type {number} */ k) => {
+  return head.contours.map((/** @type {any} */ { number, pierces }, /** @type {number} */ k) => {
     const line = points.subarray(2 * breaks[k], 2 * breaks[k + 1]);
     const { left, right, bottom, top } = /** @type {import("./viewport.js").Box} */ (boxOf(line));
-    const [at, middle] = [place(line, 0), place(line, line.length >> 2)];
-    const out = unit(at.at[0] - (left + right) / 2, at.at[1] - (bottom + top) / 2);
-    return { ...at, out, size: Math.max(right - left, top - bottom), inner: [middle.at, middle.along] };
+    const out = unit(line[0] - (left + right) / 2, line[1] - (bottom + top) / 2);
+    const size = Math.max(right - left, top - bottom);
+    return { ...placeOn(line, 0), out, size, inner: placeOn(line, line.length >> 2), number: String(number), isPierced: pierces };
   });
 }
 
-/** A point of a line, and the direction to the next one that is elsewhere. @param {Numbers} line @param {number} i */
-function place(line, i) {
-  let next = i + 1;
-  while (2 * next + 3 < line.length && line[2 * next] === line[2 * i] && line[2 * next + 1] === line[2 * i + 1]) next++;
-  return { at: [line[2 * i], line[2 * i + 1]], along: unit(line[2 * next] - line[2 * i], line[2 * next + 1] - line[2 * i + 1]) };
+/** @param {Numbers} line @param {number} i index of a point @returns {Place} with the direction to the next point that is elsewhere */
+function placeOn(line, i) {
+  const [u, v] = [line[2 * i], line[2 * i + 1]];
+  let next = 2 * i + 2;
+  while (next + 3 < line.length && line[next] === u && line[next + 1] === v) next += 2;
+  return { at: [u, v], along: unit(line[next] - u, line[next + 1] - v) };
 }
 
-/** @param {number} u @param {number} v */
-function unit(u, v) {
-  const length = Math.hypot(u, v) || 1;
-  return [u / length, v / length];
-}
+/** @param {number} u @param {number} v @returns {[number, number]} */
+const unit = (u, v) => [u / (Math.hypot(u, v) || 1), v / (Math.hypot(u, v) || 1)];
 
 /**
  * The executed tool with its error magnified, and lines from the path to it.
