@@ -148,8 +148,6 @@ kernels: $(VENV)/test  ## Rewrite the list of what compiled functions are called
 vendor:  ## Bundle what reports and the Studio's page take from others (needs node)
 	npm --prefix $(TOOLS) ci
 	node $(TOOLS)/build.mjs
-	npm --prefix $(TOOLS)/report ci --ignore-scripts
-	node $(TOOLS)/report/build.mjs
 
 clean:  ## Remove the environment, the demo's results, and what was built
 	rm -rf $(VENV) demo dist docs/_build docs/reference/pages

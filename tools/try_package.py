@@ -29,7 +29,6 @@ LICENCES = (
     "LICENSE",
     PACKAGE + "files/robots/library/hulls/LICENSE-universal-robots.txt",
     PACKAGE + "files/robots/library/hulls/NOTICE-franka.txt",
-    PACKAGE + "report/vendor/LICENSES.txt",
     PACKAGE + "studio/static/vendor/LICENSES.txt",
 )
 # Folder of compiled functions in a wheel.

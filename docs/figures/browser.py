@@ -23,7 +23,7 @@ GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"
 DRAWN = 2000.0  # time in which plots draw themselves [ms]
 COLOURS = 64  # of a picture of a report, which has few
 # The first plot of a report, or of a section.
-PLOT = ".js-plotly-plot"
+PLOT = ".plotted"
 # The report and its part, as a selector, of each picture of a page.
 REPORTS = {
     "start/first_result": {
@@ -31,10 +31,10 @@ REPORTS = {
         "tutorial_binds": ("bracket/report.html", f"#time {PLOT}"),
     },
     "tutorials/dxf_to_ur5e": {"tutorial_program": ("first/report.html", ".front")},
-    "tutorials/own_arm": {"tutorial_seam": ("seam/report.html", f"#paths {PLOT}")},
+    "tutorials/own_arm": {"tutorial_seam": ("seam/report.html", "#paths .drawn")},
     "tutorials/true_on_a_robot": {
         "tutorial_identified": ("identified/report.html", ".front"),
-        "tutorial_learned": ("third/report.html", PLOT),
+        "tutorial_learned": ("third/report.html", ".front"),
     },
     "tutorials/placement_and_clearance": {
         "tutorial_map": ("placed/report.html", ".drawn"),

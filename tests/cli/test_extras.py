@@ -54,9 +54,8 @@ def folder(tmp_path):
 
 def test_every_extra_of_users_is_tested():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    # No command needs plotly, and tests of franka's adapter are in tests/controllers.
-    users = set(project["optional-dependencies"]) - FOR_DEVELOPERS
-    users -= {"figures", "franka"}
+    # Tests of franka's adapter are in tests/controllers.
+    users = set(project["optional-dependencies"]) - FOR_DEVELOPERS - {"franka"}
     assert users == set(NEEDS)
 
 

@@ -2,12 +2,12 @@
 
 import base64
 import dataclasses
+import gzip
 import json
+import re
 
 import numpy as np
-import plotly.graph_objects as go
 import pytest
-from plotly.subplots import make_subplots as plots_of_plotly
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
@@ -17,9 +17,9 @@ from armcontour.core.render import number
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
-from armcontour.report import render_report, sections, write_report
-from armcontour.report.figure import Node, make_subplots, make_trace, to_json
-from armcontour.report.style import finish, thin
+from armcontour.report import render_report, render_table, sections, write_report
+from armcontour.report.figure import Curve, Figure, Plot, to_json
+from armcontour.report.style import thin
 from armcontour.studies.placement import Place, Placement
 
 
@@ -63,7 +63,7 @@ def test_the_first_screen_answers_before_any_figure(study, page):
         assert f'<th scope="row">{name}</th>' in front
     alone = dataclasses.replace(study.job, runs=study.job.runs[3:4])
     front, (result,) = first_screen(render_report(run(alone))), [study.runs["optimal"]]
-    assert front.count('<div class="tile">') == 3
+    assert front.count('class="tile">') == 3
     assert f"<b>{number(result.trajectory.duration, 's')}</b>" in front
 
 
@@ -97,53 +97,56 @@ def test_thinning_keeps_every_peak_and_both_ends_of_every_part():
     np.testing.assert_allclose([y2[0], *y2[gaps - 1], *y2[gaps[:-1] + 1]], 0.0, atol=1e-12)
 
 
-PLACES = [
-    {"rows": 6, "cols": 3, "column_titles": ["a", "b", "c"], "vertical_spacing": 0.025},
-    {"rows": 2, "cols": 1, "row_heights": [0.75, 0.25], "vertical_spacing": 0.05},
-]  # fmt: skip
+def unpacked(page, name):
+    """A packed part of a page."""
+    (text,) = re.findall(rf'id="packed-{name}">([^<]*)</script>', page)
+    return gzip.decompress(base64.b64decode(text)).decode()
 
 
-def written(figure):
-    """Arguments of a page for plotly.js: key, data, layout, configuration."""
-    page = figure.to_html("key")
-    figures, position = [], page.index("draw(") + len("draw(")
-    while page[position - 1] != ")":
-        value, position = json.JSONDecoder().raw_decode(page, position)
-        figures.append(value)
-        position += 1
-    return figures
+def test_a_page_has_its_figures_and_what_draws_them(page, study):
+    figures = json.loads(unpacked(page, "figures"))
+    assert set(figures) == set(re.findall(r'<div id="([^"]*)" class="plots"', page))
+    speed, limits, error = figures["figure-time-1"]["plots"]
+    assert [x["name"] for x in speed["curves"]][: len(study.runs)] == list(study.runs)
+    for curve, result in zip(speed["curves"], study.runs.values(), strict=False):
+        largest = 1e3 * result.motion.tool_speed.max()
+        assert max(x for x in curve["y"] if x is not None) == pytest.approx(largest, rel=1e-4)
+    assert {x[3] for x in limits["bars"]} >= {"joint acceleration"} and error["logarithmic"]
+    assert "export" in unpacked(page, "uplot") and len(page) < 1e6
+    # A page without figures has no code for them.
+    assert 'id="packed-' not in render_table("a", "", ("b",), [("c",)])
 
 
-def test_several_plots_are_where_plotly_puts_them():
-    for options in PLACES:
-        ours, theirs = make_subplots(**options), plots_of_plotly(shared_xaxes=True, **options)
-        ours.add_trace(make_trace("bar", y=[1, 2]), row=2, col=1)
-        theirs.add_trace(go.Bar(y=[1, 2]), row=2, col=1)
-        for made in (ours, theirs):
-            made.update_yaxes(title="y", row=2, col=1)
-            made.update_xaxes(range=[0, 1])
-            made.add_hline(y=3.0, line={"color": "#000000"}, row=2, col=1)
-        finish(ours, title="several", height=300)
-        finish(theirs.update_layout(template="plotly_white"), title="several", height=300)
-        expected = json.loads(theirs.to_json())
-        # The page has the title above the figure, and the template once.
-        layout = {x: y for x, y in expected["layout"].items() if x not in ("title", "template")}
-        assert written(ours)[1:3] == [expected["data"], layout], options
-        assert ">several</figcaption>" in ours.to_html("key")
+def test_errors_are_shares_of_the_allowed_error(study):
+    for name in ("optimal", "shaped"):
+        alone = dataclasses.replace(study, runs={name: study.runs[name]})
+        plot, e = sections.motion.error(alone), study.runs[name].evaluation.contour_error
+        allowed = study.runs[name].tolerance / 10
+        largest = np.nanmax(plot.curves[0].y)
+        assert largest == pytest.approx(100 * e.max / allowed, rel=1e-6)
+        assert plot.also == (pytest.approx(10 * allowed), "mm")
+        # Noise does not take the height of the plot.
+        low, high = plot.limits
+        assert high < 200 * largest and (low == 0 or high / low < 2e4)
 
 
-def test_arrays_are_written_in_base64_and_cannot_end_a_script():
-    for values in (np.array([1.5, np.nan], np.float32), np.arange(6.0).reshape(2, 3)):
-        encoded = json.loads(to_json({"x": values}))["x"]
-        back = np.frombuffer(base64.b64decode(encoded["bdata"]), encoded["dtype"])
-        np.testing.assert_array_equal(back, values.ravel())
-        assert encoded.get("shape") == (None if values.ndim == 1 else "2, 3")
-    for whole, kind in (([3, -4], "i1"), ([200], "i2"), ([-40_000], "i4")):
-        assert json.loads(to_json(np.array(whole)))["dtype"] == kind
-    assert json.loads(to_json([np.float32(0.5), np.array([]), np.array(["a"])])) == [0.5, [], ["a"]]
-    text = to_json(Node({"name": "</script><b>", "y": [1.0, np.nan, np.inf]}))
-    assert not set("<>/") & set(text)
-    assert json.loads(text) == {"name": "</script><b>", "y": [1.0, None, None]}
+def test_figures_of_a_result_are_pages(study, tmp_path):
+    result = next(iter(study.runs.values()))
+    for kind in ("path", "joints", "speed", "error"):
+        result.figure(kind).write_html(tmp_path / f"{kind}.html")
+        text = (tmp_path / f"{kind}.html").read_text(encoding="utf-8")
+        assert ('id="packed-figures"' in text) == (kind != "path") and "<figure" in text
+        assert "<iframe" in result.figure(kind)._repr_html_()
+
+
+def test_values_of_figures_are_plain(study):
+    x = np.array([0.0, 0.5, 1.0])
+    y = np.array([1 / 3, np.nan, np.inf])
+    curves = tuple(Curve(x=x, y=z, name="</script>", colour="#000") for z in (y, 2 * y))
+    figures = {"a": Figure(title="t", plots=(Plot(label="l", curves=curves),))}
+    (plot,) = json.loads(to_json(figures))["a"]["plots"]
+    assert plot["x"] == [[0.0, 0.5, 1.0]] and [x["x"] for x in plot["curves"]] == [0, 0]
+    assert plot["curves"][0]["y"] == [pytest.approx(1 / 3, rel=1e-4), None, None]
 
 
 JERKY = """
@@ -154,11 +157,6 @@ limits: {joint_acceleration: 0.72 rad/s^2, joint_jerk: 7.2 rad/s^3}
 servo: {kp: 25, kv: 150}
 runs: {plain: {timing: {method: optimal}, compensation: {method: none}}}
 """
-
-
-# Along x, y and yaw, 2 places each.
-def traces(figure):
-    return {x.name: x for x in figure.data}
 
 
 @pytest.fixture(scope="module")
@@ -179,11 +177,12 @@ def real():
 
 def test_learning_shows_errors_over_runs_joints_and_time(real):
     (over_runs,), (over_time, _) = sections.learned(real).parts, sections.learning(real).parts
-    figure, (first, _) = traces(over_runs), real.lesson.runs
+    figure = {x.name: x for x in over_runs.plots[0].curves}
+    first, _ = real.lesson.runs
     np.testing.assert_allclose(figure["RMS"].y, [1e3 * first.contour_rms, 2e-3])
     np.testing.assert_allclose(figure["largest"].y, [1e3 * first.contour_max, 5e-3])
     np.testing.assert_allclose(figure["does not repeat"].y, 2e-4, rtol=1e-6)
-    before, after = over_time.data
+    before, after = over_time.plots[0].curves
     assert before.name.startswith("before learning: RMS")
     assert after.name == "run 2: RMS 0.002 mm, largest 0.005 mm"
     assert 0 < np.max(after.y) < np.max(before.y) / 3
@@ -206,9 +205,11 @@ def test_a_map_shows_the_best_over_other_axes_and_letters_of_refusals():
         places=tuple(places),
     )  # fmt: skip
     front = sections.placed(placement)
-    (planned, refused) = front.parts[0].data
-    # Each place has the shortest motion over the other axis.
-    np.testing.assert_allclose([planned.x, planned.y], [[0.0, 0.0, 100.0], [0.0, 100.0, 100.0]])
-    assert planned.marker["color"] == [2.0, 2.5, 4.0]
-    assert (list(refused.x), list(refused.y), refused.text) == ([100.0], [0.0], ["1"])
+    svg = front.parts[0].svg
+    cells = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)"[^>]*/><text[^>]*>([^<]*)<', svg)
+    right, low = (max(float(x[k]) for x in cells) for k in (0, 1))
+    found = {(float(x) == right, float(y) == low): text for x, y, text in cells}
+    # Each place has the shortest motion over the other axis; y points up.
+    assert found == {(False, True): "2", (False, False): "2.5", (True, True): "1",
+                     (True, False): "4"}  # fmt: skip
     assert front.sentences[0][0] == "1: refused by reach (3)"

@@ -104,8 +104,9 @@ def distances(points, curve):
 
 def fitted(svg, result):
     """Map of points into a drawing, fitted to its marks, and pixels per metre."""
-    events = [x.point for x in result.trajectory.events]
-    marks = [marked(svg, "start")] + ([marked(svg, "event")] if events else [])
+    events = sorted(result.trajectory.events, key=lambda x: x.value is False)
+    events = [x.point for x in events]
+    marks = [marked(svg, x) for x in ("start", "on", "off") if f"#mark-{x}" in svg]
     points = np.array([*(x.path(0.0) for x in result.path.contours), *events])
     points = np.column_stack([points, np.ones(len(points))])
     transform, *_ = np.linalg.lstsq(points, np.concatenate(marks), rcond=None)
@@ -162,6 +163,48 @@ def test_the_drawing_shows_kerf_leads_and_the_drawn_contours():
     drawn = paths["as drawn"]
     away = distances(drawn[~np.isnan(drawn[:, 0])], paths["kerf 1 mm"])
     assert np.median(away) == pytest.approx(0.5e-3 * size, abs=0.3)
+
+
+@needs_dynamics
+def test_the_drawing_shows_the_process_and_links_to_extremes():
+    changes = {("process", "tabs"): {"count": 2, "width": "3 mm"}}
+    changes[("process", "pierce")] = {"time": "0.2 s"}
+    changes[("process", "lead_in")] = {"length": "auto", "shape": "arc", "active": True}
+    job = read_cell(DRAWINGS / "laser.yaml", DRAWINGS / "gasket.dxf", patch=changes)
+    study = run(job)
+    (result,) = study.runs.values()
+    drawing = draw_plan(result, job)
+    count = len(result.path.contours)
+    for name in ("start", "pierce", "on", "off"):
+        assert 1 <= len(marked(drawing.svg, name)) <= count, name
+    gaps = drawn_paths(drawing.svg)["tab, not cut"]
+    assert np.isnan(gaps[:, 0]).sum() == 2 * count
+    where = places_in(drawing.svg)
+    assert {x.place for x in drawing.legend if x.place} <= set(where)
+    page = render_report(study)
+    assert set(drawing.places) == {"off_drawing", "clearance.low", "slowest", "time_limit"}
+    for target in drawing.places.values():
+        assert f'href="#{target}"' in page and page.count(f'id="{target}"') == 1
+
+
+def places_in(svg):
+    """Positions of the places to which links lead [px], by id."""
+    pattern = r'<circle id="([^"]*)" class="place" cx="([\d.]+)" cy="([\d.]+)"'
+    return {x: np.array([float(a), float(b)]) for x, a, b in re.findall(pattern, svg)}
+
+
+def test_links_lead_to_where_the_values_occur(study, result):
+    drawing = draw_plan(result, study.job)
+    place, _ = fitted(drawing.svg, result)
+    roundings = [getattr(x.path, "deviation", None) or 0.0 for x in result.path.contours]
+    sums = [x + e.max for x, e in zip(roundings, result.judged.contours, strict=True)]
+    s = result.judged.contours[int(np.argmax(sums))].s_max
+    slow = min(result.explanation.shortfalls, key=lambda x: x.speed / x.assigned)
+    for row, at in (("off_drawing", s), ("slowest", slow.s)):
+        k = int(np.searchsorted(result.path.breaks, at, side="right")) - 1
+        point = result.path.contours[k].path(at - result.path.breaks[k])
+        away = place(point[None])[0] - places_in(drawing.svg)[drawing.places[row]]
+        assert np.linalg.norm(away) < 1.0, row
 
 
 def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):

@@ -173,9 +173,8 @@ def short_repr(value: Any) -> str:
 
 
 def draw(value: Any, kind: str = "path") -> Any:
-    """Draw a result as in the report: a plotly figure that you can show, change or save.
+    """Draw a result as in the report: a picture that notebooks show and that you can save.
 
-        planned.figure("speed").show()
         result.figure("error").write_html("error.html")
 
     Args:
@@ -185,8 +184,7 @@ def draw(value: Any, kind: str = "path") -> Any:
             the assigned velocity; "error", the contour error.
 
     Raises:
-        InvalidInput: The kind is unknown, the result has no data of it, or plotly is not
-            installed.
+        InvalidInput: The kind is unknown, or the result has no data of it.
     """
     return load_method("draw_result")(value, kind)
 

@@ -1,28 +1,30 @@
-"""Figures for plotly.js as plain data, without the slow validation of plotly.py."""
+"""Figures of reports as plain data for uPlot, and the page that contains them."""
 
 from __future__ import annotations
 
 import base64
+import gzip
 import json
 import pkgutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from html import escape
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from armcontour._version import __version__
+from armcontour.core import staging
+from armcontour.core.checks import FloatArray
 from armcontour.core.render import VERDICTS, number
 
-# Array types that plotly.js reads from base64, by name of the numpy type.
-TYPES = {"int8": "i1", "int16": "i2", "int32": "i4", "float32": "f4", "float64": "f8"}
-# Characters that could end the script element of a page, and their escapes in JSON.
-UNSAFE = {"<": "\\u003c", ">": "\\u003e", "/": "\\u002f"}
-# Options of plotly.js. The tools for selection are removed, because they have no effect.
-CONFIG = {"displaylogo": False, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
-# Minimum width of a plot if a figure has several columns [px].
-LEAST_WIDTH = 260
+# Significant digits of drawn values, which are finer than a pixel, and of their abscissae.
+DIGITS, X_DIGITS = 5, 7
+# Width of a figure that is as wide as the page, in sixths; minimum width of one of several columns
+# of plots, and height of a plot [px].
+WHOLE, LEAST_WIDTH, HEIGHT = 6, 260, 150
 # Text that the page shows if a figure is wider than the page.
 HINT = (
     '<p class="hint" aria-hidden="true">The figure continues to the right. Scroll it, or use the '
@@ -30,178 +32,107 @@ HINT = (
 )
 
 
-class Node(dict[str, Any]):
-    """A part of a figure: a dict whose keys are also attributes; a missing attribute is None."""
+class Picture:
+    """A figure or a drawing of a report, which can also be a page of its own."""
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        super().__init__()
-        self.merge(values)
-
-    def __getattr__(self, name: str) -> Any:
-        return self.get(name)
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        self.merge({name: value})
-
-    def merge(self, values: Mapping[str, Any]) -> None:
-        """Set values; None is ignored, and mappings are merged with existing mappings."""
-        for name, value in values.items():
-            if value is None:
-                continue
-            if name == "title" and isinstance(value, str):
-                value = {"text": value}
-            if isinstance(value, Mapping):
-                if name not in self:
-                    self[name] = Node({})
-                self[name].merge(value)
-            elif isinstance(value, list | tuple):
-                self[name] = [Node(x) if isinstance(x, Mapping) else x for x in value]
-            else:
-                self[name] = value
-
-
-def make_trace(kind: str, **values: Any) -> Node:
-    """Create a trace of plotly.js of a kind such as "scatter" or "bar"."""
-    return Node({"type": kind, **values})
-
-
-class Figure:
-    """Traces and layout of a figure.
-
-    `axes` has the names of the x and y axis of each plot, by row and column from 1; the default is
-    one plot. `least`: minimum width [px]; a narrower page scrolls the figure.
-    """
-
-    def __init__(
-        self,
-        *data: Node,
-        axes: Mapping[tuple[int, int], tuple[str, str]] | None = None,
-        least: int = 0,
-    ) -> None:
-        self.data = list(data)
-        # Width in sixths of the section.
-        self.span = 6
-        self._least = least
-        self.layout = Node({"shapes": [], "annotations": []})
-        self._axes = {(1, 1): ("xaxis", "yaxis")} if axes is None else axes
-
-    def add_trace(self, added: Node, row: int | None = None, col: int | None = None) -> None:
-        """Add a trace, by default to the first plot."""
-        if row is not None and col is not None:
-            x, y = self._axes[row, col]
-            added.merge({"xaxis": _short(x), "yaxis": _short(y)})
-        self.data.append(added)
-
-    def add_hline(self, y: float, line: Mapping[str, Any], row: int = 1, col: int = 1) -> None:
-        """Add a horizontal line across a plot."""
-        x_name, y_name = map(_short, self._axes[row, col])
-        place = {"x0": 0, "x1": 1, "xref": f"{x_name} domain", "y0": y, "y1": y, "yref": y_name}
-        self.layout["shapes"].append(Node({"type": "line", "line": line, **place}))
-
-    def update_layout(self, **values: Any) -> None:
-        """Merge values into the layout."""
-        self.layout.merge(values)
-
-    def update_xaxes(self, row: int | None = None, col: int | None = None, **values: Any) -> None:
-        """Merge values into the x axes of all plots, or of one row, column or plot."""
-        self._update_axes(0, row, col, values)
-
-    def update_yaxes(self, row: int | None = None, col: int | None = None, **values: Any) -> None:
-        """Merge values into the y axes of all plots, or of one row, column or plot."""
-        self._update_axes(1, row, col, values)
-
-    def _update_axes(
-        self, index: int, row: int | None, col: int | None, values: Mapping[str, Any]
-    ) -> None:
-        for place, names in self._axes.items():
-            if row in (None, place[0]) and col in (None, place[1]):
-                self.layout.merge({names[index]: values})
+    title: str
 
     def to_html(self, key: str) -> str:
-        """Render the figure and its title as HTML for `render_page`; `key` is the element's id."""
-        layout = {name: x for name, x in self.layout.items() if name != "title" and x != []}
-        title = self.layout.title.text
-        saved = {**CONFIG, "toImageButtonOptions": {"filename": title}}
-        arguments = ",".join(map(to_json, (key, self.data, layout, saved)))
-        size = f"height:{layout['height']}px;min-width:{self._least}px"
-        label = f'aria-labelledby="{key}-title"'
+        """Render the picture for a page with the data of its figures; `key`: id of its element."""
+        raise NotImplementedError
+
+    def write_html(self, file: str | FilePath) -> None:
+        """Write the picture as one self-contained page, atomically."""
+        page = self._page()
+        staging.write_atomically(FilePath(file), lambda x: x.write_text(page, encoding="utf-8"))
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self._page())}" width="100%" height="560"></iframe>'
+
+    def _page(self) -> str:
+        from armcontour.report.section import Chapter, Front
+
+        chapter = Chapter(front=Front(parts=(self,)))
+        return render_page(title=self.title, about="", source="", chapters=[chapter])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Curve:
+    """A curve of a plot in the units of its axes; NaN is a gap."""
+
+    x: FloatArray
+    y: FloatArray
+    name: str
+    colour: str
+    # Width of the line [px], and lengths of its dashes and gaps [px]
+    width: float = 2.0
+    dash: tuple[float, ...] = ()
+    # True to mark the points
+    marked: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bar:
+    """An interval of time [s] in a row of a plot."""
+
+    start: float
+    end: float
+    row: int
+    # Kind, which is its entry in the legend, and text under the pointer
+    kind: str
+    name: str
+    colour: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plot:
+    """A plot with curves, or with bars in rows."""
+
+    # Label of the vertical axis, and of the horizontal one, with their units
+    label: str
+    x_label: str = "time [s]"
+    curves: tuple[Curve, ...] = ()
+    bars: tuple[Bar, ...] = ()
+    # Names of the rows of bars
+    rows: tuple[str, ...] = ()
+    # Range of the vertical axis; None for that of the values
+    limits: tuple[float, float] | None = None
+    # Values at which horizontal lines are drawn
+    lines: tuple[float, ...] = ()
+    # Factor to a second unit that is shown under the pointer, and the unit
+    also: tuple[float, str] | None = None
+    logarithmic: bool = False
+    # True if the abscissae are counts
+    counts: bool = False
+    # Height [px]
+    height: int = HEIGHT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure(Picture):
+    """Plots in rows and columns, which share the pointer, the zoom and the legend."""
+
+    title: str
+    plots: tuple[Plot, ...]
+    # Titles of the columns
+    columns: tuple[str, ...] = ("",)
+    # Width in sixths of the section
+    span: int = WHOLE
+
+    def to_html(self, key: str) -> str:
+        """Render title and place of the figure; the page has its data by its key."""
+        count = len(self.columns)
+        least = LEAST_WIDTH * count if count > 1 else 0
+        titles = "".join(f"<b>{escape(x)}</b>" for x in self.columns if x)
         return (
-            f'<figure style="--span: {self.span}">'
-            f'<figcaption class="plotly-title" id="{key}-title">{escape(title)}</figcaption>'
-            f'<div class="scroll" role="group" {label}>'
-            f'<div id="{key}" class="plotly-graph-div" style="{size}"></div></div>'
-            f"{HINT}<script>draw({arguments});</script></figure>"
+            f'<figure class="plotted" style="--span: {self.span}">'
+            f'<figcaption id="{key}-title">{escape(self.title)}</figcaption>'
+            f'<div class="scroll" role="group" aria-labelledby="{key}-title">'
+            f'<div id="{key}" class="plots" '
+            f'style="--columns:{count};min-width:{least}px">{titles}</div></div>'
+            f'{HINT}<ul class="keys"></ul><noscript><p class="trouble">This figure needs '
+            "JavaScript.</p></noscript></figure>"
         )
-
-
-def make_subplots(
-    rows: int,
-    cols: int,
-    *,
-    vertical_spacing: float,
-    row_heights: Sequence[float] | None = None,
-    column_titles: Sequence[str] = (),
-) -> Figure:
-    """Create a figure with a grid of plots; `vertical_spacing` is a share of the height."""
-    start, end = _spans([1.0] * cols, 0.2 / cols)
-    # Vertical positions of plotly.js count from the bottom, so the rows are reversed.
-    heights = list(row_heights or [1.0] * rows)[::-1]
-    bottom, top = (x[::-1] for x in _spans(heights, vertical_spacing))
-    places = [(r, c) for r in range(rows) for c in range(cols)]
-    names = ["" if k == 0 else f"{k + 1}" for k in range(len(places))]
-    figure = Figure(
-        axes={
-            (r + 1, c + 1): (f"xaxis{name}", f"yaxis{name}")
-            for (r, c), name in zip(places, names, strict=True)
-        },
-        least=LEAST_WIDTH * cols if cols > 1 else 0,
-    )
-    for (r, c), name in zip(places, names, strict=True):
-        figure.update_layout(
-            **{
-                f"xaxis{name}": {"anchor": f"y{name}", "domain": [start[c], end[c]]},
-                f"yaxis{name}": {"anchor": f"x{name}", "domain": [bottom[r], top[r]]},
-            }
-        )
-        if r + 1 < rows:
-            last = f"x{names[(rows - 1) * cols + c]}"
-            figure.update_xaxes(r + 1, c + 1, matches=last, showticklabels=False)
-    figure.layout["annotations"] += [
-        Node(_title(text, (start[c] + end[c]) / 2, max(top)))
-        for c, text in enumerate(column_titles)
-    ]
-    return figure
-
-
-def _spans(sizes: Sequence[float], space: float) -> tuple[list[float], list[float]]:
-    """Divide the interval from 0 to 1 in proportion to `sizes`, with a space between the parts.
-
-    Returns the starts and the ends of the parts.
-    """
-    free = 1.0 - space * (len(sizes) - 1)
-    lengths = [free * x / sum(sizes) for x in sizes]
-    starts = [sum(lengths[:k]) + k * space for k in range(len(sizes))]
-    return starts, [start + x for start, x in zip(starts, lengths, strict=True)]
-
-
-def _title(text: str, x: float, y: float) -> dict[str, Any]:
-    """Annotation of plotly.js with a title above a plot."""
-    return {
-        "text": text,
-        "x": x,
-        "xanchor": "center",
-        "xref": "paper",
-        "y": y,
-        "yanchor": "bottom",
-        "yref": "paper",
-        "showarrow": False,
-        "font": {"size": 16},
-    }
-
-
-def _short(axis: str) -> str:
-    """Name of an axis in a trace, such as "x2" for "xaxis2"."""
-    return axis.replace("axis", "")
 
 
 def render_page(**values: Any) -> str:
@@ -209,48 +140,72 @@ def render_page(**values: Any) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
+    figures: dict[str, Figure] = {}
+
+    def place(picture: Picture, key: str) -> Markup:
+        if isinstance(picture, Figure):
+            figures[f"figure-{key}"] = picture
+        return Markup(picture.to_html(f"figure-{key}"))
+
     environment = Environment(
         loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
     )
     environment.filters["number"] = number
-    environment.globals["figure"] = lambda x, key: Markup(x.to_html(f"figure-{key}"))
+    environment.globals["figure"] = place
+    # The data are packed after the template has placed the figures.
+    environment.globals["figures"] = lambda: pack(to_json(figures).encode()) if figures else ""
     return environment.get_template("report.html").render(
         version=__version__,
         verdicts=VERDICTS,
-        plotly=Markup(base64.b64encode(_vendored("plotly.js.gz")).decode()),
-        template=Markup(to_json(json.loads(_vendored("plotly_white.json")))),
+        uplot=_vendored("uplot.js"),
+        uplot_css=Markup(_vendored("uplot.css", packed=False)),
         **values,
     )
 
 
 @cache
-def _vendored(name: str) -> bytes:
+def _vendored(name: str, packed: bool = True) -> str:
     """Content of a file in the folder `vendor`, which `make vendor` creates."""
-    content = pkgutil.get_data("armcontour.report", f"vendor/{name}")
+    content = pkgutil.get_data("armcontour.report", f"static/vendor/{name}")
     assert content is not None
-    return content
+    return pack(content) if packed else content.decode()
 
 
-def to_json(value: Any) -> str:
-    """Encode a value as JSON for a script element of a page; NaN and infinity become null."""
-    text = json.dumps(value, default=_plain, separators=(",", ":"))
-    if "NaN" in text or "Infinity" in text:
-        text = json.dumps(json.loads(text, parse_constant=lambda x: None), separators=(",", ":"))
-    for character, safe in UNSAFE.items():
-        text = text.replace(character, safe)
-    return text
+def pack(content: bytes) -> str:
+    """Compress bytes to text that can stand in a script element."""
+    return base64.b64encode(gzip.compress(content, mtime=0)).decode()
 
 
-def _plain(value: Any) -> Any:
-    """Convert a numpy array or number to a value that JSON supports."""
-    if isinstance(value, np.ndarray) and value.size:
-        if value.dtype == np.int64:
-            # plotly.js does not support 64-bit integers, so the smallest sufficient type is used.
-            value = value.astype(np.min_scalar_type(-1 - int(np.abs(value).max())))
-        kind = TYPES.get(str(value.dtype))
-        if kind is not None:
-            coded = {"dtype": kind, "bdata": base64.b64encode(value.tobytes()).decode()}
-            if value.ndim > 1:
-                coded["shape"] = ", ".join(map(str, value.shape))
-            return coded
-    return value.tolist()
+def to_json(figures: Mapping[str, Figure]) -> str:
+    """Encode figures as JSON; each array of abscissae is contained once per plot."""
+    return json.dumps({x: _plain_figure(y) for x, y in figures.items()}, separators=(",", ":"))
+
+
+def _plain_figure(figure: Figure) -> dict[str, Any]:
+    return {"columns": len(figure.columns), "plots": [_plain_plot(x) for x in figure.plots]}
+
+
+def _plain_plot(plot: Plot) -> dict[str, Any]:
+    """Plot as plain data: curves refer to their arrays of abscissae by index."""
+    arrays, curves = list[FloatArray](), []
+    for curve in plot.curves:
+        same = (k for k, x in enumerate(arrays) if np.array_equal(x, curve.x))
+        index = next(same, len(arrays))
+        if index == len(arrays):
+            arrays.append(curve.x)
+        look = {"name": curve.name, "colour": curve.colour, "width": curve.width}
+        look |= {"dash": curve.dash, "marked": curve.marked}
+        curves.append({**look, "x": index, "y": _rounded(curve.y, DIGITS)})
+    names = ("label", "x_label", "rows", "limits", "lines", "also", "logarithmic", "counts")
+    values = {x: getattr(plot, x) for x in (*names, "height")}
+    bars = [(x.start, x.end, x.row, x.kind, x.name, x.colour) for x in plot.bars]
+    return {**values, "x": [_rounded(x, X_DIGITS) for x in arrays], "curves": curves, "bars": bars}
+
+
+def _rounded(values: FloatArray, digits: int) -> list[float | None]:
+    """Values rounded to significant digits; None for NaN and infinity, which JSON lacks."""
+    finite = np.isfinite(values).tolist()
+    listed = np.asarray(values, dtype=np.float64).tolist()
+    return [
+        float(f"{x:.{digits}g}") if known else None for x, known in zip(listed, finite, strict=True)
+    ]

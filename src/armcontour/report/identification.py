@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from armcontour.control.identification import Identification
 from armcontour.core.result import TABLE, Data
 from armcontour.core.text import capitalise
-from armcontour.report.figure import make_subplots, render_page
+from armcontour.report.figure import Curve, Figure, Plot, render_page
 from armcontour.report.section import Chapter, Front, Section, Tile, text_table, tiles
-from armcontour.report.style import (
-    EXECUTED_COLOUR,
-    LIMIT_COLOUR,
-    PLANNED_COLOUR,
-    finish,
-    line,
-    thin,
-)
+from armcontour.report.style import EXECUTED_COLOUR, LIMIT_COLOUR, PLANNED_COLOUR, thin
 
 # Gap between successive logs in the figures [s], and height of the plots of a joint [px].
-APART, HEIGHT = 1.0, 90
+APART, HEIGHT = 1.0, 56
+SOURCE = "predicted from the other parts, where not fitted"
 
 
 def render_identification(identification: Identification) -> str:
@@ -52,12 +44,13 @@ def _front(result: Identification, data: Data) -> Front:
             Tile(label="joints with all parameters determined", value=known),
         ),
         tables=(text_table(table, "All joints"),),
+        parts=(_figure(result),) if any(x.rests for x in result.joints) else (),
         sentences=tuple(("Weakest point", x) for x in [*data.warnings, *data.notes][:1]),
     )
 
 
 def _sections(identification: Identification, data: Data) -> list[Section]:
-    """Sections with the parameters and notes of the joints, and with the motion and residuals."""
+    """Section with the parameters and notes of the joints."""
     tables = [x for x in data.tables if x.level <= TABLE][1:]
     of_joints = (
         f"{x.title}: {y}"
@@ -65,7 +58,7 @@ def _sections(identification: Identification, data: Data) -> list[Section]:
         for y in x.notes
         if y not in data.notes
     )
-    sections = [
+    return [
         Section(
             key="parameters",
             title="Parameters",
@@ -74,45 +67,28 @@ def _sections(identification: Identification, data: Data) -> list[Section]:
             notes=(*data.notes, *of_joints),
         )
     ]
-    if any(x.rests for x in identification.joints):
-        sections.append(
-            Section(
-                key="motion",
-                title="Motion and residuals",
-                summary="measured and predicted positions of all joints, and residuals",
-                parts=(_figure(identification),),
-            )
-        )
-    return sections
 
 
-def _figure(identification: Identification) -> Any:
+def _figure(identification: Identification) -> Figure:
     """Figure with measured and predicted position, and residual, of each joint with a model."""
-    joints = [(j, x) for j, x in enumerate(identification.joints) if x.rests]
-    source = "predicted from the other parts, where not fitted"
-    drawn = make_subplots(
-        rows=len(joints),
-        cols=2,
-        column_titles=["position [rad]", "residual [mrad]"],
-        vertical_spacing=0.15 / len(joints),
-    )
-    for row, (j, joint) in enumerate(joints, start=1):
-        gap, start, parts = np.full((1, 3), np.nan), 0.0, []
+    plots = list[Plot]()
+    for j, joint in enumerate(identification.joints):
+        if not joint.rests:
+            continue
+        start, parts = 0.0, []
         for log, residual in zip(identification.logs, joint.rests, strict=True):
-            y = log.measured[:, j]
-            parts += [np.stack([log.t - log.t[0] + start, y, residual], axis=1), gap]
-            start += log.t[-1] - log.t[0] + APART
+            t = log.t - log.t[0] + start
+            parts.append(np.stack([t, log.measured[:, j], residual], axis=1))
+            # The curves have a gap between the logs.
+            parts.append(np.array([[t[-1] + APART / 2, np.nan, np.nan]]))
+            start = t[-1] + APART
         times, measured, residuals = np.concatenate(parts).T
-        for column, curve, name, colour in (
-            (1, measured, "measured", EXECUTED_COLOUR),
-            (1, measured - residuals, source, PLANNED_COLOUR),
-            (2, residuals * 1e3, "residual", LIMIT_COLOUR),
-        ):
-            t, y = thin(times, curve)
-            look = {"legendgroup": name, "showlegend": row == 1, "width": 1.2}
-            drawn.add_trace(line(t, y, name, colour, **look), row, column)
-        drawn.update_yaxes(row, 1, title={"text": joint.name, "font": {"size": 11}})
-    for column in (1, 2):
-        drawn.update_xaxes(len(joints), column, title="time [s]")
-    drawn.update_yaxes(nticks=4)
-    return finish(drawn, title="All joints", height=HEIGHT * len(joints) + 150)
+        t, measured, predicted = thin(times, measured, measured - residuals)
+        positions = (("measured", measured, EXECUTED_COLOUR), (SOURCE, predicted, PLANNED_COLOUR))
+        curves = [Curve(x=t, y=y, name=x, colour=colour, width=1.2) for x, y, colour in positions]
+        plots.append(Plot(label=joint.name, curves=tuple(curves), height=HEIGHT))
+        t, residuals = thin(times, residuals * 1e3)
+        rest = Curve(x=t, y=residuals, name="residual", colour=LIMIT_COLOUR, width=1.2)
+        plots.append(Plot(label="", curves=(rest,), height=HEIGHT))
+    columns = ("position [rad]", "residual [mrad]")
+    return Figure(title="Motion and residuals", plots=tuple(plots), columns=columns)

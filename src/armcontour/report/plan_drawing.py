@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from typing import NamedTuple
 
@@ -14,8 +15,10 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.render import LIMITS, LINES, number, number_range
 from armcontour.core.text import count_noun
 from armcontour.jobs import Job, RunResult
+from armcontour.jobs.rows import allowed_error
 from armcontour.planning.explanation import BETWEEN, RAPIDS, LimitShare
-from armcontour.program import Process, cut_parts
+from armcontour.program import Contour, Process, cut_parts, idle_parts
+from armcontour.report.figure import WHOLE, Picture
 from armcontour.report.outline import fine_places, simplify
 
 # Width, maximum and minimum height, and margin of the drawing [px].
@@ -38,6 +41,8 @@ AXIS, SHORT_AXIS = 26.0, 0.25
 STILL = 1e-6
 # Share of the duration below which a limit is not listed in the legend.
 LEAST_SHARE = 5e-3
+# Factor by which a link to a place enlarges the drawing.
+CLOSER = 5
 
 
 class LegendEntry(NamedTuple):
@@ -52,6 +57,8 @@ class LegendEntry(NamedTuple):
     look: str
     # Limits of this kind with their times, such as the limits of single joints
     names: str
+    # Id of the place at which this kind is active longest; "" between contours
+    place: str = ""
 
 
 class Mark(NamedTuple):
@@ -63,23 +70,58 @@ class Mark(NamedTuple):
     words: str
     # Direction, (dimension,); None if the mark has no direction
     along: FloatArray | None = None
+    # Id of the mark, to which the page links
+    place: str = ""
+    # Size of what a link to the mark shows [m]; 0 for a share of the drawing
+    window: float = 0.0
+
+
+class Key(NamedTuple):
+    """An entry below a drawing."""
+
+    # Symbol as HTML, and its meaning
+    symbol: str
+    words: str
+    # Id of the mark; "" without a link
+    place: str = ""
+
+
+# A tab: contour, arc length of its start, and arc lengths of the tab on it [m].
+Tab = tuple[Contour, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drawing:
-    """A drawing with its legend."""
+class Drawing(Picture):
+    """A drawing with its legends."""
 
+    title: str
     svg: str
+    keys: tuple[Key, ...]
     # Kinds of limits, in order of decreasing time
-    legend: tuple[LegendEntry, ...]
-    # Symbol and meaning of each kind of drawn marks
-    marks: tuple[tuple[str, str], ...]
+    legend: tuple[LegendEntry, ...] = ()
+    # Ids of marks, by names of the values that they show
+    places: Mapping[str, str] = field(default_factory=dict)
+    # Width in sixths of the section
+    span: int = WHOLE
+
+    def to_html(self, key: str) -> str:
+        """Render title, drawing and legend."""
+        entries = []
+        for x in self.keys:
+            text = f"{x.symbol} {escape(x.words)}"
+            place = f'<a href="#{escape(x.place)}">{text}</a>' if x.place else text
+            entries.append(f"<li>{place}</li>")
+        return (
+            f'<figure class="drawn" style="--span: {self.span}" id="{key}">'
+            f"<figcaption>{escape(self.title)}</figcaption>{self.svg}"
+            f'<output></output><ul class="keys">{"".join(entries)}</ul></figure>'
+        )
 
 
 def draw_plan(result: RunResult, job: Job) -> Drawing:
-    """Draw the path of a plan with its active limits, rapids, kerf and marks."""
+    """Draw the path of a plan with its active limits, rapids, kerf, process and extremes."""
     outline = [x.path(fine_places(x.path)) for x in result.path.contours]
-    rapids = _rapids(result)
+    rapids, tabs = _rapids(result), _tabs(result, job.process)
     sheet = Sheet.of(np.concatenate([*outline, *rapids]))
     parts = [
         *_kerf(result, job.process, sheet),
@@ -87,36 +129,62 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         *_leads(result, sheet),
     ]
     if rapids:
-        parts.append(_line(sheet, rapids, f'class="limit" {look_of(RAPIDS)}'))
+        parts.append(line(sheet, rapids, f'class="limit" {look_of(RAPIDS)}'))
     for kind, curves in _pieces(result, sheet).items():
-        parts.append(_line(sheet, curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
-    marks = {
+        parts.append(line(sheet, curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
+    gaps = [contour.path(fine_places(contour.path, a, b)) for contour, _, a, b in tabs]
+    if gaps:
+        parts.append(line(sheet, gaps, 'class="tab"', "tab, not cut"))
+    prefix = slug(job.name)
+    extremes = list(_extremes(result, prefix))
+    marks: dict[str, tuple[str, str, list[Mark]]] = {
         "start": ("▶", "start of a contour", _starts(result)),
         "stop": ("■", "stop inside a contour", _stops(result)),
-        "event": ("◆", "output switched", _events(result)),
+        "pierce": ("⊙", "pierce", _pierces(result, job.process)),
+        "on": ("◆", "output on or changed", _events(result, tabs, on=True)),
+        "off": ("◇", "output off", _events(result, tabs, on=False)),
+        **{name: (symbol, mark.words, [mark]) for name, symbol, mark in extremes},
     }
-    drawn = []
-    for name, (symbol, words, places) in marks.items():
-        if places:
-            parts += sheet.mark(name, places)
-            drawn.append((symbol, f"{words} ({len(places)})"))
+    keys = [Key("┄", f"tab ({len(tabs)})")] if tabs else []
+    for name, (symbol, words, points) in marks.items():
+        if points:
+            parts += sheet.mark(name, points)
+            place = points[0].place
+            keys.append(Key(symbol, words if place else f"{words} ({len(points)})", place))
+    limits = {x: _longest(result, x, f"{prefix}-limit-{slug(x)}") for x in _kinds(result)}
+    parts += [sheet.ring(x) for x in limits.values()]
     parts += [*_numbers(result, sheet), *sheet.scale()]
-    legend = legend_of(result)
+    legend = legend_of(result, {kind: x.place for kind, x in limits.items()})
     label = f"Path of the tool, {count_noun(len(outline), 'contour')}; what takes the time: "
     label += ", ".join(f"{x.word} {number(x.share, '1')}" for x in legend) or "unknown"
+    places = {ROW_OF[name]: mark.place for name, _, mark in extremes if name in ROW_OF}
+    if (why := result.explanation) is not None and why.longest is not None:
+        kinds = {x.name: kind_of(x.limit) for x in why.bindings}
+        if why.longest[0] in kinds:
+            places["time_limit"] = limits[kinds[why.longest[0]]].place
+    title = f"Path of run {result.run.name}" + ", by the active limit" * bool(legend)
     return Drawing(
-        svg=(
-            f'<svg class="drawing" role="img" viewBox="0 0 {WIDTH:.0f} {sheet.height:.0f}" '
-            f'aria-label="{escape(label)}">{"".join(parts)}</svg>'
-        ),
-        legend=legend,
-        marks=tuple(drawn),
+        title=title, svg=sheet.svg(label, parts), keys=tuple(keys), legend=legend, places=places
     )
+
+
+# Values that are shown at their places, by name of the mark.
+ROW_OF = {"error": "off_drawing", "near": "clearance.low", "slow": "slowest"}
+
+
+def slug(text: str) -> str:
+    """Text as a part of an id."""
+    return re.sub(r"\W+", "-", text)
 
 
 def word_of(kind: str) -> str:
     """Displayed name of a kind of limit."""
     return str(LIMITS.get(kind, LIMITS["other"]).get("word", kind))
+
+
+def colour_of(kind: str) -> str:
+    """Colour of a kind of limit on a light page."""
+    return str(LIMITS.get(kind, LIMITS["other"])["light"])
 
 
 def look_of(kind: str) -> str:
@@ -170,6 +238,26 @@ class Sheet:
                 turn = f"translate({right:.1f} {down:.1f}) rotate({angle:.0f})"
                 title = f"<title>{escape(mark.words)}</title>"
                 yield f'<use href="#mark-{name}" transform="{turn}">{title}</use>'
+                if mark.place:
+                    yield self.ring(mark)
+
+    def ring(self, mark: Mark) -> str:
+        """SVG circle that shows a place after a link to it was followed."""
+        right, down = self.place(mark.point)
+        window = mark.window * self.size or WIDTH / CLOSER
+        return (
+            f'<circle id="{escape(mark.place)}" class="place" cx="{right:.1f}" cy="{down:.1f}" '
+            f'r="11" data-window="{window:.2f}"><title>{escape(mark.words)}</title></circle>'
+        )
+
+    def svg(self, label: str, parts: Iterable[str]) -> str:
+        """SVG drawing of parts; if it is seen along an axis, it has the coordinates in mm."""
+        view = f'viewBox="0 0 {WIDTH:.0f} {self.height:.0f}"'
+        x, y = self.origin * 1e3
+        flat = np.array_equal(self.axes, np.eye(*self.axes.shape))
+        view += f' data-mm="{x} {y} {1e3 / self.size}"' if flat else ""
+        parts = "".join(parts)
+        return f'<svg class="drawing" role="img" {view} aria-label="{escape(label)}">{parts}</svg>'
 
     def scale(self) -> Iterator[str]:
         """Yield the SVG elements of the coordinate axes and of a scale bar with a round length."""
@@ -198,12 +286,18 @@ def view_of(points: FloatArray) -> FloatArray:
     return OBLIQUE
 
 
-def _line(sheet: Sheet, curves: Sequence[FloatArray], look: str, words: str = "") -> str:
-    """SVG path of curves [m], simplified to a deviation of VISIBLE on the screen."""
-    drawn = [sheet.place(x) for x in curves]
-    chosen = simplify(drawn, even=1, visible=VISIBLE)
-    rows = (points[few].ravel().tolist() for points, few in zip(drawn, chosen, strict=True))
-    texts = ("M" + " ".join(f"{x:.1f}" for x in row) for row in rows)
+def line(
+    sheet: Sheet, curves: Sequence[FloatArray], look: str, words: str = "", *, fine: bool = False
+) -> str:
+    """SVG path of curves [m], simplified to a deviation of VISIBLE on the screen.
+
+    `fine`: the curves are simplified already, and their details are seen in the enlarged drawing.
+    """
+    drawn, digits = [sheet.place(x) for x in curves], 2 if fine else 1
+    if not fine:
+        chosen = simplify(drawn, even=1, visible=VISIBLE)
+        drawn = [points[few] for points, few in zip(drawn, chosen, strict=True)]
+    texts = ("M" + " ".join(f"{x:.{digits}f}" for x in y.ravel().tolist()) for y in drawn)
     title = f"<title>{escape(words)}</title>" if words else ""
     return f'<path {look} d="{"".join(texts)}">{title}</path>'
 
@@ -238,8 +332,11 @@ def kind_of(limit: str) -> str:
     return BETWEEN if limit == "nothing" else limit
 
 
-def legend_of(result: RunResult) -> tuple[LegendEntry, ...]:
-    """Legend of a run: time of each kind of limit, in order of decreasing time."""
+def legend_of(result: RunResult, places: Mapping[str, str]) -> tuple[LegendEntry, ...]:
+    """Legend of a run: time of each kind of limit, in order of decreasing time.
+
+    `places`: ids of the places of the kinds.
+    """
     explanation, kinds = result.explanation, defaultdict[str, list[LimitShare]](list)
     for share_of_limit in () if explanation is None else explanation.shares:
         kinds[share_of_limit.kind].append(share_of_limit)
@@ -251,7 +348,8 @@ def legend_of(result: RunResult) -> tuple[LegendEntry, ...]:
         names = [f"{x.name.removesuffix(f' {kind}')} {number(x.time, 's')}" for x in parts]
         words = ", ".join(names) if len(parts) > 1 else ""
         time = sum(x.time for x in parts)
-        entries.append(LegendEntry(word_of(kind), time, share, look_of(kind), words))
+        place = places.get(kind, "")
+        entries.append(LegendEntry(word_of(kind), time, share, look_of(kind), words, place))
     return tuple(sorted(entries, key=lambda x: -x.time))
 
 
@@ -274,7 +372,7 @@ def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[str]:
         widths[kerf].append(path(fine_places(path, begin, end)))
     for kerf, curves in widths.items():
         look = f'class="kerf" stroke-width="{kerf * sheet.size:.1f}"'
-        yield _line(sheet, curves, look, f"kerf {number(kerf, 'm')}")
+        yield line(sheet, curves, look, f"kerf {number(kerf, 'm')}")
 
 
 def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
@@ -284,7 +382,7 @@ def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
         contours = list(result.objective.contours)
     curves = [x.path(fine_places(x.path)) for x in contours]
     if curves:
-        yield _line(sheet, curves, 'class="objective"', "as drawn")
+        yield line(sheet, curves, 'class="objective"', "as drawn")
 
 
 def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
@@ -296,7 +394,7 @@ def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
             if (b - a) * sheet.size > SHORTEST:
                 curves.append(contour.path(fine_places(contour.path, a, b)))
     if curves:
-        yield _line(sheet, curves, f'class="lead" stroke="{LINES["leads"]}"', "lead")
+        yield line(sheet, curves, f'class="lead" stroke="{LINES["leads"]}"', "lead")
 
 
 def _starts(result: RunResult) -> list[Mark]:
@@ -304,7 +402,7 @@ def _starts(result: RunResult) -> list[Mark]:
     spans, marks = result.trajectory.contour_spans, []
     for k, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True), start=1):
         words = (
-            f"contour {k} {contour.name} {contour.layer}".strip()
+            f"contour {contour.number or k} {contour.name} {contour.layer}".strip()
             + f": {number(contour.path.length, 'm')}"
         )
         words += f", {number_range(span.t, 's')}"
@@ -318,7 +416,8 @@ def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
     if 1 < len(contours) <= MAX_NUMBERED:
         for k, contour in enumerate(contours, start=1):
             right, down = sheet.place(contour.path(0.0))
-            yield f'<text class="number" x="{right + 6:.1f}" y="{down - 6:.1f}">{k}</text>'
+            number_of = contour.number or k
+            yield f'<text class="number" x="{right + 6:.1f}" y="{down - 6:.1f}">{number_of}</text>'
 
 
 def _stops(result: RunResult) -> list[Mark]:
@@ -335,9 +434,10 @@ def _stops(result: RunResult) -> list[Mark]:
     return marks
 
 
-def _events(result: RunResult) -> list[Mark]:
-    """Marks at the points at which outputs are switched."""
+def _events(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[Mark]:
+    """Marks at the points at which outputs are switched, without those of tabs."""
     words = {True: "on", False: "off"}
+    ends = np.array([start + x for _, start, *both in tabs for x in both])
     return [
         Mark(
             np.asarray(x.point),
@@ -345,4 +445,73 @@ def _events(result: RunResult) -> list[Mark]:
             f"t = {number(x.t, 's')}, s = {number(x.s, 'm')}",
         )
         for x in result.trajectory.events
+        if (x.value is not False) == on and not np.isclose(x.s, ends, rtol=0, atol=1e-9).any()
     ]
+
+
+def _tabs(result: RunResult, process: Process) -> list[Tab]:
+    """Tabs of all contours: parts at work on which the process is off."""
+    tabs = []
+    for k, start, end in idle_parts(result.path, process):
+        contour = result.path.contours[k]
+        first, last = contour.at_work
+        if first < start and end < last:
+            tabs.append((contour, float(result.path.breaks[k]), start, end))
+    return tabs
+
+
+def _pierces(result: RunResult, process: Process) -> list[Mark]:
+    """Marks at the starts of contours at which the tool pierces."""
+    layers = ((x, process.of_contour(x).pierce) for x in result.path.contours)
+    return [
+        Mark(x.path(0.0), f"pierce {number(pierce.time, 's')}")
+        for x, pierce in layers
+        if pierce is not None
+    ]
+
+
+def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]:
+    """Yield name, symbol and mark of the slowest point, the largest error and the nearest pair."""
+    short = () if result.explanation is None else result.explanation.shortfalls
+    slowest = min(short, key=lambda x: x.speed / x.assigned, default=None)
+    if slowest is not None:
+        words = f"slowest point: {slowest.sentence}"
+        yield "slow", "▲", Mark(_at(result, slowest.s), words, place=f"{prefix}-slow")
+    if result.judged is not None:
+        # As in the verdict, the worst contour is that with the largest sum of rounding and error.
+        errors = result.judged.contours
+        roundings = [getattr(x.path, "deviation", None) or 0.0 for x in result.path.contours]
+        e = errors[int(np.argmax([x + y.max for x, y in zip(roundings, errors, strict=True)]))]
+        allowed = allowed_error(result)
+        share = f", {number(e.max / allowed, '1')} of the allowed" if allowed else ""
+        words = f"largest error {number(e.max, 'm')}{share}"
+        yield "error", "✕", Mark(_at(result, e.s_max), words, place=f"{prefix}-error")
+    if result.clearance is not None and (pair := result.clearance.least) is not None:
+        t = pair.t if pair.first_time is None else pair.first_time
+        words = f"nearest pair: {pair.second} and {pair.first}, {number(pair.high, 'm')}"
+        tool = result.arm.tool_position(result.trajectory(t))
+        yield "near", "◎", Mark(tool, words, place=f"{prefix}-near")
+
+
+def _at(result: RunResult, s: float) -> FloatArray:
+    """Point at an arc length over all contours [m], (dimension,)."""
+    breaks = result.path.breaks
+    k = int(np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2))
+    contour = result.path.contours[k]
+    return np.asarray(contour.path(min(s - breaks[k], contour.path.length)))
+
+
+def _kinds(result: RunResult) -> list[str]:
+    """Kinds of limits that are active on contours."""
+    explanation = result.explanation
+    bindings = () if explanation is None else explanation.bindings
+    return list(dict.fromkeys(kind_of(x.limit) for x in bindings))
+
+
+def _longest(result: RunResult, kind: str, place: str) -> Mark:
+    """Mark in the middle of the longest part of the motion with a kind of limit."""
+    assert result.explanation is not None
+    parts = [x for x in result.explanation.bindings if kind_of(x.limit) == kind]
+    longest = max(parts, key=lambda x: x.t[1] - x.t[0])
+    words = f"{longest.name}, {number_range(longest.t, 's')}"
+    return Mark(_at(result, float(np.mean(longest.s))), words, place=place)

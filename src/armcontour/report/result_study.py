@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -17,10 +16,10 @@ from armcontour.jobs import Job, JobResult, Run, RunResult
 from armcontour.motion import DEFAULT_CYCLE, Execution, Method, Span, Trajectory, arm_of
 from armcontour.planning import explain
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
-from armcontour.report.figure import Figure
+from armcontour.report.figure import Figure, Picture
 from armcontour.report.sections.joints import draw_joints
 from armcontour.report.sections.motion import draw_over_time, error, speed
-from armcontour.report.sections.path_section import draw_path
+from armcontour.report.sections.path_section import draw_tool, tools_of
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation, evaluate
@@ -65,33 +64,22 @@ def study_of(result: Result) -> JobResult:
     return _study(run_result)
 
 
-def draw_result(result: Result, kind: str) -> Any:
-    """Draw a result as a plotly figure of a kind in KINDS, see `armcontour.core.text.draw`."""
+def draw_result(result: Result, kind: str) -> Picture:
+    """Draw a result as a picture of a kind in KINDS, see `armcontour.core.text.draw`."""
     checks.check_choice("kind", kind, tuple(KINDS))
-    drawn = KINDS[kind](study_of(result))
-    try:
-        from plotly.graph_objects import Figure as Plotly
-    except ImportError:
-        raise InvalidInput(
-            "Figures require the library plotly. Install it with pip install "
-            "'armcontour[figures]', or use `write_report`, which does not require plotly."
-        ) from None
-
-    figure = Plotly({"data": drawn.data, "layout": drawn.layout}, skip_invalid=False)
-    return figure.update_layout(template="plotly_white", margin={"t": 60}, width=None)
+    return KINDS[kind](study_of(result))
 
 
 def _draw_error(study: JobResult) -> Figure:
     if not study.simulated:
         raise InvalidInput("A plan has no contour error. Execute and evaluate the plan first.")
-    drawn: Figure = draw_over_time(study, error)
-    return drawn
+    return draw_over_time(study, error, title="Contour error")
 
 
-KINDS: dict[str, Callable[[JobResult], Figure]] = {
-    "path": draw_path,
+KINDS: dict[str, Callable[[JobResult], Picture]] = {
+    "path": lambda study: draw_tool(tools_of(study)[0], study.job.name),
     "joints": lambda study: draw_joints(*next(iter(study.runs.items()))),
-    "speed": lambda study: draw_over_time(study, speed),
+    "speed": lambda study: draw_over_time(study, speed, title="Tool speed"),
     "error": _draw_error,
 }
 

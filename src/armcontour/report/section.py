@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from armcontour.core import result
 from armcontour.core.render import cells, compare, figure
 from armcontour.core.result import JUDGED, TABLE, VERDICT, Data
-from armcontour.report.plan_drawing import Drawing
 
+# Number of rows in large print.
+FEW_TILES = 3
+NO_PLACES: Mapping[str, str] = MappingProxyType({})
 # Values with more characters count as sentences, and tables of values omit their rows.
 LONGEST = 40
 # Maximum widths of tables that take a third and half of the page [characters].
@@ -41,6 +44,8 @@ class Tile:
     label: str
     value: str
     note: str = ""
+    # Id of the mark in the drawing that shows the value
+    place: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,8 +80,8 @@ class Front:
     # The most important values
     tiles: tuple[Tile, ...] = ()
     tables: tuple[TextTable, ...] = ()
-    # Drawing of the path; None if figures and tables (`parts`) replace it
-    drawing: Drawing | None = None
+    # `Drawing` of the path; None if figures and tables (`parts`) replace it
+    drawing: Any = None
     parts: tuple[Any, ...] = ()
     # Headings and their sentences
     sentences: tuple[tuple[str, str], ...] = ()
@@ -92,10 +97,19 @@ class Chapter:
     title: str = ""
 
 
-def tiles(data: Data, level: int = VERDICT) -> tuple[Tile, ...]:
-    """Tiles that show the first three rows up to a level in large print, without the verdict."""
+def tiles(
+    data: Data, level: int = VERDICT, places: Mapping[str, str] = NO_PLACES
+) -> tuple[Tile, ...]:
+    """Tiles that show the first rows up to a level in large print, without the verdict.
+
+    `places`: ids of marks by the names of rows; a row with a mark is always shown.
+    """
     rows = [x for x in data.shown(level) if x.unit != JUDGED]
-    return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in rows[:3])
+    return tuple(
+        Tile(label=x.label, value=figure(x), note=x.note, place=places.get(x.name, ""))
+        for k, x in enumerate(rows)
+        if k < FEW_TILES or x.name in places
+    )
 
 
 def side_by_side(results: Mapping[str, Data], caption: str = "") -> TextTable:

@@ -1,27 +1,25 @@
-"""Colours, fonts and layout of figures."""
+"""Colours of figures, and selection of what they show."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import LINES, PALETTE
-from armcontour.report.figure import make_trace
 
 RUN_COLOURS = PALETTE["runs"]
 PATH_COLOUR, LIMIT_COLOUR = LINES["objective"], LINES["allowed"]
 PLANNED_COLOUR, EXECUTED_COLOUR = LINES["planned"], LINES["executed"]
 EXPERIMENT_COLOUR = LINES["experiment"]
 # Line style of an experiment, which has the colour of its run.
-EXPERIMENT_DASH = "dot"
-# Ratio of the largest to the smallest value above which a logarithmic axis is labelled only at
-# powers of ten.
+EXPERIMENT_DASH = (2.0, 3.0)
+# Line style of a limit or an assigned velocity.
+LIMIT_DASH = (6.0, 4.0)
+# Ratio of the largest value to the smallest one on a logarithmic axis; smaller values are drawn at
+# the edge, because noise would take most of the height.
 DECADES = 1e3
-# Width of a figure that is as wide as the page, in sixths.
-WHOLE = 6
 # Maximum number of points in a curve; more points are not visible.
 MAX_POINTS = 2400
 # Maximum number of sentences of one kind.
@@ -72,52 +70,3 @@ def few(sentences: Iterable[str], noun: str = "of these") -> tuple[str, ...]:
     if len(listed) <= MAX_SENTENCES:
         return listed
     return (*listed[:MAX_SENTENCES], f"And {len(listed) - MAX_SENTENCES} more {noun}.")
-
-
-def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> Any:
-    """Apply the common layout; `height`: height [px]; `span`: width in sixths of the page."""
-    if span < WHOLE:
-        figure.span = span
-    figure.update_layout(
-        title=title,
-        height=height,
-        font={"family": "system-ui, sans-serif", "size": 13, "color": "#222222"},
-        margin={"l": 70, "r": 20, "t": 30, "b": 60},
-        legend={
-            **{"orientation": "h", "xref": "container", "x": 0},
-            **{"yref": "container", "yanchor": "bottom", "y": 0},
-        },
-        hovermode="closest",
-    )
-    axes = {"showline": True, "linecolor": "#444444", "ticks": "outside", "zeroline": False}
-    # Labels have powers of ten, because a label such as 100µ on an axis in mm is misread as µm.
-    figure.update_xaxes(**axes, exponentformat="power")
-    figure.update_yaxes(**axes, exponentformat="power")
-    for letter in "xy":
-        axis = figure.layout[f"{letter}axis"]
-        if axis.type == "log":
-            shown = [np.asarray(x[letter], dtype=np.float64).ravel() for x in figure.data]
-            axis.merge(_log_ticks(np.concatenate(shown)))
-    return figure
-
-
-def _log_ticks(values: FloatArray) -> dict[str, Any]:
-    """Tick options of a logarithmic axis: at 1, 2 and 5, or for a wide range at powers of ten."""
-    positive = values[np.isfinite(values) & (values > 0)]
-    wide = len(positive) > 0 and positive.max() > DECADES * positive.min()
-    return {"dtick": 1} if wide else {"tickformat": "~g", "dtick": "D2"}
-
-
-def line(x: Any, y: Any, name: str, colour: str, **options: Any) -> Any:
-    """Trace of a curve in single precision, which halves the size of the page."""
-    dash = options.pop("dash", "solid")
-    width = options.pop("width", 2)
-    return make_trace(
-        "scatter",
-        x=np.asarray(x, dtype=np.float32),
-        y=np.asarray(y, dtype=np.float32),
-        name=name,
-        mode="lines",
-        line={"color": colour, "dash": dash, "width": width},
-        **options,
-    )

@@ -116,11 +116,11 @@ def text_of(name):
 CUT_OFF = """() => {
   const found = [], wide = document.documentElement.clientWidth;
   if (document.documentElement.scrollWidth > wide) found.push("the page");
-  const words = ".js-plotly-plot text, main p, dd, li, figcaption, b, summary span";
+  const words = ".drawing text, .map text, main p, dd, li, figcaption, b, summary span";
   for (const text of document.querySelectorAll(words)) {
     if (text.closest(".wide") || !text.checkVisibility()) continue;
     const own = text.getBoundingClientRect();
-    const box = text.closest(".js-plotly-plot, section, details")?.getBoundingClientRect();
+    const box = text.closest("section, details")?.getBoundingClientRect();
     if (!box || !own.width) continue;
     if (own.left < box.left - 1 || own.right > box.right + 1
         || own.top < box.top - 1 || own.bottom > box.bottom + 1) found.push(text.textContent);
@@ -160,8 +160,8 @@ def open_all(page):
     """Open every section, and wait until its figures are drawn."""
     page.evaluate("() => document.querySelectorAll('details').forEach((x) => { x.open = true; })")
     page.wait_for_function(
-        "() => [...document.querySelectorAll('.plotly-graph-div')].every("
-        "(x) => !x.checkVisibility() || x.classList.contains('js-plotly-plot'))",
+        "() => [...document.querySelectorAll('.plots')].every("
+        "(x) => !x.checkVisibility() || x.querySelector('canvas'))",
         timeout=120_000,
     )
     page.wait_for_selector(DRAWN, state="attached", timeout=120_000)
@@ -178,7 +178,5 @@ def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, n
                 cut = page.evaluate(CUT_OFF)
                 page_faults += [f"{width} {state}: cut off: {x}" for x in cut]
             load_axe(page)
-            # What plotly draws is the same at any width, and has ten thousand pieces.
-            without = [] if width == 1400 else [".js-plotly-plot svg"]
-            page_faults += [f"{width}: {x}" for x in faults(page, without=without)]
+            page_faults += [f"{width}: {x}" for x in faults(page)]
     assert not page_faults, "\n".join(page_faults)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armcontour.core.render import figure
 from armcontour.core.result import Table
 from armcontour.core.text import capitalise
-from armcontour.report.figure import Figure
+from armcontour.report.figure import Curve, Figure, Plot
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
 from armcontour.report.sections.contours import MAX_ROWS
 from armcontour.report.sections.front import time_sentences
-from armcontour.report.style import RUN_COLOURS, finish, line, thin
+from armcontour.report.style import RUN_COLOURS, thin
 
 if TYPE_CHECKING:
     from armcontour.jobs import JobResult
@@ -33,12 +33,13 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
         ("Weakest point", (*doubts, *data.notes, "None known.")[0]),
     ]  # fmt: skip
+    drawing = draw_plan(next(iter(study.runs.values())), study.job)
     words = "Certified" if verdict.value else "Not certified"
     return Front(
         verdict=f"{words}: {figure(deviation)} {deviation.label}; {verdict.note}.",
         good=verdict.value,
-        tiles=tiles(data),
-        drawing=draw_plan(next(iter(study.runs.values())), study.job),
+        tiles=tiles(data, places=drawing.places),
+        drawing=drawing,
         sentences=tuple(sentences),
     )
 
@@ -71,8 +72,6 @@ def certificate(result: Certificate) -> Section:
     )
 
 
-# Height of the figures [px].
-HEIGHT = 240
 # Minimum range of the axis of usable limits [%].
 LEAST_RANGE = 1.0
 OF_PROGRAMS = (
@@ -81,11 +80,10 @@ OF_PROGRAMS = (
 )
 
 
-def _derating(certificate: Certificate) -> Any:
+def _derating(certificate: Certificate) -> Figure:
     """Figure with the usable share of each joint acceleration limit along all contours."""
-    figure = Figure()
     starts = np.cumsum([0.0, *(x.path.length for x in certificate.contours)])
-    deratings = [x.derating for x in certificate.contours]
+    deratings, curves = [x.derating for x in certificate.contours], []
     # The curves have a gap (NaN) after each contour.
     places = [
         np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
@@ -94,15 +92,17 @@ def _derating(certificate: Certificate) -> Any:
     for j, name in enumerate(certificate.job.arm.joint_names):
         shares = [np.append(x.share[:, j], np.nan) for x in deratings]
         s, usable = thin(np.concatenate(places), np.concatenate(shares))
-        figure.add_trace(line(s, usable * 100, name, RUN_COLOURS[j % len(RUN_COLOURS)], width=1.5))
-    figure.update_xaxes(
-        title="arc length of the contours [m]"
-        if len(certificate.contours) > 1
-        else "arc length [m]"
+        colour = RUN_COLOURS[j % len(RUN_COLOURS)]
+        curves.append(Curve(x=s, y=usable * 100, name=name, colour=colour, width=1.5))
+    several, least = (
+        len(certificate.contours) > 1,
+        100 * min(float(x.share.min()) for x in deratings),
     )
-    figure.update_yaxes(title="usable [%]")
-    least = 100 * min(float(x.share.min()) for x in deratings)
-    if least > 100 - LEAST_RANGE:
-        # The range is fixed, so that rounding errors do not fill the height of the figure.
-        figure.update_yaxes(range=[100 - LEAST_RANGE, 100 + LEAST_RANGE / 10])
-    return finish(figure, title="Usable share of the acceleration limits", height=HEIGHT, span=3)
+    plot = Plot(
+        label="usable [%]",
+        x_label="arc length of the contours [m]" if several else "arc length [m]",
+        curves=tuple(curves),
+        # The range has a minimum size, so that rounding errors do not fill the height.
+        limits=(min(least, 100 - LEAST_RANGE) - 0.2, 100.2),
+    )
+    return Figure(title="Usable share of the acceleration limits", plots=(plot,), span=3)

@@ -49,7 +49,7 @@ def _table(name: str, result: RunResult) -> TextTable:
     ):
         assert span.work is not None
         length, time = work_length(contour), span.work[1] - span.work[0]
-        label = f"{k + 1}" + f": {contour.name}" * bool(contour.name)
+        label = f"{contour.number or k + 1}" + f": {contour.name}" * bool(contour.name)
         error = (errors[k].rms, errors[k].max) if errors else (None, None)
         rows.append((label, contour.layer, length, span.work[0], time, length / time, *error))
     caption = f"Run {name}: contours in order"

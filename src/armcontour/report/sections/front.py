@@ -24,12 +24,13 @@ def front(study: JobResult) -> Front:
     data, result = study.figures[name], study.runs[name]
     alone = len(study.runs) == 1
     header, *rows = compare(study.figures, VERDICT, texts=True)
+    drawing = draw_plan(result, study.job)
     return Front(
         verdict=("" if alone else f"Run {name}: ") + _verdict_sentence(study, data),
         good=data["kept"].value,
-        tiles=tiles(data) if alone else (),
+        tiles=tiles(data, places=drawing.places) if alone else (),
         tables=() if alone else (TextTable(header=header, rows=tuple(rows)),),
-        drawing=draw_plan(result, study.job),
+        drawing=drawing,
         sentences=tuple(_sentences(study, result)),
     )
 

@@ -10,17 +10,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.result import Row, Table
 from armcontour.jobs import JobResult, RunResult
-from armcontour.report.figure import make_subplots
+from armcontour.report.figure import Curve, Figure, Plot
 from armcontour.report.section import Section, TextTable, text_table
-from armcontour.report.style import (
-    EXECUTED_COLOUR,
-    EXPERIMENT_COLOUR,
-    LIMIT_COLOUR,
-    PLANNED_COLOUR,
-    finish,
-    line,
-    thin,
-)
+from armcontour.report.style import EXECUTED_COLOUR, EXPERIMENT_COLOUR, PLANNED_COLOUR, thin
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import Use, use_of
 
@@ -53,68 +45,55 @@ def joints(study: JobResult) -> Section:
     )
 
 
-def draw_joints(name: str, result: RunResult) -> Any:
+def draw_joints(name: str, result: RunResult) -> Figure:
     """Figure with position, velocity and acceleration of every joint of a run."""
-    names = result.arm.joint_names
-    n = len(names)
-    figure = make_subplots(
-        rows=n, cols=3, column_titles=list(QUANTITIES), vertical_spacing=0.15 / n
-    )
-    limits = result.run.limits
+    n = result.arm.dof
+    limits, plots = result.run.limits, []
     bounds = limits.joint_range(n), limits.velocity_bounds(n), limits.acceleration_bounds(n)
-    for order in range(3):
-        curves = _curves(result, order)
-        for j in range(n):
-            place = {"row": j + 1, "col": order + 1}
-            for label, (t, values, look) in curves.items():
-                times, y = thin(t, values[:, j], count=MAX_POINTS)
-                first = order == 0 and j == 0
-                figure.add_trace(
-                    line(times, y, label, showlegend=first, legendgroup=label, **look), **place
-                )
-            low, high = (float(x[j]) for x in bounds[order])
+    motions = [_motions(result, order) for order in range(3)]
+    for j in range(n):
+        for order, (motion, both) in enumerate(zip(motions, bounds, strict=True)):
+            low, high = (float(x[j]) for x in both)
             # A limit of positions is far away, so that it would flatten the curves.
             nearby = (low, high) if order else (-np.inf, np.inf)
-            visible = _range([v[:, j] for _, v, _ in curves.values()], *nearby)
-            figure.update_yaxes(range=visible, nticks=4, **place)
-            for value in (low, high):
-                if visible[0] < value < visible[1]:
-                    figure.add_hline(value, {"color": LIMIT_COLOUR, "width": 1}, **place)
-    for j in range(n):
-        # The axis shows the joint number, because joint names are longer than the plot is high.
-        title = {"text": f"joint {j + 1}", "font": {"size": 11}}
-        figure.update_yaxes(title=title, row=j + 1, col=1)
-    for column in range(3):
-        figure.update_xaxes(title="time [s]", row=n, col=column + 1)
-    finish(figure, title=f"Run {name}: joints", height=HEIGHT * n + 150)
-    figure.update_layout(
-        margin={"t": 50, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
-    )
-    return figure
+            visible = _range([values[:, j] for _, values, _ in motion.values()], *nearby)
+            curves = []
+            for label, (t, values, look) in motion.items():
+                times, y = thin(t, values[:, j], count=MAX_POINTS)
+                curves.append(Curve(x=times, y=y, name=label, **look))
+            plots.append(
+                Plot(
+                    # The axis shows the joint number, because joint names are longer than the
+                    # plot is high.
+                    label="" if order else f"joint {j + 1}",
+                    curves=tuple(curves),
+                    limits=visible,
+                    lines=tuple(x for x in (low, high) if visible[0] < x < visible[1]),
+                    height=HEIGHT,
+                )
+            )
+    return Figure(title=f"Run {name}: joints", plots=tuple(plots), columns=QUANTITIES)
 
 
-def _curves(
+def _motions(
     result: RunResult, order: int
 ) -> dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]]:
     """Times, values and line options of the curves of a derivative (`order`), by name."""
-    t = np.linspace(0, result.trajectory.duration, 4 * MAX_POINTS)
+    t = np.linspace(0, result.trajectory.duration, MAX_POINTS)
     curves: dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]] = {}
     if result.experiment is not None:
         done = result.experiment.execution
         look = {"colour": EXPERIMENT_COLOUR, "width": 1.2}
         curves["experiment"] = (done.t, (done.q, done.dq, done.ddq)[order], look)
     if (moved := result.execution) is not None:
-        curves["executed"] = (
-            moved.t,
-            (moved.q, moved.dq, moved.ddq)[order],
-            {"colour": EXECUTED_COLOUR},
-        )
-    dotted = {"colour": PLANNED_COLOUR, "width": 1.5, "dash": "dot"}
+        values = (moved.q, moved.dq, moved.ddq)[order]
+        curves["executed"] = (moved.t, values, {"colour": EXECUTED_COLOUR})
+    dotted = {"colour": PLANNED_COLOUR, "width": 1.5, "dash": (2.0, 3.0)}
     curves["planned"] = (t, result.trajectory(t, order), dotted)
     return curves
 
 
-def _range(curves: list[FloatArray], low: float, high: float) -> list[float]:
+def _range(curves: list[FloatArray], low: float, high: float) -> tuple[float, float]:
     """Axis range that shows the curves without rare spikes, and limits of which much is used."""
     ends = [np.percentile(x, [100 - USUAL, USUAL]) for x in curves]
     bottom, top = float(np.min(ends)), float(np.max(ends))
@@ -123,7 +102,7 @@ def _range(curves: list[FloatArray], low: float, high: float) -> list[float]:
     used = max(top / high if high else 0.0, bottom / low if low else 0.0)
     if used > WORTH_SHOWING:
         bottom, top = min(bottom, 1.15 * low), max(top, 1.15 * high)
-    return [bottom - edge, top + edge]
+    return bottom - edge, top + edge
 
 
 def _table(result: RunResult) -> TextTable:

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.render import LIMITS, number
+from armcontour.core.render import number
 from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.rows import allowed_error
 from armcontour.planning.explanation import Binding
-from armcontour.report.figure import make_subplots, make_trace
-from armcontour.report.plan_drawing import kind_of, word_of
+from armcontour.report.figure import Bar, Curve, Figure, Plot
+from armcontour.report.plan_drawing import colour_of, kind_of, word_of
 from armcontour.report.section import Section, text_table
 from armcontour.report.style import (
+    DECADES,
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
-    finish,
-    line,
+    LIMIT_DASH,
     run_colours,
     run_widths,
     thin,
 )
 
-# Minimum error on the logarithmic axis [mm]; smaller errors are drawn at this value.
-SMALLEST_ERROR = 1e-6
+# Ratio of the largest errors of two runs above which the axis of errors is logarithmic, and share
+# of the allowed error above which it is drawn.
+VARIED, WORTH_SHOWING = 10.0, 0.3
 # If the largest speed on contours is below this share of the largest speed (of a rapid), the speed
 # axis is scaled to the contours.
 SQUEEZED = 0.5
@@ -36,21 +36,10 @@ SQUEEZED = 0.5
 MAX_BARS = 1200
 # Number of points of the curve of assigned velocities.
 ASSIGNED_POINTS = 4000
-# Height of a plot, of the bars of a plan, and of the other parts of a figure [px].
-HEIGHT, BARS, OTHER_HEIGHT = 150, 28, 125
+# Height of the bars of a plan [px].
+BARS = 28
 # Start and end of a part of a plan [s], and kind and name of its active limit.
-Bar = tuple[float, float, str, str]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Panel:
-    """One plot of a figure over time."""
-
-    traces: list[Any]
-    # Options of the vertical axis
-    axis: dict[str, Any]
-    # Height [px]
-    height: int = HEIGHT
+Interval = tuple[float, float, str, str]
 
 
 def over_time(study: JobResult) -> Section:
@@ -74,77 +63,44 @@ def over_time(study: JobResult) -> Section:
     )
 
 
-def draw_over_time(study: JobResult, *made: Any) -> Any:
-    """Figure with plots over time; each function of `made` returns a panel of a study, or None."""
-    panels = [x for x in (make(study) for make in made) if x is not None]
-    height = sum(x.height for x in panels)
-    figure = make_subplots(
-        rows=len(panels),
-        cols=1,
-        row_heights=[x.height for x in panels],
-        vertical_spacing=15 / (height + 15 * len(panels)),
-    )
-    shown: set[str] = set()
-    for row, panel in enumerate(panels, start=1):
-        for trace in panel.traces:
-            # All bars of a kind of limit and all curves of a name share one entry of the legend.
-            group = trace.legendgroup or trace.name
-            trace.merge({"legendgroup": group, "showlegend": trace.name not in shown})
-            shown.add(trace.name)
-            figure.add_trace(trace, row, 1)
-        figure.update_yaxes(row, 1, **panel.axis)
-    figure.update_layout(barmode="overlay", bargap=0.1)
-    figure.update_xaxes(len(panels), 1, title="time [s]")
-    return finish(figure, title="Motion over time", height=height + OTHER_HEIGHT)
+def draw_over_time(
+    study: JobResult, *made: Callable[[JobResult], Plot | None], title: str = "Motion over time"
+) -> Figure:
+    """Figure with plots over time; each function of `made` returns a plot of a study, or None."""
+    plots = tuple(x for x in (make(study) for make in made) if x is not None)
+    return Figure(title=title, plots=plots)
 
 
-def speed(study: JobResult) -> Panel:
-    """Panel with the executed or planned tool speed of every run and the assigned velocity."""
+def speed(study: JobResult) -> Plot:
+    """Plot of the executed or planned tool speed of every run and of the assigned velocity."""
     colours, widths = run_colours(study.runs), run_widths(study.runs)
-    traces = []
+    curves = []
     for name, result in study.runs.items():
         motion = result.motion
         t, values = thin(motion.t, motion.tool_speed * 1e3)
-        traces.append(line(t, values, name, colours[name], width=widths[name]))
-    axis: dict[str, Any] = {"title": "speed [mm/s]"}
-    if _is_squeezed(study):
-        axis["range"] = [0, 1.2 * _largest_on_contours(study) * 1e3]
-    return Panel(traces=[*traces, *_assigned(study)], axis=axis)
+        curves.append(Curve(x=t, y=values, name=name, colour=colours[name], width=widths[name]))
+    visible = (0.0, 1.2 * _largest_on_contours(study) * 1e3) if _is_squeezed(study) else None
+    return Plot(label="speed [mm/s]", curves=(*curves, *_assigned(study)), limits=visible)
 
 
-def limits(study: JobResult) -> Panel | None:
-    """Panel with bars of the active limits of every plan; None if no plan has an explanation."""
-    bars: defaultdict[str, list[tuple[Bar, str]]] = defaultdict(list)
+def limits(study: JobResult) -> Plot | None:
+    """Plot with bars of the active limits of every plan; None if no plan has an explanation."""
     plans = _plans(study)
-    for name, result in plans.items():
-        for bar in list_bars([] if result.explanation is None else result.explanation.bindings):
-            bars[bar[2]].append((bar, name if len(plans) > 1 else ""))
+    bars = [
+        Bar(start=start, end=end, row=row, kind=word_of(kind), name=name, colour=colour_of(kind))
+        for row, x in enumerate(plans.values())
+        for start, end, kind, name in list_bars(
+            [] if x.explanation is None else x.explanation.bindings
+        )
+    ]
     if not bars:
         return None
-    traces = [_bars(kind, found) for kind, found in bars.items()]
-    axis = {"title": "" if len(plans) > 1 else "limit", "showticklabels": len(plans) > 1}
-    return Panel(traces=traces, axis=axis, height=BARS * max(2, len(plans)))
+    names = tuple(plans) if len(plans) > 1 else ()
+    height = BARS * max(2, len(plans))
+    return Plot(label="" if names else "limit", bars=tuple(bars), rows=names, height=height)
 
 
-def _bars(kind: str, bars: list[tuple[Bar, str]]) -> Any:
-    """Trace with the intervals in which limits of one kind are active."""
-    return make_trace(
-        "bar",
-        name=word_of(kind),
-        orientation="h",
-        y=[y for _, y in bars],
-        base=[x[0] for x, _ in bars],
-        x=[x[1] - x[0] for x, _ in bars],
-        # Bars have no edges, because edges would cover thin bars.
-        marker={"color": LIMITS.get(kind, LIMITS["other"])["light"], "line": {"width": 0}},
-        customdata=[[x[0], x[1], x[3]] for x, _ in bars],
-        hovertemplate=(
-            "%{customdata[2]}<br>t %{customdata[0]:.3f} to %{customdata[1]:.3f} s<extra></extra>"
-        ),
-    )
-
-
-def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
+def list_bars(bindings: Sequence[Binding]) -> list[Interval]:
     """Time intervals with their active limits, in order; adjacent intervals of a limit are joined.
 
     If there are more than MAX_BARS intervals, the motion is divided into equal parts, and each part
@@ -161,7 +117,7 @@ def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
         starts = [*ends[chosen, 0], ends[-1, 1]]
         starts[0] = ends[0, 0]
         bars = [(a, b, *x[2:]) for x, a, b in zip(bars, starts, starts[1:], strict=False)]
-    joined: list[Bar] = []
+    joined: list[Interval] = []
     for bar in bars:
         if joined and joined[-1][2:] == bar[2:] and joined[-1][1] == bar[0]:
             joined[-1] = (joined[-1][0], *bar[1:])
@@ -170,30 +126,46 @@ def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
     return joined
 
 
-def error(study: JobResult) -> Panel | None:
-    """Panel with the contour error of every run and its tolerance; None without a simulation."""
+def error(study: JobResult) -> Plot | None:
+    """Plot of the contour error of every run; None without a simulation.
+
+    The errors are shares of the allowed error if it is the same for all runs.
+    """
     if not study.simulated:
         return None
-    colours, traces, allowed = run_colours(study.runs), [], set()
+    allowed = {allowed_error(x) for x in study.runs.values() if x.evaluation is not None}
+    limit = allowed.pop() if len(allowed) == 1 else None
+    unit = limit / 100 if limit else 1e-3
+    colours, curves = run_colours(study.runs), []
     for name, result in study.runs.items():
-        judged = [(name, result.evaluation, {"legendgroup": name})]
-        if result.experiment is not None:
-            look: dict[str, Any] = {"dash": EXPERIMENT_DASH, "width": 1.5}
-            judged.append((f"{name}, experiment", result.experiment.evaluation, look))
-        for label, evaluation, look in judged:
-            if evaluation is None:
-                continue
-            e = evaluation.contour_error
-            t, values = thin(e.t, e.values * 1e3)
-            values = np.maximum(values, SMALLEST_ERROR)
-            traces.append(line(t, values, label, colours[name], **look))
-        limit = allowed_error(result)
-        if limit is not None and result.evaluation is not None:
-            allowed.add((limit, result.trajectory.duration))
-    for value, end in allowed:
-        name, dashed = f"allowed {number(value, 'm')}", {"dash": "dash", "width": 1}
-        traces.append(line([0, end], [1e3 * value] * 2, name, LIMIT_COLOUR, **dashed))
-    return Panel(traces=traces, axis={"title": "contour error [mm]", "type": "log"})
+        bodies = None if result.experiment is None else result.experiment.evaluation
+        for judged, label, dash, width in (
+            (result.evaluation, name, (), 2.0),
+            (bodies, f"{name}, experiment", EXPERIMENT_DASH, 1.5),
+        ):
+            if judged is not None:
+                e = judged.contour_error
+                t, y = thin(e.t, e.values / unit)
+                look = colours[name]
+                curves.append(Curve(x=t, y=y, name=label, colour=look, dash=dash, width=width))
+    largest = [float(np.nanmax(x.y)) for x in curves]
+    label = f"error [% of {number(limit, 'm')}]" if limit else "contour error [mm]"
+    return Plot(
+        label=label,
+        lines=(100.0,) if limit and max(largest) > 100 * WORTH_SHOWING else (),
+        also=(1e3 * unit, "mm") if limit else None,
+        **error_axis(curves, max(largest) > VARIED * min(largest)),
+    )
+
+
+def error_axis(curves: Sequence[Curve], logarithmic: bool = True) -> dict[str, Any]:
+    """Curves of errors and the range of their axis, which ends above noise if logarithmic."""
+    largest = max(float(np.nanmax(x.y)) for x in curves) or 1.0
+    if not logarithmic:
+        return {"curves": tuple(curves), "limits": (0.0, 1.1 * largest)}
+    least = 10.0 ** np.floor(np.log10(largest / DECADES))
+    raised = tuple(replace(x, y=np.maximum(x.y, least)) for x in curves)
+    return {"curves": raised, "limits": (float(least), 1.3 * largest), "logarithmic": True}
 
 
 def _plans(study: JobResult) -> dict[str, RunResult]:
@@ -218,7 +190,7 @@ def _largest_on_contours(study: JobResult) -> float:
     return float(max(speeds, default=np.inf))
 
 
-def _assigned(study: JobResult) -> Iterator[Any]:
+def _assigned(study: JobResult) -> Iterator[Curve]:
     """Yield curves of assigned velocities; runs with the same constant velocity share a curve."""
     steps: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name, result in study.runs.items():
@@ -229,11 +201,11 @@ def _assigned(study: JobResult) -> Iterator[Any]:
         label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
         if np.ptp(known) == 0:
             label = f"assigned velocity {number(known[0], 'm/s')}"
-        if label not in steps or t[-2] > steps[label][0][-2]:
+        if label not in steps or t[-1] > steps[label][0][-1]:
             steps[label] = t, value * 1e3
     for label, both in steps.items():
         t, value = thin(*both)
-        yield line(t, value, label, LIMIT_COLOUR, dash="dash", width=1)
+        yield Curve(x=t, y=value, name=label, colour=LIMIT_COLOUR, dash=LIMIT_DASH, width=1.0)
 
 
 def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
@@ -244,6 +216,6 @@ def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
             times = np.linspace(*span.t, 2 + ASSIGNED_POINTS // count)
             s = span.trajectory.s(times - span.t[0])
             value = contour.path.assigned_speeds(result.run.limits.speed, s)
-            parts += [np.column_stack([times, value]), np.full((1, 2), np.nan)]
+            parts += [np.column_stack([times, value]), np.array([[times[-1], np.nan]])]
     t, values = np.concatenate(parts).T
     return t, np.where(np.isfinite(values), values, np.nan)

@@ -1,49 +1,38 @@
-"""Section on the tool path: objective and executed paths."""
+"""Section on the tool path: executed paths with their errors."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.jobs import JobResult
+from armcontour.core.render import number
+from armcontour.jobs import JobResult, RunResult
+from armcontour.jobs.rows import allowed_error
 from armcontour.motion import Execution
-from armcontour.report.figure import Figure, make_trace
-from armcontour.report.outline import outline_points, simplify
+from armcontour.report.outline import fine_places, simplify
+from armcontour.report.plan_drawing import Drawing, Key, Mark, Sheet, line, slug
 from armcontour.report.section import Section
-from armcontour.report.style import (
-    EXPERIMENT_DASH,
-    PATH_COLOUR,
-    finish,
-    line,
-    run_colours,
-    run_widths,
-)
 from armcontour.verification import Evaluation
 
-# Maximum number of points of an executed path, number of evenly spaced points among them, and
-# height of its figure [px].
-MAX_PATH_POINTS, EVEN, PATH_HEIGHT = 6000, 800, 420
-# Deviation of a drawn executed path that is visible in an enlarged figure [m].
-VISIBLE = 1e-6
-TITLE = "Path of the tool"
-# Look of an axis in space.
-SPACE_AXIS = {
-    **{"nticks": 6, "backgroundcolor": "#FAFAFA"},
-    **dict.fromkeys(("gridcolor", "zerolinecolor"), "#DDDDDD"),
-}
-# Minimum ratio of the shortest to the longest side of a scene.
-FLATTEST = 0.4
-# Length of the longest side of a scene in units of plotly, with which the scene fits in every view.
-SCENE_SIZE = 1.45
-# Camera with parallel projection, so that equal lengths appear equal.
-CAMERA = {
-    "eye": {"x": 1.1, "y": -1.5, "z": 0.9},
-    "up": {"x": 0, "y": 0, "z": 1},
-    "center": {"x": 0, "y": 0, "z": 0},
-    "projection": {"type": "orthographic"},
-}
+# Maximum number of points of an executed path, and of evenly spaced points among them.
+MAX_PATH_POINTS, EVEN = 3000, 800
+# Share of the drawing's size that is visible in an enlarged drawing.
+VISIBLE = 1 / 50_000
+# Upper ends of the classes of errors as shares of the allowed error, and the colours of the
+# classes on light and dark pages. The last class exceeds the allowed error.
+CLASSES = (0.25, 0.5, 0.75, 1.0)
+COLOURS = (
+    ("#8fa9c0", "#5b7086"),
+    ("#6389b0", "#7f9ab5"),
+    ("#36659a", "#a9c6e2"),
+    ("#0b3c6f", "#e3f0fb"),
+    ("#D55E00", "#f07b22"),
+)
+# Maximum number of listed corners, and size of the shown part of a corner as a multiple of its
+# rounding.
+MAX_CORNERS, AROUND = 8, 5.0
 
 
 def paths(study: JobResult) -> Section:
@@ -51,42 +40,107 @@ def paths(study: JobResult) -> Section:
     kind = "executed" if study.simulated else "planned"
     return Section(
         key="paths",
-        title=TITLE,
-        summary="interactive figure",
-        text=f"The {kind} path of the tool. Drag a rectangle, or turn the wheel, to enlarge it.",
-        parts=(draw_path(study),),
+        title="Path of the tool",
+        summary=f"{kind} path" + " with its errors" * study.simulated,
+        text=f"The {kind} path of the tool over the objective path. Drag a rectangle to enlarge "
+        "it; double-click to see all.",
+        choices=tuple((x.name, (draw_tool(x, study.job.name),)) for x in tools_of(study)),
     )
 
 
-def draw_path(study: JobResult) -> Any:
-    """Figure with the objective path and the executed paths."""
-    first = next(iter(study.runs.values()))
-    objective = outline_points(first.objective)
-    figure = Figure(curve(objective, "objective path", PATH_COLOUR, width=6, opacity=0.5))
-    for tool in tools_of(study):
-        figure.add_trace(curve(executed_points(tool), tool.name, **tool.look))
-    if objective.shape[1] == 3:
-        return lay_out_in_space(figure)
-    figure.update_xaxes(title="x [mm]")
-    figure.update_yaxes(title="y [mm]", scaleanchor="x")
-    return finish(figure, title=TITLE, height=PATH_HEIGHT)
+class Tool(NamedTuple):
+    """The executed tool path of a run or an experiment."""
+
+    name: str
+    result: RunResult
+    execution: Execution
+    evaluation: Evaluation | None
 
 
-def executed_points(tool: Tool) -> FloatArray:
-    """Executed points along contours [m], (n, dimension), with the point of the largest error.
+def tools_of(study: JobResult) -> list[Tool]:
+    """Executed tool paths of all runs and experiments."""
+    tools = []
+    for name, result in study.runs.items():
+        tools.append(Tool(name, result, result.motion, result.evaluation))
+        if (x := result.experiment) is not None:
+            tools.append(Tool(f"{name}, experiment", result, x.execution, x.evaluation))
+    return tools
 
-    NaN separates contours, because rapids are not drawn.
-    """
+
+def draw_tool(tool: Tool, job: str) -> Drawing:
+    """Drawing of the objective path and an executed path, coloured by its error."""
+    outline = [x.path(fine_places(x.path)) for x in tool.result.objective.contours]
+    classes = _classes(tool)
+    sheet = Sheet.of(np.concatenate([*outline, *(x for y in classes.values() for x in y)]))
+    parts = [line(sheet, outline, 'class="objective"', "objective path")]
+    keys = [Key("┄", "objective path")]
+    allowed, named = _scale(tool)
+    ends = [0.0, *CLASSES]
+    for k, curves in classes.items():
+        light, dark = COLOURS[k]
+        look = f'class="limit{{}}" style="--light:{light};--dark:{dark}"'
+        words = f"{ends[k]:.0%} to {CLASSES[k]:.0%}" if k < len(CLASSES) else f"more than {1:.0%}"
+        words = f"error {words} of the {named} {number(allowed, 'm')}" if allowed else "planned"
+        parts.append(line(sheet, curves, look.format(" path"), words, fine=True))
+        keys.append(Key(f"<i {look.format(' swatch')}></i>", words))
+    corners = _corners(tool, f"{slug(job)}-{slug(tool.name)}")
+    parts += [*(sheet.ring(x) for x in corners), *sheet.scale()]
+    keys += [Key("∠", x.words, x.place) for x in corners]
+    return Drawing(
+        title=f"Path of the tool: {tool.name}",
+        svg=sheet.svg(f"Objective and executed path of {tool.name}", parts),
+        keys=tuple(keys),
+    )
+
+
+def _scale(tool: Tool) -> tuple[float, str]:
+    """Error of 100 % [m] and its name: the allowed error, or else the largest one; 0 without."""
+    if tool.evaluation is None:
+        return 0.0, ""
+    allowed = allowed_error(tool.result)
+    return (allowed, "allowed") if allowed else (tool.evaluation.contour_error.max, "largest")
+
+
+def _classes(tool: Tool) -> dict[int, list[FloatArray]]:
+    """Executed curves along contours [m], by class of their largest error, in order."""
     execution, points = tool.execution, tool.execution.tool
-    peak = -1.0 if tool.evaluation is None else tool.evaluation.contour_error.t_max
-    worst = int(np.searchsorted(execution.t, peak))
+    shares = np.zeros(len(points))
+    if tool.evaluation is not None:
+        e = tool.evaluation.contour_error
+        known = np.isfinite(e.values)
+        shares = np.interp(execution.t, e.t[known], e.values[known]) / (_scale(tool)[0] or 1.0)
     spans = executed_contours(execution)
-    parts = simplify([points[a:b] for a, b in spans], MAX_PATH_POINTS, even=EVEN, visible=VISIBLE)
-    gap, drawn = np.full((1, points.shape[1]), np.nan), []
-    for (a, b), chosen in zip(spans, parts, strict=True):
-        rows = np.union1d(a + chosen, [worst]) if a <= worst < b else a + chosen
-        drawn += [points[rows], gap]
-    return np.concatenate(drawn[:-1])
+    size = float(np.ptp(points, axis=0).max())
+    parts = simplify(
+        [points[a:b] for a, b in spans], MAX_PATH_POINTS, even=EVEN, visible=VISIBLE * size
+    )
+    classes: dict[int, list[FloatArray]] = {k: [] for k in range(len(COLOURS))}
+    for (a, _), chosen in zip(spans, parts, strict=True):
+        rows = a + chosen
+        # The class of a chord is that of its largest error.
+        largest = np.maximum.reduceat(shares, rows)[:-1]
+        kinds = np.digitize(np.maximum(largest, shares[rows[1:]]), CLASSES, right=True)
+        edges = np.flatnonzero(np.diff(kinds, prepend=-1, append=-1))
+        for start, end in zip(edges, edges[1:], strict=False):
+            classes[int(kinds[start])].append(points[rows[start : end + 1]])
+    return {k: x for k, x in classes.items() if x}
+
+
+def _corners(tool: Tool, prefix: str) -> list[Mark]:
+    """Marks of the corners with the largest deviations."""
+    found = () if tool.evaluation is None else tool.evaluation.corners
+    worst = sorted(found, key=lambda x: -x.rounding)[:MAX_CORNERS]
+    return [
+        Mark(
+            np.asarray(x.point),
+            f"corner {x.vertex}"
+            + ("" if x.contour is None else f" of contour {x.contour}")
+            + f": {number(x.rounding, 'm')} from the tool",
+            place=f"{prefix}-corner-{k}",
+            window=AROUND * x.rounding,
+        )
+        for k, x in enumerate(worst)
+    ]
 
 
 def executed_contours(execution: Execution) -> list[tuple[int, int]]:
@@ -103,70 +157,3 @@ def executed_contours(execution: Execution) -> list[tuple[int, int]]:
         end = last if span.t[1] >= trajectory.duration else max(end + 1, start + 2)
         indices.append((start, end))
     return indices
-
-
-class Tool(NamedTuple):
-    """The executed tool path of a run or an experiment, and its line in figures."""
-
-    # Name in the legend
-    name: str
-    execution: Execution
-    evaluation: Evaluation | None
-    # Colour and other options of the line
-    look: dict[str, Any]
-
-
-def tools_of(study: JobResult) -> list[Tool]:
-    """Executed tool paths of all runs and experiments."""
-    colours, widths = run_colours(study.runs), run_widths(study.runs)
-    tools = []
-    for name, result in study.runs.items():
-        look: dict[str, Any] = {"colour": colours[name], "width": widths[name]}
-        tools.append(Tool(name, result.motion, result.evaluation, look))
-        if (experiment := result.experiment) is not None:
-            look = {"colour": colours[name], "dash": EXPERIMENT_DASH, "width": 1.5}
-            label = f"{name}, experiment"
-            tools.append(Tool(label, experiment.execution, experiment.evaluation, look))
-    return tools
-
-
-def curve(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
-    """Trace of a curve through points [m], (n, 2) or (n, 3); in space rounded to 0.1 µm."""
-    if points.shape[1] == 2:
-        x, y = points.T * 1e3
-        return line(x, y, name, colour, **look)
-    drawn = {
-        "color": colour,
-        "width": look.pop("width", 2) + 2,
-        "dash": look.pop("dash", "solid"),
-    }
-    x, y, z = np.round(points * 1e3, 4).astype(np.float32).T
-    hover = "x %{x:.3f} mm<br>y %{y:.3f} mm<br>z %{z:.3f} mm"
-    shown = {"mode": "lines", "line": drawn, "hovertemplate": hover, **look}
-    return make_trace("scatter3d", x=x, y=y, z=z, name=name, **shown)
-
-
-def lay_out_in_space(figure: Any) -> Any:
-    """Set the layout of a figure in space, with axes of equal scale."""
-    points = np.concatenate([np.stack([x.x, x.y, x.z], axis=1) for x in figure.data])
-    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    longest = float((high - low).max())
-    # A flat scene gets a margin, because the tick labels of its short axis would overlap.
-    edge = np.maximum(FLATTEST * longest - (high - low), 0.0) / 2 + 0.03 * longest
-    low, high = low - edge, high + edge
-    ratio = (high - low) / float((high - low).max()) * SCENE_SIZE
-    finish(figure, title=TITLE, height=PATH_HEIGHT)
-    figure.update_layout(
-        scene={
-            "aspectmode": "manual",
-            "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
-            "camera": CAMERA,
-            **{
-                f"{x}axis": {"title": {"text": f"{x} [mm]"}, "range": [a, b], **SPACE_AXIS}
-                for x, a, b in zip("xyz", low.tolist(), high.tolist(), strict=True)
-            },
-        },
-        legend={"orientation": "v", "xref": "paper", "yref": "paper", "y": 1, "yanchor": "top"},
-        margin={"l": 10, "r": 10, "t": 12, "b": 10},
-    )
-    return figure

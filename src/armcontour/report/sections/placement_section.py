@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour.core.render import number, scale
-from armcontour.report.figure import Figure, make_trace
+from armcontour.core.render import number, scale, split
+from armcontour.report.plan_drawing import WIDTH, Drawing, Key
 from armcontour.report.section import Front, tiles
-from armcontour.report.style import finish
 
 if TYPE_CHECKING:
     from armcontour.studies.placement import Place, Placement
 
-# Colour of refused places, and size of the marker of a place [px].
-REFUSED, SIZE = "#9a9a9a", 26
+# Colour of refused places, and colours of the shortest and the longest motion: ends of cividis.
+REFUSED, DARK, BRIGHT = "#9a9a9a", np.array([0, 34, 78]), np.array([254, 232, 56])
+# Width of the labels left of the map, maximum size of a place, and minimum distance of texts in a
+# row and in a column [px].
+LEFT, LARGEST, LEAST_TEXT, LEAST_ROW = 72.0, 84.0, 40.0, 18.0
 
 
 def placed(result: Placement) -> Front:
@@ -35,42 +38,71 @@ def placed(result: Placement) -> Front:
     )
 
 
-def draw_map(result: Placement) -> Any:
+def draw_map(result: Placement) -> Drawing:
     """Map of the shortest durations over the first two axes that vary.
 
     Refused places have the number of the refusal.
     """
-    names = list(result.axes)
-    axes = sorted(names, key=lambda x: len(result.axes[x]) == 1)[:2]
+    axes = sorted(result.axes, key=lambda x: len(result.axes[x]) == 1)[:2]
     best: dict[tuple[float, ...], Place] = {}
     for place in result.places:
         key = tuple(place.values[x] for x in axes)
         if key not in best or (place.duration or np.inf) < (best[key].duration or np.inf):
             best[key] = place
-    numbers = {x: str(k) for k, x in enumerate(result.refusals, start=1)}
-    units = [scale("rad" if x == "yaw" else "m") for x in axes]
-    figure = Figure()
-    for name, refused in (("motion [s]", False), ("refused", True)):
-        shown = {key: x for key, x in best.items() if (x.duration is None) == refused}
-        points = np.array([*shown, *[[np.nan] * len(axes)]]) / [size for _, size in units]
-        times = [x.duration for x in shown.values()]
-        colour = {"color": times, "colorscale": "Viridis", "reversescale": True, "showscale": True}
-        look = {"color": REFUSED} if refused else {**colour, "colorbar": {"title": {"text": name}}}
-        figure.add_trace(
-            make_trace(
-                "scatter",
-                x=points[:-1, 0],
-                y=points[:-1, 1] if axes[1:] else np.zeros(len(shown)),
-                name=name,
-                mode="markers+text",
-                text=[numbers.get(x.refusal, "") for x in shown.values()],
-                hovertext=[f"{x}: {x.why_not or number(x.duration, 's')}" for x in shown.values()],
-                hoverinfo="text",
-                marker={"symbol": "square", "size": SIZE, **look},
-                showlegend=False,
-            )
+    times = [x.duration for x in best.values() if x.duration is not None]
+    low, high = min(times, default=0.0), max(times, default=0.0)
+    numbers = {x: k for k, x in enumerate(result.refusals, start=1)}
+    columns, rows = (sorted({key[k] if k < len(axes) else 0.0 for key in best}) for k in (0, 1))
+    size = min(LARGEST, (WIDTH - LEFT) / len(columns))
+    bottom, parts = len(rows) * size, list[str]()
+    for key, place in best.items():
+        x = LEFT + columns.index(key[0]) * size
+        y = bottom - (rows.index(key[1]) + 1) * size if axes[1:] else 0.0
+        if place.duration is None:
+            colour, text, ink = REFUSED, str(numbers[place.refusal]), "#000"
+        else:
+            share = (place.duration - low) / ((high - low) or 1.0)
+            colour, text = _heat(share), split(place.duration, "s")[0] * (size > LEAST_TEXT)
+            ink = "#000" if share > 0.5 else "#fff"
+        words = f"{place}: {place.why_not or number(place.duration, 's')}"
+        parts.append(
+            f'<g><title>{escape(words)}</title><rect x="{x:.1f}" y="{y:.1f}" width="{size:.1f}" '
+            f'height="{size:.1f}" fill="{colour}"/><text x="{x + size / 2:.1f}" '
+            f'y="{y + size / 2 + 4:.1f}" style="fill:{ink}">{text}</text></g>'
         )
-    titles = [f"{name} [{unit}]" for name, (unit, _) in zip(axes, units, strict=True)]
-    figure.update_xaxes(title=titles[0])
-    figure.update_yaxes(title=titles[1] if titles[1:] else "")
-    return finish(figure, title="Shortest motion at each place")
+    for k, values in enumerate((columns, rows)[: len(axes)]):
+        unit, factor = scale("rad" if axes[k] == "yaw" else "m")
+        # As many values are written as have room.
+        step = int(np.ceil((LEAST_TEXT if k == 0 else LEAST_ROW) / size))
+        for i, value in list(enumerate(values))[::step]:
+            at = (i + 0.5) * size
+            x, y = (LEFT + at, bottom + 16) if k == 0 else (LEFT - 6, bottom - at + 4)
+            parts.append(
+                f'<text class="tick{k}" x="{x:.1f}" y="{y:.1f}">{value / factor:.4g}</text>'
+            )
+        x, y = (LEFT + len(columns) * size / 2, bottom + 36) if k == 0 else (12, bottom / 2)
+        turn = f' transform="rotate(-90 {x:.0f} {y:.0f})"' * k
+        parts.append(f'<text class="tick0" x="{x:.0f}" y="{y:.0f}"{turn}>{axes[k]} [{unit}]</text>')
+    keys = [Key(_swatch(_heat(0.0)), f"shortest motion {number(low, 's')}")] if times else []
+    keys += [Key(_swatch(_heat(1.0)), f"longest {number(high, 's')}")] if high > low else []
+    keys += [Key(_swatch(REFUSED), "refused, with the number of the reason")] if numbers else []
+    label = f"Shortest motion at {len(best)} places, {len(best) - len(times)} refused"
+    return Drawing(
+        title="Shortest motion at each place [s]",
+        svg=(
+            f'<svg class="map" role="img" viewBox="0 0 {LEFT + len(columns) * size:.0f} '
+            f'{bottom + 44:.0f}" style="max-width:{LEFT + len(columns) * size:.0f}px" '
+            f'aria-label="{label}">{"".join(parts)}</svg>'
+        ),
+        keys=tuple(keys),
+    )
+
+
+def _heat(share: float) -> str:
+    """Colour of the map between the shortest (0) and the longest motion (1)."""
+    parts = (DARK + share * (BRIGHT - DARK)).round().astype(int).tolist()
+    return f"rgb({','.join(map(str, parts))})"
+
+
+def _swatch(colour: str) -> str:
+    return f'<i class="swatch" style="--colour:{colour}"></i>'

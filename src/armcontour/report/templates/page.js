@@ -1,84 +1,161 @@
 "use strict";
-// plotly.js comes packed, so that a page is a third as large. Figures wait until it is unpacked and
-// their section is open, because hidden figures do not know their width.
-const plotly = unpack("plotly").then(function (code) {
-  const script = document.createElement("script");
-  script.textContent = code;
-  document.head.append(script);
-});
-plotly.catch(function () {
-  document.body.classList.add("without-figures");
-});
-const waiting = new Map();
-// Height of a legend of two lines [pixels], for which figures have room.
-const USUAL_LEGEND = 45;
+// The code and the data of figures are packed. Figures wait until their section is open, because
+// hidden figures do not know their width.
+const FONT = "12px system-ui, sans-serif";
+const AXIS = { font: FONT, labelFont: FONT, stroke: "#222", grid: { stroke: "#e4e4e4", width: 1 }, ticks: { stroke: "#444", width: 1, size: 4 } };
+const loaded = document.getElementById("packed-figures") ? load() : Promise.resolve(null);
+loaded.catch(() => document.body.classList.add("without-figures"));
+const drawn = new Map();
 
 async function unpack(name) {
-  const text = document.getElementById(name).textContent;
-  const packed = Uint8Array.from(atob(text), (x) => x.charCodeAt(0));
+  const packed = Uint8Array.from(atob(document.getElementById(`packed-${name}`).textContent), (x) => x.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Response(stream).text();
 }
 
-function draw(key, data, layout, config) {
-  waiting.set(key, async function (place) {
-    place.fullHeight = layout.height;
-    layout.template = template;
-    // On a narrow page everything else is smaller, too; and a finger scrolls the page.
-    if (place.clientWidth < 600) {
-      layout.font.size = 11;
-      shrinkScenes(layout);
-    }
-    if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
-    // The wheel scrolls the page: plotly would take it for scenes.
-    place.addEventListener("wheel", (x) => x.stopPropagation(), { capture: true, passive: true });
-    await Plotly.newPlot(place, data, layout, config);
-    await fit(place);
-  });
+// Module of the packed code.
+async function unpackModule(name) {
+  return import(URL.createObjectURL(new Blob([await unpack(name)], { type: "text/javascript" })));
 }
 
-// Draws the figures of what is open, and says so when all are drawn.
+async function load() {
+  const [{ default: uPlot }, text] = await Promise.all([unpackModule("uplot"), unpack("figures")]);
+  return { uPlot, figures: JSON.parse(text) };
+}
+
+// Draws the figures of what is open, and states when all are drawn.
 async function drawOpen() {
   document.body.removeAttribute("data-drawn");
-  await plotly;
-  const found = [...waiting.keys()].map((key) => document.getElementById(key));
-  await Promise.allSettled(found.filter((x) => x.checkVisibility()).map(function (place) {
-    const make = waiting.get(place.id);
-    waiting.delete(place.id);
-    return make(place);
-  }));
+  const library = await loaded.catch(() => null);
+  for (const box of library ? document.querySelectorAll(".plots") : []) {
+    if (box.checkVisibility() && !drawn.has(box)) draw(box, library.figures[box.id], library.uPlot);
+  }
+  document.querySelectorAll("svg.drawing").forEach(keepMarks);
   fitBoxes();
   document.body.dataset.drawn = "true";
 }
 
-// On a narrow page letters take a larger share of a scene: it is smaller, in every view, so that its
-// ticks and titles are not cut off.
-function shrinkScenes(part) {
-  for (const [name, value] of Object.entries(part)) {
-    if (value === null || typeof value !== "object") continue;
-    if (!name.endsWith("aspectratio")) shrinkScenes(value);
-    else part[name] = { x: value.x * 0.8, y: value.y * 0.8, z: value.z * 0.8 };
+function draw(box, { plots, columns }, uPlot) {
+  const tip = document.createElement("div");
+  tip.className = "tip";
+  const last = plots.length - columns;
+  drawn.set(box, plots.map((plot, k) => {
+    const place = document.createElement("div");
+    box.append(place);
+    return new uPlot(optionsOf(plot, place.clientWidth, { key: box.id, bottom: k >= last, narrow: columns > 1, tip }), dataOf(plot, uPlot), place);
+  }));
+  box.append(tip);
+  fillKeys(box, plots);
+}
+
+function dataOf(plot, uPlot) {
+  if (plot.bars.length) return [[plot.bars[0][0], Math.max(...plot.bars.map((x) => x[1]))], [null, null]];
+  return uPlot.join(plot.curves.map((x) => [plot.x[x.x], x.y]));
+}
+
+function optionsOf(plot, width, { key, bottom, narrow, tip }) {
+  const isBars = plot.bars.length > 0;
+  const limits = isBars ? [Math.max(1, plot.rows.length), 0] : plot.limits;
+  const values = (u, ticks) => ticks.map((x) => (x === null ? "" : short(x)));
+  return {
+    width,
+    height: plot.height + (bottom ? 42 : 12),
+    legend: { show: false },
+    padding: [10, 12, bottom ? 0 : 2, 0],
+    cursor: { sync: { key, scales: ["x", null] }, drag: { x: true, y: false }, y: false, points: { size: 6 } },
+    scales: { x: { time: false }, y: { distr: plot.logarithmic ? 3 : 1, ...(limits && { range: (u, ...all) => (u.showsAll ? all : limits) }) } },
+    axes: [
+      { ...AXIS, size: bottom ? 24 : 4, label: bottom ? plot.x_label : undefined, labelSize: 18, values: bottom ? values : () => [], ...(plot.counts && { incrs: [1, 2, 5, 10, 20, 50, 100] }) },
+      {
+        ...AXIS, label: plot.label, labelSize: 16, size: 52, values,
+        ...(narrow && { space: 18 }),
+        ...(isBars && { grid: { show: false }, ticks: { show: false }, splits: () => plot.rows.map((_, k) => k + 0.5), values: () => plot.rows }),
+      },
+    ],
+    series: [{}, ...(isBars ? [{}] : plot.curves).map((x) => ({ label: x.name, stroke: x.colour, width: x.width, dash: x.dash, points: { show: Boolean(x.marked), size: 9, fill: x.colour } }))],
+    hooks: {
+      // A double click also shows what the vertical axis cuts off.
+      ready: [(u) => isBars || u.over.addEventListener("dblclick", () => { u.showsAll = !u.showsAll; u.setScale("x", { min: null, max: null }); }, true)],
+      drawClear: [(u) => paint(u, plot)],
+      setCursor: [(u) => showValues(u, plot, tip)],
+    },
+  };
+}
+
+// Bars, and lines of limits.
+function paint(u, plot) {
+  const { ctx, bbox } = u;
+  ctx.save();
+  for (const [start, end, row, , , colour] of plot.bars) {
+    const [left, right] = [start, end].map((x) => Math.min(bbox.left + bbox.width, Math.max(bbox.left, u.valToPos(x, "x", true))));
+    const [top, bottom] = [row + 0.05, row + 0.95].map((y) => u.valToPos(y, "y", true));
+    ctx.fillStyle = colour;
+    ctx.fillRect(left, top, right - left, bottom - top);
+  }
+  ctx.fillStyle = "#000";
+  for (const y of plot.lines) ctx.fillRect(bbox.left, Math.round(u.valToPos(y, "y", true)), bbox.width, devicePixelRatio);
+  ctx.restore();
+}
+
+// Values under the pointer.
+function showValues(u, plot, tip) {
+  if (!u.over.matches(":hover")) return;
+  const { left, top, idxs } = u.cursor;
+  tip.hidden = left < 0;
+  const x = u.posToVal(left, "x");
+  const row = Math.floor(u.posToVal(top, "y"));
+  const bar = plot.bars.find((b) => b[0] <= x && x <= b[1] && b[2] === row);
+  const lines = bar ? [[bar[5], `${bar[4]}: ${short(bar[0])} to ${short(bar[1])} s`]] : [];
+  plot.curves.forEach((curve, k) => {
+    const y = u.data[k + 1][idxs?.[k + 1]];
+    if (u.series[k + 1].show && typeof y === "number") lines.push([curve.colour, `${curve.name}: ${short(y)}${plot.also ? ` % (${short(y * plot.also[0])} ${plot.also[1]})` : ""}`]);
+  });
+  tip.replaceChildren(`${plot.x_label.replace(/ \[.*/, "")} ${short(x)}`, ...lines.map(([colour, text]) => keyOf("div", colour, text)));
+  const [inside, over] = [tip.parentElement, u.over].map((e) => e.getBoundingClientRect());
+  const at = over.left - inside.left + left;
+  tip.style.left = `${at + 14 + tip.offsetWidth > inside.width ? Math.max(0, at - tip.offsetWidth - 14) : at + 14}px`;
+  tip.style.top = `${over.top - inside.top + 4}px`;
+}
+
+// Four significant digits, without zeros at the end.
+const short = (x) => (Math.abs(x) >= 1e4 ? x.toFixed(0) : String(Number(x.toPrecision(4))));
+
+function keyOf(tag, colour, text, dash = []) {
+  const key = document.createElement(tag);
+  const line = document.createElement("i");
+  line.className = "swatch";
+  line.style.cssText = `--colour:${colour};--dash:${dash.length ? `${dash[0]}px` : "100%"}`;
+  key.append(line, text);
+  return key;
+}
+
+// Legend of a figure; its buttons hide and show curves.
+function fillKeys(box, plots) {
+  const entries = new Map();
+  for (const { curves, bars } of plots) {
+    for (const { name, colour, dash } of curves) entries.set(name, keyOf("button", colour, name, dash));
+    for (const [, , , kind, , colour] of bars) entries.set(kind, keyOf("span", colour, kind));
+  }
+  for (const [name, key] of entries) {
+    if (key.tagName === "BUTTON") key.ariaPressed = "true";
+    key.addEventListener("click", () => {
+      const show = key.ariaPressed !== "true";
+      key.ariaPressed = String(show);
+      for (const u of drawn.get(box)) u.series.forEach((x, i) => i && x.label === name && u.setSeries(i, { show }));
+    });
+    const entry = document.createElement("li");
+    entry.append(key);
+    box.closest("figure").querySelector(".keys").append(entry);
   }
 }
 
-// A scene is as large as its figure is high: on narrow pages it would be cut off at the sides. And
-// a legend of many lines takes no height of the plots above it.
-async function fit(place) {
-  let height = place.fullHeight;
-  const entries = place.querySelector(".legend .scrollbox");
-  const below = entries && place.layout.legend.orientation === "h";
-  if (below) height += Math.max(0, Math.round(entries.getBBox().height) - USUAL_LEGEND);
-  if (place.layout.scene) height = Math.min(height, Math.round(place.clientWidth * 0.8) + 150);
-  if (height === place.layout.height) return;
-  place.style.height = `${height}px`;
-  await Plotly.relayout(place, { height: height });
-}
-
 // Fits everything that is seen to the present width of the page.
-async function fitPage() {
-  const seen = [...document.querySelectorAll(".js-plotly-plot")].filter((x) => x.checkVisibility());
-  await Promise.all(seen.map(Plotly.Plots.resize));
-  await Promise.all(seen.map(fit));
+function fitPage() {
+  for (const [box, plots] of drawn) {
+    if (!box.checkVisibility()) continue;
+    for (const u of plots) u.setSize({ width: u.root.parentElement.clientWidth, height: u.height });
+  }
+  document.querySelectorAll("svg.drawing").forEach(keepMarks);
   fitBoxes();
 }
 
@@ -100,22 +177,86 @@ function choose(selector) {
   drawOpen();
 }
 
-// A link to a section opens it.
+// Drawings: a dragged rectangle is enlarged, a double click shows all, and marks keep their size.
+function zoom(svg, box) {
+  const whole = svg.dataset.whole.split(" ").map(Number);
+  svg.setAttribute("viewBox", (box ?? whole).join(" "));
+  keepMarks(svg);
+}
+
+// Marks and letters have the same size at every width and zoom.
+function keepMarks(svg) {
+  if (svg.checkVisibility()) svg.style.setProperty("--inverse", 1 / svg.getScreenCTM().a);
+}
+
+function enableZoom(svg) {
+  svg.dataset.whole = svg.getAttribute("viewBox");
+  keepMarks(svg);
+  const at = (event) => new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+  const frame = document.createElementNS("http://www.w3.org/2000/svg", "rect");
+  frame.setAttribute("class", "frame");
+  let from = null;
+  const box = (to) => [Math.min(from.x, to.x), Math.min(from.y, to.y), Math.abs(to.x - from.x), Math.abs(to.y - from.y)];
+  svg.addEventListener("pointerdown", (event) => {
+    if (event.pointerType === "touch" || event.button) return;
+    from = at(event);
+    svg.setPointerCapture(event.pointerId);
+  });
+  svg.addEventListener("pointermove", (event) => {
+    const to = at(event);
+    const words = event.target.querySelector?.("title")?.textContent ?? "";
+    const [x, y, size] = (svg.dataset.mm ?? "").split(" ").map(Number);
+    const height = Number(svg.dataset.whole.split(" ")[3]);
+    const place = svg.dataset.mm ? `x ${(x + to.x * size).toFixed(2)}, y ${(y + (height - to.y) * size).toFixed(2)} mm ` : "";
+    const output = svg.parentElement.querySelector("output");
+    if (output) output.textContent = place + words;
+    if (!from) return;
+    svg.append(frame);
+    box(to).forEach((value, i) => frame.setAttribute(["x", "y", "width", "height"][i], value));
+  });
+  svg.addEventListener("pointerup", (event) => {
+    if (!from) return;
+    const chosen = box(at(event));
+    from = null;
+    frame.remove();
+    const [, , width] = svg.getAttribute("viewBox").split(" ").map(Number);
+    if (Math.max(chosen[2], chosen[3]) > width / 50) zoom(svg, chosen);
+  });
+  svg.addEventListener("dblclick", () => zoom(svg));
+}
+
+// Enlarges a drawing around a place to which a link leads.
+function showPlace(place) {
+  const svg = place.closest("svg");
+  const [, , width, height] = svg.dataset.whole.split(" ").map(Number);
+  const size = Math.min(Number(place.dataset.window), width);
+  const tall = (size * height) / width;
+  zoom(svg, [place.cx.baseVal.value - size / 2, place.cy.baseVal.value - tall / 2, size, tall]);
+  svg.parentElement.querySelector("output").textContent = place.querySelector("title").textContent;
+}
+
+// A link to a section opens it, and one to a place in a drawing shows this place.
 function openTarget() {
   const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
   if (!target) return;
-  target.open = true;
-  target.scrollIntoView();
+  if (target.tagName === "DETAILS") target.open = true;
+  if (target.matches(".place")) showPlace(target);
+  (target.closest("figure") ?? target).scrollIntoView({ block: "nearest" });
 }
 
-window.addEventListener("load", function () {
+window.addEventListener("load", () => {
+  document.querySelectorAll("svg.drawing").forEach(enableZoom);
   openTarget();
   drawOpen();
+});
+// A link that was followed before shows its place again.
+document.addEventListener("click", (event) => {
+  if (event.target.closest?.("a")?.hash === location.hash) openTarget();
 });
 window.addEventListener("hashchange", openTarget);
 document.addEventListener("toggle", drawOpen, { capture: true });
 let resized = 0;
-window.addEventListener("resize", function () {
+window.addEventListener("resize", () => {
   clearTimeout(resized);
   resized = setTimeout(fitPage, 100);
 });
