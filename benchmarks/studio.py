@@ -63,11 +63,11 @@ def lines() -> list[Line]:
 
 
 def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool = True) -> Pair:
+    from armcontour.report.picture import picture_frame
+    from armcontour.report.view import View
     from armcontour.studio.execution_picture import execution_frame
     from armcontour.studio.handles import handles_of
-    from armcontour.studio.picture import picture_frame
     from armcontour.studio.preview import CoarsePlanner
-    from armcontour.studio.view import View
 
     data, previewer, numbers = load(text, "job"), CoarsePlanner(), count()
     handles = handles_of(previewer.job(data, "optimal"), data)

@@ -29,7 +29,7 @@ LICENCES = (
     "LICENSE",
     PACKAGE + "files/robots/library/hulls/LICENSE-universal-robots.txt",
     PACKAGE + "files/robots/library/hulls/NOTICE-franka.txt",
-    PACKAGE + "studio/static/vendor/LICENSES.txt",
+    PACKAGE + "report/static/vendor/LICENSES.txt",
 )
 # Folder of compiled functions in a wheel.
 SHIPPED = "armcontour/core/shipped/"

@@ -15,11 +15,11 @@ import yaml
 
 import armcontour as ac
 from armcontour.core.result import nest
+from armcontour.report.picture import picture_frame
+from armcontour.report.view import View
 from armcontour.studio.handles import handles_of
-from armcontour.studio.picture import picture_frame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tasks.dispatch import do
-from armcontour.studio.view import View
 
 LIBRARY = resources.files("armcontour.jobs") / "library"
 PAPER, PLATE = (yaml.safe_load((LIBRARY / f"{x}.yaml").read_text()) for x in ("paper", "plate"))

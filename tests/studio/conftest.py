@@ -12,9 +12,9 @@ from tests.studio.session_pages import JOB, SessionPage, session_of
 from tools.studio_page import SQUARE
 
 from armcontour.core.yaml_loader import load
+from armcontour.report.view import View
 from armcontour.studio import scheduler
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.view import View
 
 __all__ = ["command", "log", "robot"]
 

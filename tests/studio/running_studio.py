@@ -9,8 +9,8 @@ from threading import Thread
 from tests.studio.session_pages import RecordingTaskWorker
 from websockets.sync.client import connect
 
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio import connection as module
-from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.server import serve
 
 

@@ -1,7 +1,7 @@
 """Pages that talk with a session in this process, without a server."""
 
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio.document import Document
-from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.scheduler import SchedulerOptions
 from armcontour.studio.session import Session

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from armcontour.files import parse_job
+from armcontour.report.arm_picture import arm_frame
 from armcontour.studio.access_control import (
     MAX_UPLOAD,
     AccessControl,
@@ -13,7 +14,6 @@ from armcontour.studio.access_control import (
     make_token,
     respond,
 )
-from armcontour.studio.arm_picture import arm_frame
 
 DOOR = Endpoint(4711, "0123456789abcdef0123456789abcdef")
 HOST = (b"host", b"127.0.0.1:4711")

@@ -1,8 +1,11 @@
 """What the page computes by itself, run by node: kinematics, and where a part was moved."""
 
+import atexit
 import json
 import shutil
 import subprocess
+import tempfile
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from types import SimpleNamespace
@@ -11,13 +14,12 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-import armcontour.studio as studio
 from armcontour.core.frames import Frame
 from armcontour.core.render import PALETTE_FILE, jsonable
+from armcontour.report.arm_picture import arm_frame
 from armcontour.robot.chain import link_poses
-from armcontour.studio.arm_picture import arm_frame
+from armcontour.studio.server import page_files
 
-STATIC = FilePath(studio.__file__).parent / "static"
 URDF = FilePath(__file__).parents[1] / "files" / "robots" / "data" / "robot.urdf"
 
 
@@ -35,6 +37,17 @@ NODE = find_node()
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
 
 
+@cache
+def page_folder():
+    """The files of the page in one folder, as the server has them."""
+    folder = FilePath(tempfile.mkdtemp())
+    atexit.register(shutil.rmtree, folder)
+    for name, file in page_files().items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        shutil.copyfile(file, folder / name)
+    return folder
+
+
 def compute(script, arguments=None):
     """Result of a script of the page: `given` are its arguments, `tell` takes its result."""
     start = (
@@ -44,7 +57,7 @@ def compute(script, arguments=None):
     )
     command, code = [NODE, "--input-type=module", "-"], start + script
     outcome = subprocess.run(
-        command, input=code, cwd=STATIC, capture_output=True, text=True, check=True
+        command, input=code, cwd=page_folder(), capture_output=True, text=True, check=True
     )
     return json.loads(outcome.stdout)
 

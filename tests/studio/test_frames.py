@@ -18,14 +18,14 @@ from armcontour.core.errors import Collision, ExecutionError, Unreachable
 from armcontour.core.render import LIMITS
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.studio.execution_picture import execution_frame
-from armcontour.studio.page_frame import TYPES, PageFrame
-from armcontour.studio.picture import (
+from armcontour.report.page_frame import TYPES, PageFrame
+from armcontour.report.picture import (
     NO_LIMIT,
     drawing_frame,
     picture_frame,
     refusal_header,
 )
+from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.verification import check, evaluate
 

@@ -5,7 +5,7 @@ import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
 from armcontour.core.frames import Frame as Pose
-from armcontour.studio.page_frame import PageFrame
+from armcontour.report.page_frame import PageFrame
 
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
 

@@ -27,8 +27,8 @@ from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_text_edits import Change
 from armcontour.jobs.run_plan import plan_one
+from armcontour.report.page_frame import PageFrame, bytes_array
 from armcontour.studio import scheduler
-from armcontour.studio.page_frame import PageFrame, bytes_array
 from armcontour.studio.preview import CoarsePlanner
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")

@@ -9,9 +9,9 @@ from tests.studio.running_studio import running
 from tests.studio.session_pages import MOVE
 
 from armcontour.core.errors import InvalidInput
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio import server
 from armcontour.studio.connection import OpenPage, SessionHost, open_session
-from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.server import listen, require_server, serve
 
 

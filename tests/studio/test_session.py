@@ -15,9 +15,9 @@ from tests.studio.session_pages import (
 from tools.studio_page import write_shapes
 
 import armcontour as ac
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio.connection import open_session
 from armcontour.studio.document import Document
-from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.pages import without_options
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.scheduler import SchedulerOptions

@@ -12,10 +12,11 @@ import pytest
 from armcontour.studio import server
 
 ROOT = Path(__file__).parents[2]
-VENDOR = server.STATIC / "vendor"
+VENDOR = server.SHARED / "vendor"
 TOOLS = ROOT / "tools" / "vendor"
 RECORDED = json.loads((VENDOR / "VENDOR.json").read_text())
-OWN = {x.name: x.read_text() for x in sorted(server.STATIC.glob("*.*"))}
+FILES = [x for y in (server.SHARED, server.STATIC) for x in y.rglob("*") if x.is_file()]
+OWN = {x.name: x.read_text() for x in sorted(FILES) if "vendor" not in x.parts}
 MODULES = {name: text for name, text in OWN.items() if name.endswith(".js")}
 PAGE = OWN["index.html"]
 # The page may not make an installation much larger [bytes].
@@ -50,13 +51,12 @@ def test_the_versions_are_those_of_the_lock_file_and_have_licences():
 
 
 def test_the_page_is_in_the_wheel_and_is_small():
-    files = [x for x in server.STATIC.rglob("*") if x.is_file()]
-    assert sum(x.stat().st_size for x in files) < MOST
+    assert sum(x.stat().st_size for x in FILES) < MOST
     # The wheel leaves out what git ignores; the package may be of another clone than these tests.
     clone = next((x for x in server.STATIC.parents if (x / ".git").exists()), None)
     if shutil.which("git") is None or clone is None:
         pytest.skip("This is no clone: what git ignores, and the wheel leaves out, is not known.")
-    command, names = ["git", "check-ignore", "--stdin"], "\n".join(map(str, files))
+    command, names = ["git", "check-ignore", "--stdin"], "\n".join(map(str, FILES))
     ignored = subprocess.run(command, input=names, cwd=clone, capture_output=True, text=True)
     assert ignored.returncode == 1 and ignored.stdout == "", ignored.stderr
 

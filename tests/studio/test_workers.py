@@ -6,8 +6,8 @@ import pytest
 from tests.studio.session_pages import figure
 
 from armcontour.core.pool import ProcessEnded
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio import workers
-from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.dispatch import WARMUP_JOB
 from armcontour.studio.workers import PreviewWorker, TaskWorker
 

@@ -7,7 +7,7 @@ import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
 
 const here = dirname(fileURLToPath(import.meta.url));
-const out = process.argv[2] ?? join(here, "../../src/armcontour/studio/static/vendor");
+const out = process.argv[2] ?? join(here, "../../src/armcontour/report/static/vendor");
 const LIBRARIES = [
   { name: "three", files: ["three.js"] },
   { name: "uplot", files: ["uplot.js", "uplot.css"] },

@@ -126,7 +126,7 @@ def open_session(
         header = {"id": START, "task": START, "steps": list(step.names), "share": step.done}
         send(PageFrame("progress", {"seq": None, "rev": 0, **header, "eta": None}).pack())
 
-    from armcontour.studio.page_frame import PageFrame
+    from armcontour.report.page_frame import PageFrame
 
     report(Step(("loading armcontour",)))
     from armcontour.studio.opening import blank_document, open_file

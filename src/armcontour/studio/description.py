@@ -22,11 +22,11 @@ from armcontour.files.keys import key_fields, kinds_of_keys, leaves, quantity_of
 from armcontour.files.patch import full_key, locate_key
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio.document import Document
 from armcontour.studio.edits.keys import run_of, value_of
 from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of
-from armcontour.studio.page_frame import PageFrame
 
 # Labels of edits in the undo list, by `do` of the edit.
 LABELS = {

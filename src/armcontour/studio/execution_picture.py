@@ -10,12 +10,10 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.render import frame
 from armcontour.core.result import FIRST, Data
 from armcontour.jobs.rows import verdict_rows
-from armcontour.motion import Execution, Trajectory
-from armcontour.robot import Arm, Limits
-from armcontour.robot.limit_use import use_of
-from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.preview import PreviewExecution
-from armcontour.studio.view import (
+from armcontour.motion import Execution
+from armcontour.report.page_frame import PageFrame
+from armcontour.report.picture import signed_shares
+from armcontour.report.view import (
     View,
     drawing_error,
     essential_points,
@@ -24,6 +22,7 @@ from armcontour.studio.view import (
     select_points,
     to_float32,
 )
+from armcontour.studio.preview import PreviewExecution
 from armcontour.verification.error_profile import error_rows
 from armcontour.verification.evaluation import (
     demand_ratio,
@@ -35,9 +34,6 @@ from armcontour.verification.evaluation import (
 
 # Approximate maximum number of drawn samples of an execution.
 MAX_SAMPLES = 4_000
-# Maximum number of breaks at which joint usage is evaluated, and approximate maximum number of
-# times with extreme usage that are drawn in addition to evenly spaced times.
-MAX_BREAKS, MAX_TIMES = 2_000, 1_000
 
 
 def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
@@ -110,38 +106,3 @@ def _poses(execution: Execution) -> dict[str, FloatArray]:
         "q": q,
         "xyz": to_float32(in_space(execution.arm.tool_position(q))),
     }
-
-
-def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
-    """Arrays over time of joint positions and signed shares of joint limits."""
-    breaks = trajectory.breaks
-    if len(breaks) > MAX_BREAKS:
-        breaks = breaks[np.linspace(0, len(breaks) - 1, MAX_BREAKS).astype(np.intp)]
-    # Evenly spaced times are added, because rapids have few breaks and the page interpolates
-    # linearly between times.
-    even = sample_times(trajectory.duration)
-    # Accelerations jump at breaks, so each break has a value from the left and one from the right.
-    t = np.concatenate([breaks[1:], breaks[:-1], even])
-    order = np.argsort(t, kind="stable")
-    sides = trajectory.motion(breaks[1:], side="left"), trajectory.motion(t[len(breaks) - 1 :])
-    t, is_even = t[order], order >= 2 * (len(breaks) - 1)
-    q, dq, ddq = (np.concatenate(x)[order] for x in zip(*sides, strict=True))
-    shares = {
-        "usage_v": signed_shares("joint_velocity", limits, dq),
-        "usage_a": signed_shares("joint_acceleration", limits, ddq),
-    }
-    if limits.joint_torque is not None and arm.has_bodies:
-        shares["usage_torque"] = signed_shares("joint_torque", limits, arm.torque(q, dq, ddq))
-    rows = [x for share in shares.values() for x in share.T]
-    is_even[select_points(np.zeros(len(t)), rows, MAX_TIMES)] = True
-    indices = np.flatnonzero(is_even)
-    return {
-        "t": to_float32(t[indices]),
-        "q": np.ascontiguousarray(q[indices]),
-        **{name: to_float32(x[indices]) for name, x in shares.items()},
-    }
-
-
-def signed_shares(name: str, limits: Limits, values: FloatArray) -> FloatArray:
-    """Values as shares of a joint limit, with the signs of the values, (n, dof)."""
-    return np.copysign(use_of(name, limits, values).ratio, values)

@@ -24,7 +24,7 @@ from armcontour.files.keys import in_si
 from armcontour.files.scene_file import SceneModel
 from armcontour.geometry import Segments
 from armcontour.jobs import Job
-from armcontour.studio.view import Plane, in_space
+from armcontour.report.view import Plane, in_space
 
 # Role, keys, position in the part frame [m] (None if computed) and coordinates as written.
 PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from threading import RLock
 from typing import Any, Protocol, TypeAlias
 
-from armcontour.studio.page_frame import PageFrame, without_options
+from armcontour.report.page_frame import PageFrame, without_options
 
 # A message of a page.
 PageMessage: TypeAlias = Mapping[str, Any]

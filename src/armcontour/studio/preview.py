@@ -9,7 +9,6 @@ import dataclasses
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
@@ -47,6 +46,7 @@ from armcontour.jobs.study import compute_set_points, simulate_experiment
 from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
+from armcontour.report.picture import Preview, Tier
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
 from armcontour.studio.step_cache import LARGE_RESULTS, StepCache
@@ -68,32 +68,6 @@ INTERVALS = 600
 MIN_SAMPLES = 1500
 # Minimum drive cycle of the rigid-body simulation of a preview [s].
 MIN_STEP = 1e-3
-
-
-class Tier(StrEnum):
-    """Accuracy of a picture."""
-
-    # Path without a plan.
-    OUTLINE = "outline"
-    # Coarse plan without collision checks.
-    PREVIEW = "preview"
-    # Plan of a full run.
-    EXACT = "exact"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Preview(RunResult):
-    """Plan of one run of a document, with the accuracy `tier`."""
-
-    job: Job
-    tier: Tier = Tier.PREVIEW
-    # Warning if links move below the base; otherwise None.
-    below_base: str | None = None
-
-    @property
-    def start(self) -> FloatArray:
-        """Joint positions at the start of the motion [rad], (dof,)."""
-        return self.trajectory(0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

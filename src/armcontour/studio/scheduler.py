@@ -17,15 +17,15 @@ from armcontour.core.progress import Step
 from armcontour.jobs import Job
 from armcontour.jobs.run_result import RunResult
 from armcontour.program import Program
+from armcontour.report.arm_picture import arm_frame
+from armcontour.report.page_frame import PageFrame
+from armcontour.report.picture import Preview, Tier, drawing_frame, picture_frame, refusal_header
+from armcontour.report.view import View
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
-from armcontour.studio.arm_picture import arm_frame
 from armcontour.studio.execution_picture import execution_frame
-from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.picture import drawing_frame, picture_frame, refusal_header
-from armcontour.studio.preview import CoarsePlanner, Preview, Tier
+from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tasks import dispatch
-from armcontour.studio.view import View
 from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker
 
 TaskWorkerFactory: TypeAlias = Callable[[Callable[[PageFrame], None]], TaskWorker]

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from armcontour.studio.session import Session
 
 STATIC = FilePath(__file__).with_name("static")
+# The viewer and the libraries, which reports also contain.
+SHARED = STATIC.parents[1] / "report" / "static"
 # Content types of the files of the page, by extension. Files with other extensions are not served.
 CONTENT_TYPES = {
     ".css": "text/css",
@@ -116,7 +118,7 @@ class Server:
         try:
             answer = {"name": await asyncio.to_thread(session.open_upload, *upload)}
         except ArmContourError as error:
-            from armcontour.studio.page_frame import without_options
+            from armcontour.report.page_frame import without_options
 
             sentence = without_options(str(error))
             status, answer = 422, {"sentence": sentence, "error": type(error).__name__}
@@ -173,7 +175,10 @@ class Server:
 def page_files() -> dict[str, FilePath]:
     """Static files of the page, by name."""
     files = {
-        x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in CONTENT_TYPES
+        x.relative_to(folder).as_posix(): x
+        for folder in (SHARED, STATIC)
+        for x in folder.rglob("*")
+        if x.suffix in CONTENT_TYPES
     }
     return {**files, PALETTE_FILE.name: PALETTE_FILE}
 

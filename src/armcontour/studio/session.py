@@ -21,18 +21,18 @@ from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.files.cell import cell_names
+from armcontour.report.page_frame import PageFrame
+from armcontour.report.picture import drawing_frame
+from armcontour.report.view import View
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Editor, Revision
 from armcontour.studio.handles import is_blank
 from armcontour.studio.opening import new_document, open_file
-from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.pages import Page, PageMessage, Pages
-from armcontour.studio.picture import drawing_frame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.recent import listed_recent
 from armcontour.studio.scheduler import DocumentState, Scheduler, SchedulerOptions
-from armcontour.studio.view import View
 
 # Maximum number of edits in a message, because the job may be read again for each edit.
 MAX_EDITS = 100

@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeAlias
 
 from armcontour.core.errors import ArmContourError
 from armcontour.core.pool import ENVIRONMENT, ProcessEnded, starting_processes
-from armcontour.studio.page_frame import PageFrame
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio.tasks.dispatch import TaskInput, serve
 
 

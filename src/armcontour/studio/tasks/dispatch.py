@@ -13,7 +13,7 @@ from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.pool import begin_process
 from armcontour.core.progress import Progress, Step
-from armcontour.studio.page_frame import PageFrame
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, identify, learn, report
 from armcontour.studio.tasks.request import Request

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.studio.page_frame import PageFrame, bytes_array
+from armcontour.report.page_frame import PageFrame, bytes_array
 from armcontour.studio.tasks.request import Request
 
 # Maximum size of a plan that the Studio shows [bytes]; for a larger one, it shows the preview.
@@ -18,8 +18,7 @@ def figures(request: Request) -> PageFrame:
     """Frame with the exact figures and the plan of a run, or a refusal with its position."""
     from armcontour.core.render import frame
     from armcontour.jobs.rows import judging_rows
-    from armcontour.studio.picture import refusal_header, time_header
-    from armcontour.studio.preview import Tier
+    from armcontour.report.picture import Tier, refusal_header, time_header
 
     try:
         result = request.result

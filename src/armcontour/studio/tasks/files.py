@@ -17,7 +17,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
 from armcontour.core.render import cells, frame, verdict
 from armcontour.core.result import TABLE, Data
-from armcontour.studio.page_frame import PageFrame
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
 
 def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
     """Values, tables and notes of a result, the same as the terminal prints."""
-    from armcontour.studio.page_frame import without_options
+    from armcontour.report.page_frame import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]
     notes = [without_options(y) for z in (data, *logs) for y in z.notes]

@@ -12,8 +12,8 @@ from armcontour.core.progress import Progress
 
 if TYPE_CHECKING:
     from armcontour.jobs import Job, RunResult
+    from armcontour.report.view import View
     from armcontour.studio.preview import CoarsePlanner
-    from armcontour.studio.view import View
 
 
 @dataclass(kw_only=True)
@@ -91,8 +91,8 @@ class Request:
     @cached_property
     def view(self) -> View:
         """Projection of the job onto the plane of the picture."""
+        from armcontour.report.view import View
         from armcontour.studio.handles import handles_of
-        from armcontour.studio.view import View
 
         handles = handles_of(self.job, self.data)
         return View(handles.plane, handles.centre)

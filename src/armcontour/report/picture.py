@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -14,24 +15,26 @@ from armcontour.core.errors import ArmContourError
 from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data
 from armcontour.geometry import Path, RoundedPath
-from armcontour.jobs import Run
+from armcontour.jobs import Job, Run
 from armcontour.jobs.rows import verdict_rows
-from armcontour.motion import LawAlongPath
+from armcontour.jobs.run_result import RunResult
+from armcontour.motion import LawAlongPath, Trajectory
 from armcontour.planning import Explanation
 from armcontour.program import Program, cut_parts, idle_parts
-from armcontour.studio.execution_picture import joint_usage
-from armcontour.studio.page_frame import PageFrame
-from armcontour.studio.preview import Preview, Tier
-from armcontour.studio.view import (
+from armcontour.report.page_frame import PageFrame
+from armcontour.report.view import (
     View,
     drawing_error,
     drawn_arc_lengths,
     drawn_points,
     essential_points,
     in_space,
+    sample_times,
     select_points,
     to_float32,
 )
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limit_use import use_of
 
 # Approximate maximum number of drawn points: of any path, and of simple paths.
 MAX_POINTS, MIN_POINTS = 20_000, 1_200
@@ -45,8 +48,37 @@ NO_LIMIT = 255
 RAPID_POINTS, MAX_RAPID_POINTS = 16, 50_000
 # Maximum number of corners with handles, and of listed speed shortfalls.
 MAX_CORNERS, MAX_SHORTFALLS = 400, 60
+# Maximum number of breaks at which joint usage is evaluated, and approximate maximum number of
+# times with extreme usage that are drawn in addition to evenly spaced times.
+MAX_BREAKS, MAX_TIMES = 2_000, 1_000
 # Minimum share of the duration above which the legend lists a kind of limit.
 MIN_SHARE = 5e-5
+
+
+class Tier(StrEnum):
+    """Accuracy of a picture."""
+
+    # Path without a plan.
+    OUTLINE = "outline"
+    # Coarse plan without collision checks.
+    PREVIEW = "preview"
+    # Plan of a full run.
+    EXACT = "exact"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Preview(RunResult):
+    """Plan of one run of a document, with the accuracy `tier`."""
+
+    job: Job
+    tier: Tier = Tier.PREVIEW
+    # Warning if links move below the base; otherwise None.
+    below_base: str | None = None
+
+    @property
+    def start(self) -> FloatArray:
+        """Joint positions at the start of the motion [rad], (dof,)."""
+        return self.trajectory(0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -389,3 +421,38 @@ def _rapids(planned: Preview, view: View) -> dict[str, Any]:
         "rapid_t": to_float32(t),
         "rapid_breaks": np.arange(0, len(points) + 1, each, dtype=np.uint32),
     }
+
+
+def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
+    """Arrays over time of joint positions and signed shares of joint limits."""
+    breaks = trajectory.breaks
+    if len(breaks) > MAX_BREAKS:
+        breaks = breaks[np.linspace(0, len(breaks) - 1, MAX_BREAKS).astype(np.intp)]
+    # Evenly spaced times are added, because rapids have few breaks and the page interpolates
+    # linearly between times.
+    even = sample_times(trajectory.duration)
+    # Accelerations jump at breaks, so each break has a value from the left and one from the right.
+    t = np.concatenate([breaks[1:], breaks[:-1], even])
+    order = np.argsort(t, kind="stable")
+    sides = trajectory.motion(breaks[1:], side="left"), trajectory.motion(t[len(breaks) - 1 :])
+    t, is_even = t[order], order >= 2 * (len(breaks) - 1)
+    q, dq, ddq = (np.concatenate(x)[order] for x in zip(*sides, strict=True))
+    shares = {
+        "usage_v": signed_shares("joint_velocity", limits, dq),
+        "usage_a": signed_shares("joint_acceleration", limits, ddq),
+    }
+    if limits.joint_torque is not None and arm.has_bodies:
+        shares["usage_torque"] = signed_shares("joint_torque", limits, arm.torque(q, dq, ddq))
+    rows = [x for share in shares.values() for x in share.T]
+    is_even[select_points(np.zeros(len(t)), rows, MAX_TIMES)] = True
+    indices = np.flatnonzero(is_even)
+    return {
+        "t": to_float32(t[indices]),
+        "q": np.ascontiguousarray(q[indices]),
+        **{name: to_float32(x[indices]) for name, x in shares.items()},
+    }
+
+
+def signed_shares(name: str, limits: Limits, values: FloatArray) -> FloatArray:
+    """Values as shares of a joint limit, with the signs of the values, (n, dof)."""
+    return np.copysign(use_of(name, limits, values).ratio, values)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.frames import Frame
 from armcontour.jobs import Job
+from armcontour.report.page_frame import PageFrame
 from armcontour.robot import Arm, Chain
 from armcontour.robot.scene import (
     BASE,
@@ -25,7 +26,6 @@ from armcontour.robot.scene import (
     Shape,
     Sphere,
 )
-from armcontour.studio.page_frame import PageFrame
 
 # The page computes the link poses: the pose of link i in the frame of link i - 1 is the `origin` of
 # its joint, followed by a rotation by q[i] about `axis`. Link 0 is the base. The tool is fixed to
