@@ -42,7 +42,7 @@ def test_the_page(study, page, in_order):
         rms, largest = (number(x, "m") for x in (e.contour_error.rms, e.contour_error.max))
         assert number(e.duration, "s") in page and rms in page and largest in page
     slowest = study.runs["shaped"].explanation.to_data()["slowest"].value
-    words = (f"The slowest point is {slowest}.", "&lt;b&gt;T &amp; J&lt;/b&gt;")
+    words = (f"slowest point: {slowest}", "&lt;b&gt;T &amp; J&lt;/b&gt;")
     assert [x for x in words if x not in page] == []
     assert "<b>T & J</b>" not in page
     in_order(page, "figures time paths joints")

@@ -7,11 +7,11 @@ import gzip
 import json
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from html import escape
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,8 +71,7 @@ class Curve:
     marked: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bar:
+class Bar(NamedTuple):
     """An interval of time [s] in a row of a plot."""
 
     start: float
@@ -178,11 +177,11 @@ def pack(content: bytes) -> str:
 
 def to_json(figures: Mapping[str, Figure]) -> str:
     """Encode figures as JSON; each array of abscissae is contained once per plot."""
-    return json.dumps({x: _plain_figure(y) for x, y in figures.items()}, separators=(",", ":"))
-
-
-def _plain_figure(figure: Figure) -> dict[str, Any]:
-    return {"columns": len(figure.columns), "plots": [_plain_plot(x) for x in figure.plots]}
+    plain = {
+        key: {"columns": len(x.columns), "plots": [_plain_plot(y) for y in x.plots]}
+        for key, x in figures.items()
+    }
+    return json.dumps(plain, separators=(",", ":"))
 
 
 def _plain_plot(plot: Plot) -> dict[str, Any]:
@@ -196,10 +195,9 @@ def _plain_plot(plot: Plot) -> dict[str, Any]:
         look = {"name": curve.name, "colour": curve.colour, "width": curve.width}
         look |= {"dash": curve.dash, "marked": curve.marked}
         curves.append({**look, "x": index, "y": _rounded(curve.y, DIGITS)})
-    names = ("label", "x_label", "rows", "limits", "lines", "also", "logarithmic", "counts")
-    values = {x: getattr(plot, x) for x in (*names, "height")}
-    bars = [(x.start, x.end, x.row, x.kind, x.name, x.colour) for x in plot.bars]
-    return {**values, "x": [_rounded(x, X_DIGITS) for x in arrays], "curves": curves, "bars": bars}
+    names = {x.name for x in fields(plot)} - {"curves"}
+    values = {x: getattr(plot, x) for x in sorted(names)}
+    return {**values, "x": [_rounded(x, X_DIGITS) for x in arrays], "curves": curves}
 
 
 def _rounded(values: FloatArray, digits: int) -> list[float | None]:

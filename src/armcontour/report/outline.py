@@ -8,7 +8,6 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry import Path
-from armcontour.program import Program
 
 # Deviation of a drawn curve above which it is visible, as a share of the drawing's size.
 VISIBLE = 1 / 5000
@@ -20,14 +19,6 @@ MAX_SAMPLED = 200_000
 EVEN = 4000
 # Number of chords of a full circle.
 CHORDS = 96
-
-
-def outline_points(program: Program) -> FloatArray:
-    """Points with which a program is drawn [m], (n, dimension), with NaN after each contour."""
-    curves = [x.path(fine_places(x.path)) for x in program.contours]
-    gap = np.full((1, program.dimension), np.nan)
-    chosen = simplify(curves)
-    return np.concatenate([y for x, few in zip(curves, chosen, strict=True) for y in (x[few], gap)])
 
 
 def fine_places(path: Path, start: float = 0.0, end: float | None = None) -> FloatArray:

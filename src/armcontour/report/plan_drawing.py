@@ -16,7 +16,7 @@ from armcontour.core.render import LIMITS, LINES, number, number_range
 from armcontour.core.text import count_noun
 from armcontour.jobs import Job, RunResult
 from armcontour.jobs.rows import allowed_error
-from armcontour.planning.explanation import BETWEEN, RAPIDS, LimitShare
+from armcontour.planning.explanation import BETWEEN, RAPIDS, Binding, LimitShare
 from armcontour.program import Contour, Process, cut_parts, idle_parts
 from armcontour.report.figure import WHOLE, Picture
 from armcontour.report.outline import fine_places, simplify
@@ -151,17 +151,17 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
             parts += sheet.mark(name, points)
             place = points[0].place
             keys.append(Key(symbol, words if place else f"{words} ({len(points)})", place))
-    limits = {x: _longest(result, x, f"{prefix}-limit-{slug(x)}") for x in _kinds(result)}
+    limits = _limit_marks(result, prefix)
     parts += [sheet.ring(x) for x in limits.values()]
     parts += [*_numbers(result, sheet), *sheet.scale()]
     legend = legend_of(result, {kind: x.place for kind, x in limits.items()})
     label = f"Path of the tool, {count_noun(len(outline), 'contour')}; what takes the time: "
     label += ", ".join(f"{x.word} {number(x.share, '1')}" for x in legend) or "unknown"
-    places = {ROW_OF[name]: mark.place for name, _, mark in extremes if name in ROW_OF}
+    places = {ROW_OF[name]: mark.place for name, _, mark in extremes}
     if (why := result.explanation) is not None and why.longest is not None:
-        kinds = {x.name: kind_of(x.limit) for x in why.bindings}
-        if why.longest[0] in kinds:
-            places["time_limit"] = limits[kinds[why.longest[0]]].place
+        kind = next(x.kind for x in why.shares if x.name == why.longest[0])
+        if kind in limits:
+            places["time_limit"] = limits[kind].place
     title = f"Path of run {result.run.name}" + ", by the active limit" * bool(legend)
     return Drawing(
         title=title, svg=sheet.svg(label, parts), keys=tuple(keys), legend=legend, places=places
@@ -462,11 +462,10 @@ def _tabs(result: RunResult, process: Process) -> list[Tab]:
 
 def _pierces(result: RunResult, process: Process) -> list[Mark]:
     """Marks at the starts of contours at which the tool pierces."""
-    layers = ((x, process.of_contour(x).pierce) for x in result.path.contours)
     return [
         Mark(x.path(0.0), f"pierce {number(pierce.time, 's')}")
-        for x, pierce in layers
-        if pierce is not None
+        for x in result.path.contours
+        if (pierce := process.of_contour(x).pierce) is not None
     ]
 
 
@@ -501,17 +500,16 @@ def _at(result: RunResult, s: float) -> FloatArray:
     return np.asarray(contour.path(min(s - breaks[k], contour.path.length)))
 
 
-def _kinds(result: RunResult) -> list[str]:
-    """Kinds of limits that are active on contours."""
-    explanation = result.explanation
-    bindings = () if explanation is None else explanation.bindings
-    return list(dict.fromkeys(kind_of(x.limit) for x in bindings))
-
-
-def _longest(result: RunResult, kind: str, place: str) -> Mark:
-    """Mark in the middle of the longest part of the motion with a kind of limit."""
-    assert result.explanation is not None
-    parts = [x for x in result.explanation.bindings if kind_of(x.limit) == kind]
-    longest = max(parts, key=lambda x: x.t[1] - x.t[0])
-    words = f"{longest.name}, {number_range(longest.t, 's')}"
-    return Mark(_at(result, float(np.mean(longest.s))), words, place=place)
+def _limit_marks(result: RunResult, prefix: str) -> dict[str, Mark]:
+    """For each kind of limit, a mark in the middle of the longest part of the motion with it."""
+    longest: dict[str, Binding] = {}
+    for part in () if result.explanation is None else result.explanation.bindings:
+        kind = kind_of(part.limit)
+        if kind not in longest or np.ptp(part.t) > np.ptp(longest[kind].t):
+            longest[kind] = part
+    marks = {}
+    for kind, part in longest.items():
+        words = f"{part.name}, {number_range(part.t, 's')}"
+        place = f"{prefix}-limit-{slug(kind)}"
+        marks[kind] = Mark(_at(result, float(np.mean(part.s))), words, place=place)
+    return marks

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import re
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 
@@ -146,7 +147,9 @@ def opened(browser, text, folder, width, **how):
     page.on("pageerror", lambda x: troubles.append(str(x)))
     page.on("console", lambda x: troubles.append(x.text) if x.type == "error" else None)
     page.on(
-        "request", lambda x: None if x.url.startswith(file.as_uri()) else troubles.append(x.url)
+        # What the page has packed is a blob of its own.
+        "request",
+        lambda x: x.url.startswith((file.as_uri(), "blob:")) or troubles.append(x.url),
     )
     page.goto(file.as_uri())
     if how.get("java_script_enabled", True):
@@ -180,3 +183,34 @@ def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, n
             load_axe(page)
             page_faults += [f"{width}: {x}" for x in faults(page)]
     assert not page_faults, "\n".join(page_faults)
+
+
+def test_figures_and_drawings_answer(browser, tmp_path):
+    with opened(browser, text_of("run"), tmp_path, 1400) as page:
+        # An important value leads to its place, which is enlarged.
+        drawing = page.locator(".front svg.drawing")
+        whole = drawing.get_attribute("viewBox")
+        page.locator("a.tile").first.click()
+        assert page.locator(".place:target").is_visible()
+        assert drawing.get_attribute("viewBox") != whole
+        assert "largest error" in page.locator(".front output").inner_text()
+        drawing.dblclick(position={"x": 5, "y": 5})
+        assert drawing.get_attribute("viewBox") == whole
+        page.locator("#time summary").click()
+        page.wait_for_selector("#time canvas")
+        plot = page.locator("#time .u-over").first
+        box = plot.bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        tip = page.locator("#time .tip").inner_text()
+        assert re.search(r"time [\d.]+.*compensated: [\d.]+", tip, re.DOTALL)
+        # All plots of a figure are enlarged together.
+        ends = "() => [...drawn.values()].flat().map((u) => u.scales.x.max)"
+        before = page.evaluate(ends)
+        page.mouse.down()
+        page.mouse.move(box["x"] + box["width"] * 0.7, box["y"] + 20, steps=4)
+        page.mouse.up()
+        after = page.evaluate(ends)
+        assert len(after) == 3 and all(x < y for x, y in zip(after, before, strict=True))
+    with opened(browser, text_of("run"), tmp_path, 1400, java_script_enabled=False) as page:
+        page.locator("#time summary").click()
+        assert page.locator("#time noscript").is_visible()

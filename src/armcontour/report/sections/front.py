@@ -87,16 +87,12 @@ def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]
 
 
 def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Yield a heading and its text: the slowest point, and the reserve of the accelerations."""
+    """Yield a heading and its text: the reserve of the accelerations."""
     explanation, reserve = result.explanation, result.run.timing.reserve
-    if explanation is None:
-        return
-    slowest = explanation.to_data()["slowest"]
-    texts = [f"The slowest point is {slowest.value}."] if slowest.value else []
-    if reserve and any(x.kind in RESERVED_NAMES for x in explanation.shares):
-        texts.append(f"The plan uses at most {number(1 - reserve, '1')} of the accelerations.")
-    if texts:
-        yield "Why it takes this long", " ".join(texts)
+    if explanation is not None and reserve:
+        if any(x.kind in RESERVED_NAMES for x in explanation.shares):
+            text = f"The plan uses at most {number(1 - reserve, '1')} of the accelerations."
+            yield "Why it takes this long", text
 
 
 def _assumed(study: JobResult) -> str:

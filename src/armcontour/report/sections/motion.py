@@ -16,6 +16,7 @@ from armcontour.planning.explanation import Binding
 from armcontour.report.figure import Bar, Curve, Figure, Plot
 from armcontour.report.plan_drawing import colour_of, kind_of, word_of
 from armcontour.report.section import Section, text_table
+from armcontour.report.sections.path_section import tools_of
 from armcontour.report.style import (
     DECADES,
     EXPERIMENT_DASH,
@@ -87,11 +88,10 @@ def limits(study: JobResult) -> Plot | None:
     """Plot with bars of the active limits of every plan; None if no plan has an explanation."""
     plans = _plans(study)
     bars = [
-        Bar(start=start, end=end, row=row, kind=word_of(kind), name=name, colour=colour_of(kind))
+        Bar(start, end, row, word_of(kind), name, colour_of(kind))
         for row, x in enumerate(plans.values())
-        for start, end, kind, name in list_bars(
-            [] if x.explanation is None else x.explanation.bindings
-        )
+        if x.explanation is not None
+        for start, end, kind, name in list_bars(x.explanation.bindings)
     ]
     if not bars:
         return None
@@ -137,17 +137,12 @@ def error(study: JobResult) -> Plot | None:
     limit = allowed.pop() if len(allowed) == 1 else None
     unit = limit / 100 if limit else 1e-3
     colours, curves = run_colours(study.runs), []
-    for name, result in study.runs.items():
-        bodies = None if result.experiment is None else result.experiment.evaluation
-        for judged, label, dash, width in (
-            (result.evaluation, name, (), 2.0),
-            (bodies, f"{name}, experiment", EXPERIMENT_DASH, 1.5),
-        ):
-            if judged is not None:
-                e = judged.contour_error
-                t, y = thin(e.t, e.values / unit)
-                look = colours[name]
-                curves.append(Curve(x=t, y=y, name=label, colour=look, dash=dash, width=width))
+    for name, result, _, evaluation in tools_of(study):
+        if evaluation is not None:
+            e, run = evaluation.contour_error, result.run.name
+            t, y = thin(e.t, e.values / unit)
+            dash = () if name == run else EXPERIMENT_DASH
+            curves.append(Curve(x=t, y=y, name=name, colour=colours[run], dash=dash))
     largest = [float(np.nanmax(x.y)) for x in curves]
     label = f"error [% of {number(limit, 'm')}]" if limit else "contour error [mm]"
     return Plot(

@@ -73,16 +73,14 @@ def draw_map(result: Placement) -> Drawing:
     for k, values in enumerate((columns, rows)[: len(axes)]):
         unit, factor = scale("rad" if axes[k] == "yaw" else "m")
         # As many values are written as have room.
-        step = int(np.ceil((LEAST_TEXT if k == 0 else LEAST_ROW) / size))
-        for i, value in list(enumerate(values))[::step]:
+        step = int(np.ceil((LEAST_TEXT, LEAST_ROW)[k] / size))
+        for i in range(0, len(values), step):
             at = (i + 0.5) * size
-            x, y = (LEFT + at, bottom + 16) if k == 0 else (LEFT - 6, bottom - at + 4)
-            parts.append(
-                f'<text class="tick{k}" x="{x:.1f}" y="{y:.1f}">{value / factor:.4g}</text>'
-            )
-        x, y = (LEFT + len(columns) * size / 2, bottom + 36) if k == 0 else (12, bottom / 2)
-        turn = f' transform="rotate(-90 {x:.0f} {y:.0f})"' * k
-        parts.append(f'<text class="tick0" x="{x:.0f}" y="{y:.0f}"{turn}>{axes[k]} [{unit}]</text>')
+            at_place = f'x="{LEFT + at}" y="{bottom + 16}"', f'x="{LEFT - 6}" y="{bottom - at + 4}"'
+            parts.append(f'<text class="tick{k}" {at_place[k]}>{values[i] / factor:.4g}</text>')
+        turn = (f"translate({LEFT + len(columns) * size / 2} {bottom + 36})",
+                f"translate(12 {bottom / 2}) rotate(-90)")[k]  # fmt: skip
+        parts.append(f'<text transform="{turn}">{axes[k]} [{unit}]</text>')
     keys = [Key(_swatch(_heat(0.0)), f"shortest motion {number(low, 's')}")] if times else []
     keys += [Key(_swatch(_heat(1.0)), f"longest {number(high, 's')}")] if high > low else []
     keys += [Key(_swatch(REFUSED), "refused, with the number of the reason")] if numbers else []
