@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from benchmarks import baseline
 from soak import hal_drives, paper_table
 
 import armcontour as ac
@@ -120,6 +121,19 @@ def test_the_table_of_poles(plans):
         error = ac.evaluate(execution, ROUNDED).contour_error
         demand = abs(execution.demand).max(axis=0)
         is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)
+
+
+def test_the_table_of_toppra_is_that_of_the_baseline():
+    known = baseline.baselines_by_name(baseline.read(baseline.FILE))
+    rows = [x for x in page("docs/start/coming_from.md").splitlines() if re.match(r"\| \d+ \|", x)]
+    assert len(rows) == 3
+    for row in rows:
+        points, *sides = (x.strip() for x in row.strip("|").split("|"))
+        line = known[f"plan/toppra/{points}"]
+        for side, note, seconds in zip(sides, line.notes, (line.ours, line.theirs), strict=True):
+            duration, violation = map(float, re.findall(r"[\d.]+(?:e[+-]\d+)?", note))
+            expected = [duration, 100.0 * violation, 1e3 * seconds]
+            is_printed(expected, re.findall(r"\d+(?:\.\d+)?", side))
 
 
 BRACKET = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20), (0.40, 0.30)])
