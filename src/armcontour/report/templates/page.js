@@ -39,18 +39,21 @@ function draw(box, { plots, columns }, uPlot) {
   const tip = document.createElement("div");
   tip.className = "tip";
   const last = plots.length - columns;
+  // All plots have the same range, so that times are below each other.
+  const xs = plots.flatMap((plot) => [...plot.x.flat(), ...plot.bars.flatMap((bar) => bar.slice(0, 2))]);
+  const ends = [xs.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b))];
   drawn.set(box, plots.map((plot, k) => {
     const place = document.createElement("div");
     box.append(place);
-    return new uPlot(optionsOf(plot, place.clientWidth, { key: box.id, bottom: k >= last, narrow: columns > 1, tip }), dataOf(plot, uPlot), place);
+    return new uPlot(optionsOf(plot, place.clientWidth, { key: box.id, bottom: k >= last, narrow: columns > 1, tip }), dataOf(plot, ends, uPlot), place);
   }));
   box.append(tip);
   fillKeys(box, plots);
 }
 
-function dataOf(plot, uPlot) {
-  if (plot.bars.length) return [[plot.bars[0][0], Math.max(...plot.bars.map((x) => x[1]))], [null, null]];
-  return uPlot.join(plot.curves.map((x) => [plot.x[x.x], x.y]));
+function dataOf(plot, ends, uPlot) {
+  if (plot.bars.length) return [ends, [null, null]];
+  return uPlot.join([...plot.curves.map((x) => [plot.x[x.x], x.y]), [ends]]);
 }
 
 function optionsOf(plot, width, { key, bottom, narrow, tip }) {
@@ -65,7 +68,7 @@ function optionsOf(plot, width, { key, bottom, narrow, tip }) {
     cursor: { sync: { key, scales: ["x", null] }, drag: { x: true, y: false }, y: false, points: { size: 6 } },
     scales: { x: { time: false }, y: { distr: plot.logarithmic ? 3 : 1, ...(limits && { range: (u, ...all) => (u.showsAll ? all : limits) }) } },
     axes: [
-      { ...AXIS, size: bottom ? 24 : 4, label: bottom ? plot.x_label : undefined, labelSize: 18, values: bottom ? values : () => [], ...(plot.counts && { incrs: [1, 2, 5, 10, 20, 50, 100] }) },
+      { ...AXIS, size: bottom ? 24 : 4, label: bottom ? plot.x_label : undefined, labelSize: 18, values: bottom ? values : () => [], ...(plot.counts && { incrs: [1, 2, 5, 10, 20, 50, 100] }), ...(isBars && { grid: { show: false } }) },
       {
         ...AXIS, label: plot.label, labelSize: 16, size: 52, values,
         ...(narrow && { space: 18 }),
@@ -108,7 +111,7 @@ function showValues(u, plot, tip) {
   const lines = bar ? [[bar[5], `${bar[4]}: ${short(bar[0])} to ${short(bar[1])} s`]] : [];
   plot.curves.forEach((curve, k) => {
     const y = u.data[k + 1][idxs?.[k + 1]];
-    if (u.series[k + 1].show && typeof y === "number") lines.push([curve.colour, `${curve.name}: ${short(y)}${plot.also ? ` % (${short(y * plot.also[0])} ${plot.also[1]})` : ""}`]);
+    if (u.series[k + 1].show && typeof y === "number") lines.push([curve.colour, `${curve.name}: ${plot.also ? `${small(y)} % (${small(y * plot.also[0])} ${plot.also[1]})` : short(y)}`]);
   });
   tip.replaceChildren(`${plot.x_label.replace(/ \[.*/, "")} ${short(x)}`, ...lines.map(([colour, text]) => keyOf("div", colour, text)));
   const [inside, over] = [tip.parentElement, u.over].map((e) => e.getBoundingClientRect());
@@ -119,6 +122,8 @@ function showValues(u, plot, tip) {
 
 // Four significant digits, without zeros at the end.
 const short = (x) => (Math.abs(x) >= 1e4 ? x.toFixed(0) : String(Number(x.toPrecision(4))));
+
+const small = (x) => (x > 0 && x < 1e-3 ? "< 0.001" : short(x));
 
 function keyOf(tag, colour, text, dash = []) {
   const key = document.createElement(tag);
