@@ -9,14 +9,10 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry import Path
 
-# Deviation of a drawn curve above which it is visible, as a share of the drawing's size.
-VISIBLE = 1 / 5000
 # Maximum number of points in a drawing; more points increase the file but are not visible.
 MAX_DRAWN = 20_000
 # Maximum number of points that `simplify` examines, so that it takes at most about a second.
 MAX_SAMPLED = 200_000
-# Number of evenly spaced points that are always drawn, so that enlarged parts are accurate too.
-EVEN = 4000
 # Number of chords of a full circle.
 CHORDS = 96
 
@@ -38,14 +34,14 @@ def simplify(
     curves: Sequence[FloatArray],
     count: int = MAX_DRAWN,
     *,
-    even: int = EVEN,
-    visible: float | None = None,
+    even: int,
+    visible: float,
 ) -> list[IntArray]:
     """Select about `count` points of all curves for a drawing; returns the indices for each curve.
 
     In each iteration, every chord is split at the point with the largest distance from the chord,
-    until no distance exceeds `visible` (Ramer, Douglas and Peucker). `visible` defaults to the
-    share VISIBLE of the size of the curves. About `even` of the points are evenly spaced.
+    until no distance exceeds `visible` (Ramer, Douglas and Peucker). About `even` of the points are
+    evenly spaced.
     """
     step = max(1, sum(map(len, curves)) // MAX_SAMPLED)
     sampled = [np.append(np.arange(0, len(x) - 1, step), len(x) - 1) for x in curves]
@@ -59,8 +55,7 @@ def simplify(
     ends = np.flatnonzero(chosen)
     within = ~np.isin(ends[:-1], lasts - 1)
     start, end = ends[:-1][within], ends[1:][within]
-    size = float(np.ptp(points, axis=0).max())
-    invisible = (VISIBLE * size if visible is None else visible) ** 2
+    invisible = visible**2
     room = count - int(chosen.sum())
     while room > 0:
         long = end - start > 1

@@ -355,13 +355,12 @@ def legend_of(result: RunResult, places: Mapping[str, str]) -> tuple[LegendEntry
 
 def _rapids(result: RunResult) -> list[FloatArray]:
     """Sampled tool paths of the rapids [m], (RAPID_PLACES, dimension) each."""
-    plan = result.trajectory
-    spans = [x.t for x in plan.spans if x.kind == "rapid"]
+    spans = [x.t for x in result.trajectory.spans if x.kind == "rapid"]
     if not spans:
         return []
     start, end = np.array(spans).T
     times = np.linspace(start, end, RAPID_PLACES, axis=1)
-    points = result.arm.tool_position(plan(times.ravel(), side="left"))
+    points = result.arm.tool_position(result.trajectory(times.ravel(), side="left"))
     return list(points.reshape(len(spans), RAPID_PLACES, -1))
 
 
