@@ -138,7 +138,7 @@ site: docs $(VENV)/test-all  ## Build the site and test it: its code, links, nam
 links: $(VENV)/docs  ## Ask other people's sites whether the links to them still lead somewhere
 	$(BIN)/python -m sphinx -b linkcheck -q docs docs/_build/links
 
-figures: $(VENV)/docs  ## Draw the figures of docs/ and make its gallery
+figures: $(VENV)/docs  ## Draw the figures of docs/ and of its gallery
 	$(BIN)/python -m docs.figures
 	$(BIN)/python -m docs.gallery
 
@@ -150,7 +150,7 @@ vendor:  ## Bundle what reports and the Studio's page take from others (needs no
 	node $(TOOLS)/build.mjs
 
 clean:  ## Remove the environment, the demo's results, and what was built
-	rm -rf $(VENV) demo dist docs/_build docs/reference/pages
+	rm -rf $(VENV) demo dist docs/_build docs/reference/pages docs/gallery/*.md
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "armcontour needs Python 3.11 to 3.14 with its venv module; none was found." >&2; exit 1; }

@@ -1,4 +1,4 @@
-"""Make the gallery: `python -m docs.gallery [NAME ...]` runs examples, and draws their pictures."""
+"""Draw the pictures of the gallery: `python -m docs.gallery [NAME ...]` runs examples."""
 
 from __future__ import annotations
 
@@ -15,5 +15,3 @@ if __name__ == "__main__":
         with redirect_stdout(io.StringIO()):
             variables = runpy.run_path(str(pages.EXAMPLES / f"{name}.py"), run_name="__main__")
         style.save(getattr(pictures, f"draw_{name[:2]}")(variables), pages.FOLDER / f"{name}.svg")
-        (pages.FOLDER / f"{name}.md").write_text(pages.page_of(name), encoding="utf-8")
-    (pages.FOLDER / "index.md").write_text(pages.index(), encoding="utf-8")

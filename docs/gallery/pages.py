@@ -144,6 +144,12 @@ All examples: [gallery](index.md).
 """
 
 
+def published() -> dict[Path, str]:
+    """The pages of the gallery by their files."""
+    pages = {FOLDER / f"{name}.md": page_of(name) for name in SHOWN}
+    return pages | {FOLDER / "index.md": index()}
+
+
 def index() -> str:
     """The page with all examples."""
     names = list(SHOWN)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from docs.gallery import pages as gallery
 from docs.reference import job_keys
 from docs.site.commands import write_commands
 from docs.site.names import write_names
@@ -42,7 +43,8 @@ def write() -> None:
         for file in [x for x in FOLDER.rglob("*") if x.is_file()]:
             if file.relative_to(FOLDER).as_posix() not in pages:
                 file.unlink()
-    files = {FOLDER / name: text for name, text in pages.items()} | job_keys.published()
+    files = {FOLDER / name: text for name, text in pages.items()}
+    files |= job_keys.published() | gallery.published()
     for file, text in files.items():
         if not file.exists() or file.read_text(encoding="utf-8") != text:
             file.parent.mkdir(parents=True, exist_ok=True)
