@@ -34,7 +34,7 @@ def count(root: Path = ROOT) -> dict[str, int]:
     scripts = [x for x in package.rglob("*.js") if "vendor" not in x.parts]
     lines = (x.strip() for y in scripts for x in y.read_text(encoding="utf-8").splitlines())
     tests = (x.read_text(encoding="utf-8") for x in (root / "tests").rglob("*.py"))
-    # Pages that are generated: the table of keys, the gallery, the reference of Python and the site.
+    # Generated pages: the table of keys, the gallery, the reference of Python and the site.
     generated = {"job_keys.md", "gallery", "pages", "_build"}
     pages = {x: x.relative_to(root / "docs").parts for x in (root / "docs").rglob("*.md")}
     written = (x for x, parts in pages.items() if not generated & set(parts))
