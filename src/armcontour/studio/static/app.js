@@ -1,6 +1,7 @@
 // The page: store, connection, and one module per region. Regions that are visible first are created before the connection;
 // the others (LATER) are loaded after the first picture, or when the user does something.
 
+import { init as contours } from "./contours.js";
 import { init as dock } from "./dock.js";
 import { find } from "./dom.js";
 import { init as figures } from "./figures.js";
@@ -66,6 +67,7 @@ makeAll([
   () => dock(store),
   () => header(store, link),
   () => figures(store),
+  () => contours(store),
   () => viewbar(store, view),
   () => pen(store, link, pointer),
   () => marks(store, view),

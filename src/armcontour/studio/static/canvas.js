@@ -80,6 +80,7 @@ export class Painter {
     const dashed = count > 0 && count < LONG;
     stroke(context, objective, count ? themed("--faint") : themed("--ink"), px, dashed ? [5 * px, 4 * px] : []);
     stroke(context, layers.lines(picture, "rapid"), themed("--faint"), 1 * px, [1.5 * px, 4 * px]);
+    if (store.options.contour >= 0) stroke(context, layers.contour(picture, store.options.contour), themed("--selected"), 11 * px);
     for (const { path, colour, dash } of layers.strokes(picture, executed)) {
       stroke(
         context,

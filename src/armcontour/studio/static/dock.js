@@ -1,36 +1,50 @@
-// Tabs below the drawing, and visibility of the views.
+// Tabs of the details and of the settings, and visibility of the views.
 
 import { find, say } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
 
 const MOVES = /** @type {Record<string, number>} */ ({ ArrowRight: 1, ArrowLeft: -1 });
+/** Panels whose fields are those of the form. */
+const FIELDS = new Set(["contours", "process", "robot"]);
 
-/** @param {Store} store */
-export function init(store) {
-  const tabs = /** @type {HTMLElement[]} */ ([...document.querySelectorAll('#tabs [role="tab"]')]);
+/** Tabs of a list, by the name of their panel. @param {string} list @param {(name: string) => void} choose */
+function listen(list, choose) {
+  const tabs = /** @type {HTMLElement[]} */ ([...document.querySelectorAll(`${list} [role="tab"]`)]);
   const nameOf = (/** @type {HTMLElement} */ tab) => tab.id.replace("tab-button-", "");
-  const toggle = find("#dock-toggle");
   for (const tab of tabs) {
-    tab.addEventListener("click", () => store.setView({ tab: nameOf(tab), dock: true }));
+    tab.addEventListener("click", () => choose(nameOf(tab)));
     tab.addEventListener("keydown", (event) => {
       const next = tabs[(tabs.indexOf(tab) + (MOVES[event.key] ?? 0) + tabs.length) % tabs.length];
       if (next === tab) return;
       event.preventDefault();
       event.stopPropagation();
-      store.setView({ tab: nameOf(next), dock: true });
+      choose(nameOf(next));
       next.focus();
     });
   }
-  toggle.addEventListener("click", () => store.setView({ dock: !store.options.dock }));
-  const show = () => {
-    const { tab: chosen, dock, stage } = store.options;
+  return (/** @type {string} */ chosen) => {
     for (const tab of tabs) {
       const selected = nameOf(tab) === chosen;
       tab.setAttribute("aria-selected", String(selected));
       tab.tabIndex = selected ? 0 : -1;
-      find(`#tab-${nameOf(tab)}`).hidden = !selected;
+      const panel = document.getElementById(`tab-${nameOf(tab)}`);
+      if (panel) panel.hidden = !selected;
     }
+  };
+}
+
+/** @param {Store} store */
+export function init(store) {
+  const showTabs = listen("#tabs", (tab) => store.setView({ tab, dock: true }));
+  const showSides = listen("#sides", (side) => store.setView({ side: /** @type {any} */ (side) }));
+  const toggle = find("#dock-toggle");
+  toggle.addEventListener("click", () => store.setView({ dock: !store.options.dock }));
+  const show = () => {
+    const { tab, side, dock, stage } = store.options;
+    showTabs(tab);
+    showSides(side);
+    find("#form").hidden = !FIELDS.has(side);
     find("#dock-body").hidden = !dock;
     toggle.setAttribute("aria-expanded", String(dock));
     say(toggle, dock ? "Hide" : "Show");

@@ -1,9 +1,10 @@
 // Verdict and its figures: contour error, cycle time, clearance, saturation.
 
-import { verdictOf } from "./colours.js";
+import { styleOf, verdictOf } from "./colours.js";
 import { find, make, mark, say } from "./dom.js";
 import { NONE } from "./format.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
+import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {{name: string, label: string, value: any, text: string, unit: string, note?: string}} Row As Python says it. */
@@ -11,7 +12,7 @@ import { nowAndThen, oncePerFrame, READING } from "./state.js";
 
 const SPOKEN_EVERY = 1000; // ms
 /** Names of figures in their order. */
-const FIGURES = ["kept", "off_drawing", "duration", "time_limit", "contour_error.rms", "clearance.low", "saturated"];
+const FIGURES = ["kept", "off_drawing", "duration", "clearance.low", "contour_error.rms", "saturated"];
 /** From which values on a figure is an alarm. @type {Record<string, (value: any) => boolean>} */
 const ALARMS = {
   saturated: (share) => share > 0,
@@ -28,6 +29,8 @@ class Figures {
     this.boxes = Object.fromEntries(FIGURES.map((name) => [name, this.box(name)]));
     this.state = make("span", { class: "exactness" });
     this.boxes.duration.label.after(this.state);
+    this.shares = make("div", { class: "figure shares", hidden: true });
+    this.boxes.duration.box.after(this.shares);
     this.region.append(this.row);
     this.spoken = "";
     const update = oncePerFrame(() => this.showAll(FIGURES));
@@ -36,7 +39,7 @@ class Figures {
     store.on("executed", others);
     // The cycle time is shown with each picture.
     store.on("picture", () => {
-      this.showAll(["duration", "time_limit"]);
+      this.showAll(["duration"]);
       others();
     });
     setInterval(() => this.speak(), SPOKEN_EVERY);
@@ -60,6 +63,21 @@ class Figures {
     const { exact, rows } = knownOf(this.store);
     for (const name of names) this.show(name, rows.get(name), exact);
     this.updateState();
+    this.showShares();
+  }
+
+  /** Where the time goes: a bar of the limits, and the largest in words. */
+  showShares() {
+    const kinds = /** @type {{kind: string, share: string}[]} */ (headOf(this.store).kinds ?? []);
+    this.shares.hidden = !kinds.length;
+    const look = (/** @type {string} */ kind) => styleOf(kind, this.store.theme);
+    const told = kinds.map(({ kind, share }) => `${look(kind).label} ${share}`);
+    render(
+      html`<span class="label">Where the time goes</span>
+        <span class="bar" aria-hidden="true">${kinds.map(({ kind, share }) => html`<span style=${`flex-grow: ${parseFloat(share)}; background: ${look(kind).colour}`} />`)}</span>
+        <span class="note" title=${told.join(", ")}>${told.map((text) => html`<span>${text}</span>`)}</span>`,
+      this.shares,
+    );
   }
 
   /** Accuracy of the figures. */

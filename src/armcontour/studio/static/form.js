@@ -35,6 +35,10 @@ const [READ, BY_LAYER] = ["path.layers", "process.by_layer"];
 
 const head = signal(/** @type {any} */ (null));
 const everything = signal(false);
+/** Tab of the settings whose groups are shown; a search finds those of all. */
+const side = signal("process");
+/** Groups of the other tabs than Process. @type {Record<string, string>} */
+const SIDES = { "Layers and order": "contours", Part: "contours", "Tool and tilt": "robot", "Arm and limits": "robot", Servo: "robot", Cell: "robot" };
 const wanted = signal("");
 const forRun = signal(false);
 const help = signal("");
@@ -145,7 +149,7 @@ export function refuseAt({ head: { key, sentence } }) {
   // Together they are refused: the new edit may be possible alone.
   if (sent) link.edit(wish.edits);
   if (sent) return true;
-  const place = [key, wish.key].find((x) => x && find("#panel").querySelector(`[data-key="${CSS.escape(x)}"]`));
+  const place = [key, wish.key].find((x) => x && find("#form").querySelector(`[data-key="${CSS.escape(x)}"]`));
   if (wish.key.startsWith(`${key}.`)) waiting.push({ ...wish, outer: key });
   if (place) refusals.value = { ...refusals.value, [place]: sentence };
   return place !== undefined;
@@ -402,7 +406,7 @@ function Form() {
       <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "What is set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
       <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "For job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "For run", "Changes are for the shown run alone")}</span>
     </div>
-    ${form.groups.map((/** @type {any} */ x) => html`<${Group} key=${x.title} ...${x} />`)}
+    ${form.groups.map((/** @type {any} */ x) => (wanted.value || (SIDES[x.title] ?? "process") === side.value) && html`<${Group} key=${x.title} ...${x} />`)}
     <p class="help quiet">${help}</p>`;
 }
 
@@ -421,5 +425,6 @@ export async function init(store, to) {
     head.value = frame.head;
   });
   form = await known;
-  render(html`<${Form} />`, find("#panel"));
+  store.on("view", () => (side.value = store.options.side));
+  render(html`<${Form} />`, find("#form"));
 }

@@ -31,8 +31,20 @@ function disable(buttons, dead) {
   if (dead[focused]) buttons[HEIRS[focused].find((name) => !buttons[name].disabled) ?? "save"].focus();
 }
 
+/** Open a tab of the details, and start its task; an export has choices first. @param {Store} store @param {string} name */
+function open(store, name) {
+  store.setView({ tab: name === "runs" ? name : "tasks", dock: true });
+  const form = document.querySelector(`#tasks form[data-task="${name}"]`);
+  if (!(form instanceof HTMLFormElement)) return;
+  form.scrollIntoView({ block: "nearest" });
+  if (name === "export") form.querySelector("select")?.focus();
+  else form.requestSubmit();
+}
+
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
+  for (const button of document.querySelectorAll("[data-opens]"))
+    button.addEventListener("click", () => open(store, /** @type {HTMLElement} */ (button).dataset.opens ?? ""));
   const run = /** @type {HTMLSelectElement} */ (find("#run"));
   const buttons = Object.fromEntries(["undo", "redo", "save"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]));
   run.addEventListener("change", () => link.send({ op: "select", run: run.value }));

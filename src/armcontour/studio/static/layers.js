@@ -113,6 +113,12 @@ export class Layers {
     });
   }
 
+  /** A contour of the path; empty where there is none. @param {Frame} picture @param {number} k */
+  contour(picture, k) {
+    const { path, path_breaks: breaks } = picture.arrays;
+    return this.keep("contour", [picture, k], () => polyline(path.subarray(2 * breaks[k], 2 * breaks[k + 1]), []));
+  }
+
   /** @param {Frame} picture */
   labels(picture) {
     return this.keep("labels", [picture], () => labelsOf(picture));

@@ -1,8 +1,10 @@
 // Playback: moves the shown time at a chosen rate.
 
+import { styleOf, themed } from "./colours.js";
 import { find } from "./dom.js";
-import { seconds } from "./format.js";
+import { mm, seconds } from "./format.js";
 import { motionOf } from "./motion.js";
+import { largest } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -14,6 +16,8 @@ const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
 const STEP = 0.005;
 /** While it plays, numbers change so often at most [ms]. */
 const PLAYING = 60;
+/** Heights of the strip of limits and of the times below it [px], and the least distance of times. */
+const [STRIP, TIMES, APART] = [9, 16, 90];
 
 /**
  * Fill the bar of the playback.
@@ -24,7 +28,58 @@ export function init(store) {
   const renew = nowAndThen(READING, () => playback.renew());
   for (const event of ["picture", "executed"]) store.on(event, renew);
   store.on("time", () => playback.follow());
-  store.on("view", () => playback.renew());
+  for (const event of ["view", "theme"]) store.on(event, renew);
+  new ResizeObserver(renew).observe(find("#playback"));
+}
+
+/**
+ * Draw the speed over time, and the strip of the limits in their colours.
+ * @param {HTMLCanvasElement} canvas @param {Store} store @param {number} duration [s]
+ */
+function drawSpeed(canvas, store, duration) {
+  const { clientWidth: width, clientHeight: height } = canvas;
+  [canvas.width, canvas.height] = [width * devicePixelRatio, height * devicePixelRatio];
+  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  context.scale(devicePixelRatio, devicePixelRatio);
+  const picture = store.latest("picture");
+  const { path_t: t, speed, binding, path_breaks: breaks } = picture?.arrays ?? {};
+  if (!picture || !t?.length || !duration) return;
+  const base = height - STRIP - TIMES;
+  const x = (/** @type {number} */ at) => (at / duration) * width;
+  const most = largest(speed);
+  const y = (/** @type {number} */ v) => base - (v / most) * (base - 4);
+  context.fillStyle = themed("--faint");
+  context.fillRect(0, base, width, STRIP);
+  const [curve, area] = [new Path2D(), new Path2D()];
+  for (let k = 0; k + 1 < breaks.length; k++) {
+    area.moveTo(x(t[breaks[k]]), base);
+    for (let i = breaks[k]; i < breaks[k + 1]; i++) {
+      for (const line of i > breaks[k] ? [curve, area] : [area]) line.lineTo(x(t[i]), y(speed[i]));
+      if (i === breaks[k]) curve.moveTo(x(t[i]), y(speed[i]));
+      if (i + 1 === breaks[k + 1]) continue;
+      context.fillStyle = styleOf(picture.head.limits[binding[i]]?.kind ?? "unknown", store.theme).colour;
+      context.fillRect(x(t[i]), base, x(t[i + 1]) - x(t[i]), STRIP);
+    }
+    area.lineTo(x(t[breaks[k + 1] - 1]), base);
+  }
+  context.fillStyle = themed("--band");
+  context.fill(area);
+  context.strokeStyle = themed("--executed");
+  context.lineWidth = 1.4;
+  context.stroke(curve);
+  context.fillStyle = themed("--quiet");
+  context.font = "11px system-ui, sans-serif";
+  context.textAlign = "right";
+  context.fillText(`${mm(most, 0)} mm/s`, width - 4, 15);
+  context.textAlign = "left";
+  const step = roundUp((APART / width) * duration);
+  for (let at = 0; x(at) < width - APART / 2; at += step) context.fillText(`${Number(at.toPrecision(6))} s`, x(at) + 1, height - 3);
+}
+
+/** The next of 1, 2, 5 times a power of ten. @param {number} least */
+function roundUp(least) {
+  const power = 10 ** Math.floor(Math.log10(least));
+  return power * (/** @type {number} */ ([1, 2, 5, 10].find((x) => x * power >= least)));
 }
 
 class Playback {
@@ -58,6 +113,7 @@ class Playback {
     if (!motion) this.pause();
     if (motion && this.store.time > motion.duration) this.store.setTime(motion.duration);
     this.tell();
+    drawSpeed(/** @type {HTMLCanvasElement} */ (this.region.querySelector("canvas")), this.store, motion?.duration ?? 0);
   }
 
   /** Another time is shown; if it is not the next one, the user has chosen it. */
@@ -136,11 +192,12 @@ class Playback {
     const choice = (/** @type {string} */ name, /** @type {[string, string, boolean?][]} */ all, /** @type {string} */ chosen, /** @type {(value: string) => void} */ choose) =>
       html`<label class="field">${name} <select value=${chosen} onChange=${(/** @type {any} */ e) => choose(e.target.value)}>${all.map(([value, text, isOff]) => html`<option value=${value} disabled=${isOff} selected=${value === chosen}>${text}</option>`)}</select></label>`;
     render(
-      html`<button type="button" class="play" title="Play or pause (Space)" disabled=${!motion} onClick=${() => this.toggle()}>${this.playing ? "Pause" : "Play"}</button>
-        <input type="range" class="scrub" min="0" max=${duration || 1} step="any" value=${time} aria-label="Time" aria-valuetext=${`${seconds(time)} s of ${seconds(duration)} s`} disabled=${!motion} onInput=${(/** @type {any} */ e) => this.scrub(Number(e.target.value))} />
-        <output class="clock">${seconds(time)} / ${seconds(duration)} s</output>
-        ${choice("Motion", [["planned", "planned"], ["executed", "executed", !motionOf(this.store, "executed")]], options.time, (x) => this.store.setView({ time: /** @type {Which} */ (x) }))}
-        ${choice("Rate", RATES.map((x) => [String(x), `${x}×`]), String(this.rate), (x) => (this.rate = Number(x)))}`,
+      html`<div class="controls"><button type="button" class="play" title="Play or pause (Space)" disabled=${!motion} onClick=${() => this.toggle()}>${this.playing ? "Pause" : "Play"}</button>
+          <output class="clock">${seconds(time)} / ${seconds(duration)} s</output>
+          ${choice("Motion", [["planned", "planned"], ["executed", "executed", !motionOf(this.store, "executed")]], options.time, (x) => this.store.setView({ time: /** @type {Which} */ (x) }))}
+          ${choice("Rate", RATES.map((x) => [String(x), `${x}×`]), String(this.rate), (x) => (this.rate = Number(x)))}</div>
+        <div class="track"><canvas role="img" aria-label="Tool speed over time, and the limits that determine it" />
+          <input type="range" class="scrub" min="0" max=${duration || 1} step="any" value=${time} aria-label="Time" aria-valuetext=${`${seconds(time)} s of ${seconds(duration)} s`} disabled=${!motion} onInput=${(/** @type {any} */ e) => this.scrub(Number(e.target.value))} /></div>`,
       this.region,
     );
     this.region.dataset.state = this.playing ? "playing" : "paused";

@@ -34,6 +34,8 @@
  * @property {"2d" | "both" | "3d"} stage
  * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
  * @property {boolean} dock         whether the dock is open
+ * @property {"contours" | "process" | "robot" | "notes"} side   the open tab of the settings
+ * @property {number} contour       the selected contour, in the order of the motion; -1: none
  */
 
 /** While answers come one after the other, texts change so often at most [ms]. */
@@ -47,9 +49,12 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   pen: "",
   place: false,
   time: "planned",
-  stage: "2d",
+  // Beside each other they need a wide page.
+  stage: globalThis.innerWidth >= 1000 ? "both" : "2d",
   tab: "charts",
-  dock: true,
+  dock: false,
+  side: "process",
+  contour: -1,
 });
 
 export class Store {

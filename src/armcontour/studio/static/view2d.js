@@ -12,7 +12,8 @@ import { boxOf, Viewport } from "./viewport.js";
 /** @typedef {import("./state.js").Frame} Frame */
 
 const REST = 130; // ms
-// A pointer that moves less has clicked.
+// A pointer that moves less has clicked, and selects a contour within the other distance.
+const [CLICKED, NEAR] = [4, 8]; // px
 const MAX_MEASURES = 3000;
 
 export class View2d {
@@ -267,12 +268,22 @@ export class View2d {
     const end = (/** @type {PointerEvent} */ e) => {
       this.pointers.delete(e.pointerId);
       if (this.pointers.size) return;
+      if (Math.hypot(e.clientX - event.clientX, e.clientY - event.clientY) < CLICKED) this.select(e);
       this.region.classList.remove("panning");
       this.overlay.removeEventListener("pointermove", move);
       this.overlay.removeEventListener("lostpointercapture", end);
     };
     this.overlay.addEventListener("pointermove", move);
     this.overlay.addEventListener("lostpointercapture", end);
+  }
+
+  /** Select the contour at the pointer, or none. @param {PointerEvent} event */
+  select(event) {
+    const picture = this.store.latest("picture");
+    if (!picture?.arrays.path.length) return;
+    const piece = this.layers.nearest(picture, this.view.toPlane(this.within(event)), NEAR / this.view.scale);
+    const contour = piece < 0 ? -1 : picture.arrays.path_breaks.findLastIndex((begin) => begin <= piece);
+    if (contour !== this.store.options.contour) this.store.setView({ contour, ...(contour >= 0 && { side: "contours" }) });
   }
 
   /** @param {PointerEvent} event */

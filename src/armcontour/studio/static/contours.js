@@ -1,0 +1,52 @@
+// List of the contours, in the order of the motion; one may be selected, here or in the drawing.
+
+import { styleOf } from "./colours.js";
+import { find } from "./dom.js";
+import { seconds } from "./format.js";
+import { nowAndThen, READING } from "./state.js";
+import { html, render } from "./vendor/preact.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {{number: number, name: string, layer: string, t?: [number, number]}} Contour */
+
+/** So many are listed; the others are selected in the drawing. */
+const MOST = 500;
+
+/** The limit that takes most of the time of a contour. @param {import("./state.js").Frame} picture @param {number} k @returns {string} */
+function limitOf({ head, arrays: { path_breaks: breaks, path_t: t, binding } }, k) {
+  const times = /** @type {Record<string, number>} */ ({});
+  for (let i = breaks[k]; i < breaks[k + 1] - 1; i++) {
+    const kind = head.limits[binding[i]]?.kind ?? "unknown";
+    times[kind] = (times[kind] ?? 0) + t[i + 1] - t[i];
+  }
+  return Object.keys(times).sort((a, b) => times[b] - times[a])[0] ?? "unknown";
+}
+
+/** @param {Store} store */
+export function init(store) {
+  const region = find("#tab-contours");
+  const select = (/** @type {number} */ k) => {
+    const [begin] = store.latest("picture")?.head.contours[k]?.t ?? [];
+    store.setView({ contour: store.options.contour === k ? -1 : k });
+    if (begin !== undefined) store.setTime(begin);
+  };
+  const row = (/** @type {Contour} */ { number, name, layer, t }, /** @type {number} */ k) => {
+    const picture = /** @type {import("./state.js").Frame} */ (store.latest("picture"));
+    const { colour } = styleOf(t ? limitOf(picture, k) : "unknown", store.theme);
+    return html`<li><button type="button" aria-pressed=${String(store.options.contour === k)} onClick=${() => select(k)}>
+      <span class="dot" style=${`background: ${colour}`} /><span class="name">${number}${name && name !== String(number) ? ` · ${name}` : ""}</span>
+      <small>${layer}</small><span class="time">${t ? `${seconds(t[1] - t[0])} s` : ""}</span></button></li>`;
+  };
+  const update = nowAndThen(READING, () => {
+    const contours = /** @type {Contour[]} */ (store.latest("picture")?.head.contours ?? []);
+    if (region.hidden) return;
+    const more = contours.length - MOST;
+    render(
+      html`<ol class="contours">${contours.slice(0, MOST).map(row)}</ol>
+        ${!contours.length && html`<p class="quiet">No contour yet: draw one, or open a drawing.</p>`}
+        ${more > 0 && html`<p class="quiet">${more} more: click them in the drawing.</p>`}`,
+      region,
+    );
+  });
+  for (const event of ["picture", "view", "theme"]) store.on(event, update);
+}
