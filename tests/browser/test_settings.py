@@ -150,6 +150,23 @@ def test_settings_of_another_layer(studio):
     assert load(studio.text, "")["path"]["layers"] == {"CUT": {}} and planned(studio) < before
 
 
+def test_settings_of_the_selected_contour(studio):
+    before = planned(studio)
+    studio.page.get_by_role("tab", name="Contours").click()
+    studio.find("ol.contours button").nth(1).click()
+    # A number without a unit has the unit of the speed of all contours.
+    data, slow = change(studio, **{"path__contours__FINE-1__speed": "20"})
+    assert data["path"]["contours"] == {"FINE-1": {"speed": "20 mm/s"}} and slow > before
+    studio.find("#panel details[data-key='path.contours.FINE-1.lead_in'] summary").click()
+    data, led = change(studio, **{"path__contours__FINE-1__lead_in__length": "3 mm"})
+    assert data["path"]["contours"]["FINE-1"]["lead_in"] == {"length": "3 mm"} and led > slow
+    with studio.renewing():
+        studio.slider("path.contours.FINE-1.speed").locator(".unset").click()
+    assert planned(studio) < slow
+    studio.find("ol.contours button").nth(0).click()
+    expect(studio.slider("path.contours.CUT-1.speed").locator("input")).to_have_value("")
+
+
 def test_a_change_is_for_the_job_or_for_the_run(studio):
     planned(studio)
     data, slow = change(studio, limits__speed="40 mm/s")

@@ -39,6 +39,9 @@ const everything = signal(false);
 const side = signal("process");
 /** Groups of the other tabs than Process. @type {Record<string, string>} */
 const SIDES = { "Layers and order": "contours", Part: "contours", "Tool and tilt": "robot", "Arm and limits": "robot", Servo: "robot", Cell: "robot" };
+/** The selected contour as JSON, or empty, and the labels of its fields. */
+const contour = signal("");
+const OWN = { speed: "speed", tolerance: "corner tolerance", kerf: "kerf", lead_in: "lead in", lead_out: "lead out", pierce: "pierce", tabs: "tabs", order: "order" };
 const wanted = signal("");
 const forRun = signal(false);
 const help = signal("");
@@ -396,6 +399,34 @@ function Group({ title, fields }) {
   </details>`;
 }
 
+/** The selected contour, with its key in `path.contours`: its name, or its number if others have this name. @param {Store} store */
+function contourOf(store) {
+  const all = /** @type {any[]} */ (store.latest("picture")?.head.contours ?? []);
+  const { number, layer } = all[store.options.contour] ?? {};
+  // Further passes have other names.
+  const name = all.find((x) => x.number === number)?.name;
+  return number ? JSON.stringify({ number, name, layer, key: name && all.every((x) => x.name !== name || x.number === number) ? name : number }) : "";
+}
+
+/** Fields of the selected contour. */
+function Contour() {
+  if (!contour.value || wanted.value) return null;
+  const { number, name, layer, key } = JSON.parse(contour.value);
+  const { limits, corners, process, path } = head.value.data;
+  const each = (/** @type {string} */ at) => form.groups.flatMap((/** @type {any} */ x) => x.fields).find((/** @type {Field} */ f) => f.at === at).each.fields;
+  const known = /** @type {Field[]} */ ([...each(READ), ...each(BY_LAYER), { name: "order", text: "Contours with smaller numbers run first.", plain: true }]);
+  // What applies to a contour without values of its own.
+  const shared = { order: 0, speed: limits?.speed, tolerance: corners?.tolerance, ...process, ...process?.by_layer?.[layer], ...path?.layers?.[layer] };
+  const field = (/** @type {string} */ label, /** @type {string} */ of) => {
+    const f = { .../** @type {Field} */ (known.find((x) => x.name === of)), label, example: "" };
+    const at = ["path", "contours", path?.contours?.[number] === undefined ? key : number, of];
+    const none = shared[of] && html`<p class="acts"><button type="button" onClick=${() => set(at, null)}>None on this contour</button></p>`;
+    return f.fields ? html`<${Part} key=${of} f=${f} at=${at} more=${none} />` : html`<${Leaf} key=${of} f=${{ ...f, default: shared[of] ?? f.default }} at=${at} />`;
+  };
+  return html`<section key=${number} aria-label="Selected contour"><h3>${`Contour ${number}`}${name && ` · ${name}`}${layer && `, layer ${layer}`}</h3>${Object.entries(OWN).map(([of, label]) => field(label, of))}</section>
+    <h3>Whole job</h3>`;
+}
+
 function Form() {
   const isThere = useComputed(() => Boolean(head.value && Object.keys(head.value.values).length));
   if (!isThere.value) return null;
@@ -406,6 +437,7 @@ function Form() {
       <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "What is set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
       <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "For job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "For run", "Changes are for the shown run alone")}</span>
     </div>
+    ${side.value === "contours" && html`<${Contour} />`}
     ${form.groups.map((/** @type {any} */ x) => (wanted.value || (SIDES[x.title] ?? "process") === side.value) && html`<${Group} key=${x.title} ...${x} />`)}
     <p class="help quiet">${help}</p>`;
 }
@@ -425,6 +457,10 @@ export async function init(store, to) {
     head.value = frame.head;
   });
   form = await known;
-  store.on("view", () => (side.value = store.options.side));
+  for (const event of ["view", "picture"])
+    store.on(event, () => {
+      side.value = store.options.side;
+      contour.value = contourOf(store);
+    });
   render(html`<${Form} />`, find("#form"));
 }
