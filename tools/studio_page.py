@@ -272,7 +272,7 @@ class Studio:
             self.wait("body", draft="")
 
     def tab(self, name: str) -> None:
-        """Open a tab below the drawing."""
+        """Open a tab of the settings, or below the drawing."""
         self.find(f"#tab-button-{name}").click()
 
     def choose_run(self, name: str) -> None:

@@ -89,6 +89,7 @@ def studio(page):
 
 def open_group(studio, title, *keys):
     """Open a group, all its fields, and mappings in it."""
+    studio.tab("contours" if title == "Layers and order" else "process")
     group = studio.find(f"#panel details[data-group='{title}']")
     if group.get_attribute("open") is None:
         group.locator("summary").first.click()
@@ -169,6 +170,7 @@ def test_settings_of_the_selected_contour(studio):
 
 def test_a_change_is_for_the_job_or_for_the_run(studio):
     planned(studio)
+    studio.tab("process")
     data, slow = change(studio, limits__speed="40 mm/s")
     assert data["limits"] == {"speed": "40 mm/s"}
     studio.find("#panel .seek").get_by_role("button", name="For run").click()
@@ -186,6 +188,7 @@ def test_a_change_is_for_the_job_or_for_the_run(studio):
 
 def test_settings_are_found_by_names_and_descriptions(studio):
     planned(studio)
+    studio.tab("process")
     seek = studio.find("#panel .seek input")
     seek.fill("pierce")
     expect(studio.slider("process.pierce.height")).to_be_visible()

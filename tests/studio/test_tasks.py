@@ -51,7 +51,7 @@ name: gasket
 arm: {name: ur5e, work: {position: [400 mm, -100 mm, 100 mm]}}
 path:
   file: gasket.dxf
-  names: [handle 31, handle 33]
+  names: [CUT-1, CUT-2]
   orientation: {axis: [0, 0, -1]}
 limits: {speed: 0.2 m/s}
 corners: {tolerance: 0.5 mm}

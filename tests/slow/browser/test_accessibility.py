@@ -4,7 +4,7 @@ import pytest
 from tests.browser.axe_faults import faults, load_axe
 
 pytestmark = pytest.mark.browser
-TABS = ("charts", "runs", "waypoints", "tasks", "text", "notes")
+TABS = ("charts", "runs", "waypoints", "tasks", "text", "notes", "contours")
 
 
 def test_axe_sees_a_fault(browser):
@@ -26,6 +26,7 @@ def test_the_page_has_no_serious_fault(pages, colours, width):
     for tab in TABS:
         studio.tab(tab)
         page_faults += [f"{tab}: {x}" for x in faults(studio.page)]
+    studio.tab("process")
     studio.find("#panel .seek").get_by_role("button", name="All").click()
     # Fields are made when what they are in is opened.
     while studio.find("#panel details:not([open])").count():
