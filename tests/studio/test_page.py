@@ -98,48 +98,6 @@ def test_zero_has_no_sign():
     assert values == ["0", "0", "−0.000002", "−12.35", "0.000", "−0.040", "0.0 mm"]
 
 
-CAMERA = """
-const { Camera } = await import("./camera.js");
-const camera = new Camera();
-const [path, moves] = given;
-Object.assign(camera, { path: path.flat(), joints: [0, 0, 0, 0, 0, 1], size: 1.5, aspect: 1.5 });
-camera.fit([...path, [0, 0, 0], [0, 0, 1]]);
-const seen = (points) => {
-  const { across, over } = camera.axes(), dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-  return points.some((p) => {
-    const from = p.map((x, k) => x - camera.target[k]);
-    const [x, y] = [dot(from, across), dot(from, over)];
-    return Math.abs(x) <= 1.5 * camera.reach && Math.abs(y) <= camera.reach;
-  });
-};
-"""
-
-
-def test_the_camera_sees_the_path_or_a_joint_wherever_it_is_moved():
-    random = np.random.default_rng(5)
-    path = random.normal([0.5, 0.1, 0.2], [0.05, 0.05, 0.0], (60, 3))
-    moves = [[kind, *random.normal(size=2)] for kind in random.integers(0, 3, 400).tolist()]
-    values = compute(
-        CAMERA
-        + """
-        const told = [];
-        for (const [kind, x, y] of moves) {
-          if (kind === 0) camera.shift(3 * x, 3 * y);
-          else if (kind === 1) camera.turn(x, y);
-          else camera.zoom(Math.exp(2 * x), y, -y);
-          told.push([seen([...path, [0, 0, 0], [0, 0, 1]]), camera.reach, camera.elevation,
-            seen(path)]);
-        }
-        tell(told);
-        """,
-        [path, moves],
-    )
-    visible, reach, elevation, path_seen = np.array(values, dtype=float).T
-    assert visible.all() and elevation.min() >= 0
-    # Nearer than the parts of an arm there is always the path.
-    assert reach.min() < 0.1 and path_seen[reach < 0.12 * 1.5].all()
-
-
 def test_the_piece_under_the_pointer_is_the_nearest_of_all():
     random = np.random.default_rng(11)
     lines = [random.normal(size=(1, 2)) + 0.1 * random.normal(size=(9, 2)) for _ in range(40)]

@@ -194,6 +194,7 @@ def refusal_header(
 def picture_frame(planned: Preview, view: View) -> PageFrame:
     """Message frame with the picture and the values of a plan."""
     header, arrays, flat = _line_arrays(planned, planned.path, view)
+    nearest = planned.clearance and planned.clearance.least
     header |= {
         "run": planned.run.name,
         "rows": frame(Data("Plan", tuple(verdict_rows(planned, None)))),
@@ -204,6 +205,7 @@ def picture_frame(planned: Preview, view: View) -> PageFrame:
         "warnings": [*planned.warnings, *filter(None, [planned.below_base])],
         "notes": _notes(planned),
         "tier": planned.tier,
+        "nearest": nearest and nearest.points,
     }
     header["plane"]["flat"] = flat
     usage = joint_usage(planned.trajectory, planned.job.arm, planned.run.limits)

@@ -1,0 +1,362 @@
+// Arm, cell and tool path in space (three.js), for the Studio and for reports. Drawn only on request.
+
+import { Chain, place, poseOf } from "./kinematics.js";
+import {
+  BufferAttribute, BufferGeometry, Color, CylinderGeometry, DirectionalLight, EdgesGeometry, Fog, GridHelper, Group, HemisphereLight,
+  LineBasicMaterial, LineMaterial, LineSegments, LineSegments2, LineSegmentsGeometry, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial,
+  OrbitControls, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Scene, ShadowMaterial, SphereGeometry, toCreasedNormals, Vector3, WebGLRenderer,
+} from "./vendor/three.js";
+
+/** @typedef {import("./kinematics.js").Pose} Pose */
+/** @typedef {{head: any, arrays: Record<string, any>}} Frame one of the frames `arm` and `picture` */
+/** @typedef {{points: ArrayLike<number>, breaks?: ArrayLike<number>, colours: (piece: number) => string}} Lines in the work frame [m] */
+/** @typedef {{theme: "light" | "dark", changed?: () => void}} Options */
+
+/** Directions from which the views look: azimuth and elevation [rad]. */
+const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Arm: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
+export const VIEW_NAMES = Object.keys(VIEWS);
+/** Programs that compute WebGL on the processor. */
+const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
+/** So long after the last change the picture is drawn with smooth edges [ms]. */
+const REST = 600;
+/** Height of the view [degrees], its largest angle from above, so that the eye stays above the floor, and the angle of an edge [degrees]. */
+const [FIELD, LOWEST, EDGE] = [29, 1.52, 32];
+/** How far a key turns [rad], and moves [px]. */
+const [KEY_TURN, KEY_SHIFT] = [0.1, 40];
+/** Lines that a shadow or a body would hide are drawn in front of it. */
+const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2 };
+/** Colours by theme; obstacles after Okabe and Ito. */
+const PAINTS = {
+  light: { ground: "#f4f6f8", grid: "#e1e5e9", axis: "#c9d0d6", edge: "#5d6873", tip: "#1c1f24", alarm: "#b3261e", link: "#e4e9ee", cap: "#8fb3cd", tool: "#4a5259", obstacle: "#e69f00", table: "#d9d3c8", part: "#b9c0c7" },
+  dark: { ground: "#14171c", grid: "#2a2f37", axis: "#4a525e", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", cap: "#4f7c9c", tool: "#c2cad4", obstacle: "#e69f00", table: "#3a3730", part: "#69737d" },
+};
+
+/** Name of what computes WebGL; null without WebGL. @returns {string | null} */
+export function rendererName() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return null;
+  const known = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = known ? String(gl.getParameter(known.UNMASKED_RENDERER_WEBGL)) : "";
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
+}
+
+/**
+ * A viewer in a host, with a canvas of its own.
+ * @param {HTMLElement} host
+ * @param {{arm: Frame}} frames
+ * @param {Options} options
+ */
+export const createViewer = (host, { arm }, options) => new Viewer(host, arm, options);
+
+export class Viewer {
+  /** @param {HTMLElement} host @param {Frame} arm @param {Options} options */
+  constructor(host, arm, { theme, changed = () => {} }) {
+    this.host = host;
+    this.software = SOFTWARE.test(rendererName() ?? "");
+    this.renderer = new WebGLRenderer({ antialias: !this.software, powerPreference: "low-power" });
+    this.canvas = this.renderer.domElement;
+    host.prepend(this.canvas);
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    // Shadows are drawn again only where the arm has moved, not where the eye has.
+    this.renderer.shadowMap.autoUpdate = false;
+    this.scene = new Scene();
+    this.scene.fog = new Fog("", 1, 2);
+    this.eye = new PerspectiveCamera(FIELD, 1, 0.01, 100);
+    this.eye.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.eye, this.canvas);
+    Object.assign(this.controls, { maxPolarAngle: LOWEST, zoomToCursor: true, minDistance: 0.03 });
+    this.controls.addEventListener("change", () => {
+      // The target is not below the floor: so neither is the eye.
+      this.controls.target.z = Math.max(0, this.controls.target.z);
+      this.draw();
+    });
+    this.controls.addEventListener("start", () => this.name(""));
+    this.canvas.addEventListener("keydown", (event) => this.press(event));
+    this.canvas.addEventListener("webglcontextrestored", () => {
+      this.renderer.shadowMap.needsUpdate = true;
+      this.draw();
+    });
+    this.changed = changed;
+    this.sun = new DirectionalLight("#fff6e8", 2.2);
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.setScalar(this.software ? 512 : 2048);
+    this.sun.shadow.bias = -0.002;
+    this.floor = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial({ opacity: 0.2 }));
+    this.floor.receiveShadow = true;
+    this.tip = dot();
+    this.alarm = dot();
+    this.path = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ vertexColors: true, linewidth: 3 }));
+    this.gap = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ linewidth: 2, depthTest: false, transparent: true }));
+    for (const x of [this.path, this.gap]) {
+      x.frustumCulled = x.matrixAutoUpdate = false;
+    }
+    this.gap.visible = this.alarm.visible = false;
+    this.scene.add(new HemisphereLight("#ffffff", "#b9bfc6", 1.5), this.sun, this.sun.target, this.floor, this.tip, this.alarm, this.path, this.gap);
+    /** @type {(Group | GridHelper)[]} one group per link, the base first, and the grid */
+    this.groups = [];
+    /** @type {Map<string, MeshLambertMaterial | LineBasicMaterial>} */
+    this.materials = new Map();
+    this.chain = new Chain(arm.head.joints, arm.head.tool);
+    this.work = poseOf(arm.head.work);
+    this.reach = 1;
+    this.joints = this.points = /** @type {Vector3[]} */ ([]);
+    this.pieces = this.frames = this.waits = this.resting = 0;
+    this.size = this.view = "";
+    this.theme = theme;
+    this.setArm(arm);
+    new ResizeObserver(() => this.draw()).observe(host);
+  }
+
+  /** @param {string} view a name in `VIEWS`, "" for none of them */
+  name(view) {
+    this.view = view;
+    this.changed();
+  }
+
+  /** Show an arm and its cell. @param {Frame} frame */
+  setArm({ head, arrays }) {
+    for (const x of this.groups) x.traverse((y) => /** @type {Mesh} */ (y).geometry?.dispose());
+    this.scene.remove(...this.groups);
+    this.chain = new Chain(head.joints, head.tool);
+    this.work = poseOf(head.work);
+    this.reach = Math.max(0.05, head.reach);
+    this.groups = [new Group(), ...head.joints.map(() => new Group())];
+    for (const x of this.groups) x.matrixAutoUpdate = false;
+    for (const body of head.bodies) this.addBody(body, arrays[body.triangles]);
+    const named = (/** @type {string} */ colour) => head.bodies.some((/** @type {any} */ x) => x.colour === colour);
+    if (!named("link")) this.addSticks();
+    if (!named("tool")) this.addTool(poseOf(head.tip));
+    const wide = Math.ceil(4 * this.reach);
+    const grid = new GridHelper(wide, 10 * wide);
+    grid.rotateX(Math.PI / 2).position.z = -0.001;
+    this.groups.push(grid);
+    this.floor.scale.setScalar(wide);
+    this.scene.add(...this.groups);
+    this.placeSun();
+    setMatrix(this.path, this.work);
+    setMatrix(this.gap, this.work);
+    this.tip.scale.setScalar(0.004 * this.reach);
+    this.alarm.scale.setScalar(0.008 * this.reach);
+    this.controls.maxDistance = 8 * this.reach;
+    // What is looked at stays in sight.
+    this.controls.maxTargetRadius = 1.2 * this.reach;
+    this.setTheme(this.theme);
+  }
+
+  placeSun() {
+    const { reach, sun } = this;
+    sun.position.set(0.7 * reach, -0.9 * reach, 1.7 * reach);
+    Object.assign(sun.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.1 * reach, far: 4 * reach });
+    sun.shadow.camera.updateProjectionMatrix();
+  }
+
+  /** @param {{name: string, link: number, colour: string, at: number[][]}} body @param {Float32Array} triangles [m] */
+  addBody({ name, link, colour, at }, triangles) {
+    const shape = new BufferGeometry().setAttribute("position", new BufferAttribute(triangles, 3));
+    const kind = colour === "link" && /wrist|shoulder|[357]$/.test(name) ? "cap" : colour;
+    const solid = new Mesh(toCreasedNormals(shape, 0.55), this.material(kind));
+    solid.castShadow = colour !== "table";
+    solid.receiveShadow = !this.software || colour === "table" || colour === "part";
+    const edges = new LineSegments(new EdgesGeometry(shape, EDGE), this.material("edge"));
+    for (const x of [solid, edges]) {
+      x.matrixAutoUpdate = false;
+      setMatrix(x, poseOf(at));
+      this.groups[link].add(x);
+    }
+  }
+
+  /** Links without a shape are sticks between the joints. */
+  addSticks() {
+    const ends = [...this.chain.origins.map((x, k) => ({ link: this.chain.joints[k].parent, pose: x })), { link: this.chain.joints.length, pose: this.chain.tool }];
+    for (const { link, pose } of ends) this.addCone(link, new Vector3(), originOf(pose), 0.018 * this.reach, 0.018 * this.reach, "link");
+  }
+
+  /** A slim cone to the tool point, where the arm has a tool frame and the tool has no shape. @param {Pose} tip */
+  addTool(tip) {
+    const radius = 0.018 * this.reach;
+    this.addCone(this.chain.joints.length, originOf(tip), originOf(this.chain.tool), radius, radius / 6, "tool");
+  }
+
+  /** @param {number} link @param {Vector3} from @param {Vector3} to @param {number} thick @param {number} thin radius at `to` @param {string} colour */
+  addCone(link, from, to, thick, thin, colour) {
+    const along = to.clone().sub(from);
+    if (along.length() < 1e-3) return;
+    const solid = new Mesh(new CylinderGeometry(thin, thick, along.length(), 20), this.material(colour));
+    solid.position.copy(from).addScaledVector(along, 0.5);
+    solid.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), along.normalize());
+    solid.castShadow = true;
+    this.groups[link].add(solid);
+  }
+
+  /** @param {string} name of a colour */
+  material(name) {
+    let found = this.materials.get(name);
+    if (!found) {
+      found = name === "edge" ? new LineBasicMaterial({ transparent: true, opacity: 0.28 }) : new MeshLambertMaterial(BEHIND);
+      if (name === "obstacle") Object.assign(found, { transparent: true, opacity: 0.7 });
+      this.materials.set(name, found);
+    }
+    return found;
+  }
+
+  /** @param {"light" | "dark"} theme */
+  setTheme(theme) {
+    this.theme = theme;
+    const paint = /** @type {Record<string, string>} */ (PAINTS[theme]);
+    this.scene.background = new Color(paint.ground);
+    this.scene.fog?.color.set(paint.ground);
+    for (const [name, x] of this.materials) x.color.set(paint[name] ?? paint.link);
+    this.tip.material.color.set(paint.tip);
+    for (const x of [this.alarm, this.gap]) x.material.color.set(paint.alarm);
+    const grid = /** @type {GridHelper} */ (this.groups.at(-1));
+    grid.material.vertexColors = false;
+    grid.material.color.set(paint.grid);
+    grid.material.needsUpdate = true;
+    this.draw();
+  }
+
+  /** Show the tool's path. @param {Lines[]} lines */
+  setPath(lines) {
+    const [ends, colours] = [/** @type {number[]} */ ([]), /** @type {number[]} */ ([])];
+    const colour = new Color();
+    for (const { points, breaks = [0, points.length / 3], colours: of } of lines)
+      for (let line = 0; line + 1 < breaks.length; line += 1)
+        for (let k = breaks[line]; k + 1 < breaks[line + 1]; k += 1) {
+          for (let j = 0; j < 6; j += 1) ends.push(points[3 * k + j]);
+          const { r, g, b } = colour.set(of(k));
+          colours.push(r, g, b, r, g, b);
+        }
+    this.pieces = ends.length / 6;
+    this.points = lines.flatMap(({ points }) => sampled(points, this.work));
+    this.path.geometry.dispose();
+    this.path.geometry = new LineSegmentsGeometry();
+    this.path.visible = this.pieces > 0;
+    if (this.pieces) this.path.geometry.setPositions(ends).setColors(colours);
+    this.draw();
+  }
+
+  /** Show the nearest points of two bodies [m], and where something is refused. @param {number[][] | null} nearest @param {number[] | null} refused */
+  mark(nearest, refused) {
+    this.gap.visible = nearest !== null;
+    if (nearest) this.gap.geometry.setPositions(nearest.flat());
+    this.alarm.visible = refused !== null;
+    if (refused) this.alarm.position.set(...place(this.work, refused));
+    this.draw();
+  }
+
+  /** Show a posture. @param {ArrayLike<number>} q joint positions [rad] @returns {number[]} the tool in the frame of the base [m] */
+  setJoints(q) {
+    const links = this.chain.links(q);
+    const tool = this.chain.toolOf(links);
+    links.forEach((x, k) => setMatrix(this.groups[k], x));
+    this.joints = links.map(originOf);
+    this.tip.position.copy(originOf(tool));
+    this.renderer.shadowMap.needsUpdate = true;
+    this.draw();
+    return this.tip.position.toArray();
+  }
+
+  /** Look from a side, at the part or at all of the arm. @param {string} view "" for the side from which it is */
+  look(view) {
+    const { controls, eye } = this;
+    const path = this.points;
+    const all = view === "Part" && path.length ? path : [...path, ...this.joints, this.tip.position];
+    const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
+    for (const x of all) {
+      low.min(x);
+      high.max(x);
+    }
+    const radius = Math.max(0.05, 0.5 * low.distanceTo(high) * (view === "Part" ? 1 : 1.15));
+    const away = (radius / Math.sin((FIELD * Math.PI) / 360)) * Math.max(1, 1 / eye.aspect);
+    const azimuth = view ? VIEWS[view][0] : controls.getAzimuthalAngle() - Math.PI / 2;
+    const elevation = view ? VIEWS[view][1] : Math.PI / 2 - controls.getPolarAngle();
+    controls.target.copy(low).add(high).multiplyScalar(0.5);
+    controls.cursor.copy(controls.target);
+    eye.position.set(away * Math.cos(elevation) * Math.cos(azimuth), away * Math.cos(elevation) * Math.sin(azimuth), away * Math.sin(elevation)).add(controls.target);
+    controls.update();
+    this.name(view);
+    this.draw();
+  }
+
+  /** Arrows turn, with Shift they move; + and - zoom. @param {KeyboardEvent} event */
+  press(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const arrows = /** @type {Record<string, [number, number]>} */ ({ ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] });
+    const arrow = arrows[event.key];
+    const { controls } = this;
+    if (arrow && event.shiftKey) controls.pan(KEY_SHIFT * arrow[0], -KEY_SHIFT * arrow[1]);
+    else if (arrow) {
+      controls.rotateLeft(-KEY_TURN * arrow[0]);
+      controls.rotateUp(-KEY_TURN * arrow[1]);
+    } else if (event.key === "+" || event.key === "=") controls.dollyIn(1.15);
+    else if (event.key === "-") controls.dollyOut(1.15);
+    else return;
+    event.preventDefault();
+    this.name("");
+  }
+
+  /** Draw in the next frame of the screen; once nothing changes any more, with smooth edges. */
+  draw() {
+    if (this.waits) return;
+    this.waits = requestAnimationFrame(() => {
+      this.waits = 0;
+      this.render(false);
+      clearTimeout(this.resting);
+      if (this.software) this.resting = setTimeout(() => this.render(true), REST);
+    });
+  }
+
+  /** @param {boolean} rests whether nothing moves, so that time does not matter */
+  render(rests) {
+    const { clientWidth: width, clientHeight: height } = this.host;
+    if (width < 2 || height < 2) return;
+    const ratio = this.software ? (rests ? 2 : 1) : Math.min(2, devicePixelRatio);
+    if (String([width, height, ratio]) !== this.size) {
+      this.size = String([width, height, ratio]);
+      this.renderer.setPixelRatio(ratio);
+      this.renderer.setSize(width, height);
+      this.eye.aspect = width / height;
+    }
+    const away = this.controls.getDistance();
+    Object.assign(this.eye, { near: Math.max(0.005, away / 100), far: away + 6 * this.reach });
+    Object.assign(/** @type {Fog} */ (this.scene.fog), { near: away + this.reach, far: away + 2.5 * this.reach });
+    this.eye.updateProjectionMatrix();
+    this.renderer.render(this.scene, this.eye);
+    this.frames += 1;
+    this.host.dataset.frames = String(this.frames);
+  }
+
+  dispose() {
+    cancelAnimationFrame(this.waits);
+    clearTimeout(this.resting);
+    this.controls.dispose();
+    this.renderer.dispose();
+    this.canvas.remove();
+  }
+}
+
+/** A dot that is seen through all. @returns {Mesh<SphereGeometry, MeshBasicMaterial>} */
+function dot() {
+  const found = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ depthTest: false, transparent: true }));
+  found.renderOrder = 2;
+  return found;
+}
+
+/** @param {Pose} pose */
+const originOf = (pose) => new Vector3(pose[3], pose[7], pose[11]);
+
+/** Some points of a frame, in that of the base. @param {ArrayLike<number>} points (n, 3) @param {Pose} frame @returns {Vector3[]} */
+function sampled(points, frame) {
+  const step = 3 * Math.max(1, Math.floor(points.length / 450));
+  const found = [];
+  for (let k = 0; k + 2 < points.length; k += step) found.push(new Vector3(...place(frame, [points[k], points[k + 1], points[k + 2]])));
+  return found;
+}
+
+/** @param {import("./vendor/three.js").Object3D} object @param {Pose} p */
+function setMatrix(object, p) {
+  object.matrix.copy(new Matrix4().set(p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], 0, 0, 0, 1));
+  object.matrixWorldNeedsUpdate = true;
+}
