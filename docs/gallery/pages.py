@@ -59,12 +59,12 @@ SHOWN = {
     ),
     "07_learning": Shown(
         "Contour error over time in three runs; the error decreases from run to run",
-        {"guide to learning": "../guides/learn.md", "theory": "../concepts/learning.md"},
+        {"learning": "../guides/learn.md"},
         extra="experiment",
     ),
     "08_learning_from_logs": Shown(
         "Contour error over time in three runs, with learning from log files",
-        {"guide to learning": "../guides/learn.md", "theory": "../concepts/learning.md"},
+        {"learning": "../guides/learn.md"},
         extra="experiment",
     ),
     "09_fastest_path": Shown(
