@@ -3,6 +3,7 @@
 import { styleOf, verdictOf } from "./colours.js";
 import { find, make, mark, say } from "./dom.js";
 import { NONE } from "./format.js";
+import { largest } from "./polylines.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -17,6 +18,14 @@ const FIGURES = ["kept", "off_drawing", "duration", "clearance.low", "contour_er
 const ALARMS = {
   saturated: (share) => share > 0,
   "clearance.low": (low) => low <= 0,
+};
+
+/** Figures that show their place: the time at which the largest error is. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
+const PLACES = {
+  off_drawing: (store) => {
+    const { t, error } = store.latest("executed")?.arrays ?? {};
+    return t?.[error.indexOf(largest(error))];
+  },
 };
 
 class Figures {
@@ -49,11 +58,13 @@ class Figures {
   box(name) {
     const [label, unit, note] = ["", "unit", "note"].map((x) => make("span", { class: x }));
     const value = make("span", { class: "value", text: NONE });
-    const box = make("div", { class: "figure", "data-figure": name, hidden: name !== "duration" }, [
+    const place = PLACES[name];
+    const box = make(place ? "button" : "div", { class: "figure", "data-figure": name, hidden: name !== "duration", ...(place && { type: "button", title: "Show its place" }) }, [
       make("span", { class: "label" }, [label]),
       make("span", { class: "number" }, [value, unit]),
       note,
     ]);
+    if (place) box.addEventListener("click", () => this.store.setTime(place(this.store) ?? this.store.time));
     this.row.append(box);
     return { box, label, value, unit, note };
   }
