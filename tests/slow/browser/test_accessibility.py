@@ -42,3 +42,47 @@ def test_the_page_has_no_serious_fault(pages, colours, width):
         studio.find("#help-open").click()
         page_faults += [f"help: {x}" for x in faults(studio.page)]
     assert not page_faults, "\n".join(page_faults)
+
+
+# Texts that their box cuts, and pairs of texts that share pixels.
+CUT = """() => {
+  const regions = ["bar", "figures", "sides", "viewbar", "legend", "playback", "dock-bar"];
+  const texts = [...document.querySelectorAll(regions.map((x) => `#${x} *`).join())]
+    .filter((e) => e.checkVisibility() && !e.closest(".unseen, svg")
+      && [...e.childNodes].some((x) => x.nodeType === 3 && x.data.trim()));
+  const boxes = texts.map((e) => {
+    const range = document.createRange();
+    range.selectNodeContents(e);
+    return range.getBoundingClientRect();
+  });
+  const cut = texts.filter((e) => e.tagName !== "OPTION"
+    && getComputedStyle(e).overflowX !== "visible"
+    && e.scrollWidth > e.clientWidth + 1 && e.clientWidth)
+    .map((e) => `cut: ${e.textContent}`);
+  texts.forEach((e, i) => texts.slice(0, i).forEach((f, k) => {
+    const [a, b] = [boxes[i], boxes[k]];
+    const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+    const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+    if (wide > 1 && high > 4 && !e.contains(f) && !f.contains(e))
+      cut.push(`overlap: ${e.textContent} / ${f.textContent}`);
+  }));
+  texts.forEach((e, i) => {
+    if (boxes[i].right > innerWidth + 1) cut.push(`outside: ${e.textContent}`);
+  });
+  return cut;
+}"""
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (1920, 1080), (390, 844)])
+def test_the_stage_has_room_and_no_text_is_cut(pages, size):
+    studio = pages(size=size)
+    studio.rest()
+    assert studio.page.evaluate(CUT) == []
+    stage = studio.find("#stage").bounding_box()
+    assert stage["height"] >= 600
+    playback = studio.find("#playback").bounding_box()
+    assert playback["y"] >= stage["y"] + stage["height"] - 1
+    assert playback["y"] < studio.find("#dock").bounding_box()["y"]
+    # The test finds a text that is cut.
+    studio.find("#name").evaluate("e => { e.style.width = '12px' }")
+    assert studio.page.evaluate(CUT)

@@ -169,8 +169,15 @@ function accept() {
 /** @param {string} text */
 const words = (text) => text.charAt(0).toUpperCase() + text.slice(1).replaceAll("_", " ");
 
+/** Words of other programs for those of the settings. */
+const SYNONYMS = /** @type {Record<string, string>} */ ({ exclude: "layers", dwell: "pierce", robot: "arm" });
+
 /** @param {Field} f @returns {boolean} true if a search finds its own words */
-const isNamed = (f) => `${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""} ${f.text ?? ""}`.toLowerCase().includes(wanted.value.toLowerCase());
+const isNamed = (f) => {
+  const own = `${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""} ${f.text ?? ""}`.toLowerCase();
+  const sought = wanted.value.toLowerCase();
+  return own.includes(sought) || own.includes(SYNONYMS[sought] ?? sought);
+};
 
 /** @param {Field} f @returns {boolean} true if a search finds it, or a field in it */
 const isFound = (f) => isNamed(f) || [...(f.fields ?? []), ...(f.items ?? []), ...(f.each ? [f.each] : [])].some(isFound);
@@ -439,6 +446,7 @@ function Form() {
     </div>
     ${side.value === "contours" && html`<${Contour} />`}
     ${form.groups.map((/** @type {any} */ x) => (wanted.value || (SIDES[x.title] ?? "process") === side.value) && html`<${Group} key=${x.title} ...${x} />`)}
+    ${wanted.value && !form.groups.some((/** @type {any} */ x) => x.title.toLowerCase().includes(wanted.value.toLowerCase()) || x.fields.some(isFound)) && html`<p role="status">No setting matches "${wanted}".</p>`}
     <p class="help quiet">${help}</p>`;
 }
 
