@@ -27,8 +27,8 @@ const [KEY_TURN, KEY_SHIFT] = [0.1, 40];
 const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2 };
 /** Colours by theme; obstacles after Okabe and Ito. */
 const PAINTS = {
-  light: { ground: "#f4f6f8", grid: "#e1e5e9", axis: "#c9d0d6", edge: "#5d6873", tip: "#1c1f24", alarm: "#b3261e", link: "#e4e9ee", cap: "#8fb3cd", tool: "#4a5259", obstacle: "#e69f00", table: "#d9d3c8", part: "#b9c0c7" },
-  dark: { ground: "#14171c", grid: "#2a2f37", axis: "#4a525e", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", cap: "#4f7c9c", tool: "#c2cad4", obstacle: "#e69f00", table: "#3a3730", part: "#69737d" },
+  light: { ground: "#f4f6f8", grid: "#e1e5e9", axis: "#c9d0d6", edge: "#5d6873", tip: "#1c1f24", alarm: "#b3261e", link: "#e4e9ee", cap: "#8fb3cd", tool: "#4a5259", obstacle: "#e69f00", table: "#dde1e5", part: "#b9c0c7" },
+  dark: { ground: "#14171c", grid: "#2a2f37", axis: "#4a525e", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", cap: "#4f7c9c", tool: "#c2cad4", obstacle: "#e69f00", table: "#30353c", part: "#69737d" },
 };
 
 /** Name of what computes WebGL; null without WebGL. @returns {string | null} */
