@@ -308,9 +308,11 @@ def add_process(
 
 def _set_contour_values(program: Program, process: Process, drawing: PathModel) -> Process:
     """Process with the values of the key `path.contours`."""
+    if not drawing.contours:
+        return process
     key_of_contour, _ = find_contours(program, drawing)
     by_contour = dict[int, Any]()
-    for contour in program.contours if key_of_contour else ():
+    for contour in program.contours:
         values = drawing.contours.get(key_of_contour.get(contour.number, ""), {})
         own = {x: y for x, y in values.items() if x not in CONTOUR_LIMITS}
         if own:

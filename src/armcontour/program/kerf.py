@@ -79,12 +79,8 @@ def idle_parts(program: Program, process: Process) -> list[tuple[int, float, flo
         return []
     parts = []
     for k, contour in enumerate(program.contours):
-        own, (begin, end), length = (
-            process.of_contour(contour),
-            contour.at_work,
-            contour.path.length,
-        )
-        switch = own.switch and own.switch.name
+        own, (begin, end) = process.of_contour(contour), contour.at_work
+        length, switch = contour.path.length, own.switch and own.switch.name
         leads = (0.0 if own.begins_on else begin, True), (length if own.ends_on else end, False)
         changes = [(x.s, bool(x.value)) for x in contour.events if x.name == switch] or leads
         for (a, is_on), (b, _) in pairwise(((0.0, False), *changes, (length, True))):

@@ -14,7 +14,6 @@ import {
 
 /** Directions from which the views look: azimuth and elevation [rad]. */
 const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Arm: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
-export const VIEW_NAMES = Object.keys(VIEWS);
 /** Programs that compute WebGL on the processor. */
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 /** So long after the last change the picture is drawn with smooth edges [ms]. */

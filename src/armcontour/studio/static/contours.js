@@ -3,6 +3,7 @@
 import { styleOf } from "./colours.js";
 import { find } from "./dom.js";
 import { seconds } from "./format.js";
+import { kindAt } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -13,10 +14,11 @@ import { html, render } from "./vendor/preact.js";
 const MOST = 500;
 
 /** The limit that takes most of the time of a contour. @param {import("./state.js").Frame} picture @param {number} k @returns {string} */
-function limitOf({ head, arrays: { path_breaks: breaks, path_t: t, binding } }, k) {
+function limitOf(picture, k) {
+  const { path_breaks: breaks, path_t: t } = picture.arrays;
   const times = /** @type {Record<string, number>} */ ({});
   for (let i = breaks[k]; i < breaks[k + 1] - 1; i++) {
-    const kind = head.limits[binding[i]]?.kind ?? "unknown";
+    const kind = kindAt(picture, i);
     times[kind] = (times[kind] ?? 0) + t[i + 1] - t[i];
   }
   return Object.keys(times).sort((a, b) => times[b] - times[a])[0] ?? "unknown";

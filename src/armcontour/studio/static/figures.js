@@ -42,9 +42,13 @@ class Figures {
     this.boxes.duration.box.after(this.shares);
     this.region.append(this.row);
     this.spoken = "";
-    const update = oncePerFrame(() => this.showAll(FIGURES));
+    const showEverything = () => {
+      this.showAll(FIGURES);
+      this.showShares();
+    };
+    const update = oncePerFrame(showEverything);
     for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, update);
-    const others = nowAndThen(READING, () => this.showAll(FIGURES));
+    const others = nowAndThen(READING, showEverything);
     store.on("executed", others);
     // The cycle time is shown with each picture.
     store.on("picture", () => {
@@ -74,7 +78,6 @@ class Figures {
     const { exact, rows } = knownOf(this.store);
     for (const name of names) this.show(name, rows.get(name), exact);
     this.updateState();
-    this.showShares();
   }
 
   /** Where the time goes: a bar of the limits, and the largest in words. */

@@ -4,7 +4,7 @@ import { styleOf, themed } from "./colours.js";
 import { find } from "./dom.js";
 import { mm, seconds } from "./format.js";
 import { motionOf } from "./motion.js";
-import { largest } from "./polylines.js";
+import { kindAt, largest } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -42,7 +42,7 @@ function drawSpeed(canvas, store, duration) {
   const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
   context.scale(devicePixelRatio, devicePixelRatio);
   const picture = store.latest("picture");
-  const { path_t: t, speed, binding, path_breaks: breaks } = picture?.arrays ?? {};
+  const { path_t: t, speed, path_breaks: breaks } = picture?.arrays ?? {};
   if (!picture || !t?.length || !duration) return;
   const base = height - STRIP - TIMES;
   const x = (/** @type {number} */ at) => (at / duration) * width;
@@ -52,15 +52,16 @@ function drawSpeed(canvas, store, duration) {
   context.fillRect(0, base, width, STRIP);
   const [curve, area] = [new Path2D(), new Path2D()];
   for (let k = 0; k + 1 < breaks.length; k++) {
-    area.moveTo(x(t[breaks[k]]), base);
-    for (let i = breaks[k]; i < breaks[k + 1]; i++) {
-      for (const line of i > breaks[k] ? [curve, area] : [area]) line.lineTo(x(t[i]), y(speed[i]));
-      if (i === breaks[k]) curve.moveTo(x(t[i]), y(speed[i]));
-      if (i + 1 === breaks[k + 1]) continue;
-      context.fillStyle = styleOf(picture.head.limits[binding[i]]?.kind ?? "unknown", store.theme).colour;
+    const [first, last] = [breaks[k], breaks[k + 1] - 1];
+    curve.moveTo(x(t[first]), y(speed[first]));
+    area.moveTo(x(t[first]), base);
+    area.lineTo(x(t[first]), y(speed[first]));
+    for (let i = first; i < last; i++) {
+      for (const line of [curve, area]) line.lineTo(x(t[i + 1]), y(speed[i + 1]));
+      context.fillStyle = styleOf(kindAt(picture, i), store.theme).colour;
       context.fillRect(x(t[i]), base, x(t[i + 1]) - x(t[i]), STRIP);
     }
-    area.lineTo(x(t[breaks[k + 1] - 1]), base);
+    area.lineTo(x(t[last]), base);
   }
   context.fillStyle = themed("--band");
   context.fill(area);

@@ -228,9 +228,8 @@ function shortName(limit) {
 function besides(points, i) {
   const a = 2 * Math.max(0, i - 1);
   const b = Math.min(points.length - 2, 2 * i + 2);
-  const along = [points[b] - points[a], points[b + 1] - points[a + 1]];
-  const length = Math.hypot(along[0], along[1]) || 1;
-  return { at: [points[2 * i], points[2 * i + 1]], normal: [-along[1] / length, along[0] / length] };
+  const [u, v] = unit(points[b] - points[a], points[b + 1] - points[a + 1]);
+  return { at: [points[2 * i], points[2 * i + 1]], normal: [-v, u] };
 }
 
 /**

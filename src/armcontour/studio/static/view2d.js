@@ -5,7 +5,7 @@ import { draw, find, make, mark } from "./dom.js";
 import { rowOf } from "./format.js";
 import { Layers } from "./layers.js";
 import { Painter } from "./canvas.js";
-import { oncePerFrame } from "./state.js";
+import { indexAt, oncePerFrame } from "./state.js";
 import { boxOf, Viewport } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -282,7 +282,7 @@ export class View2d {
     const picture = this.store.latest("picture");
     if (!picture?.arrays.path.length) return;
     const piece = this.layers.nearest(picture, this.view.toPlane(this.within(event)), NEAR / this.view.scale);
-    const contour = piece < 0 ? -1 : picture.arrays.path_breaks.findLastIndex((begin) => begin <= piece);
+    const contour = piece < 0 ? -1 : indexAt(picture.arrays.path_breaks, piece);
     if (contour !== this.store.options.contour) this.store.setView({ contour, ...(contour >= 0 && { side: "contours" }) });
   }
 
