@@ -19,6 +19,7 @@ from armcontour.jobs import run
 from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
 from armcontour.report import render_report, render_table, sections, write_report
 from armcontour.report.figure import Curve, Figure, Plot, to_json
+from armcontour.report.page_frame import PageFrame
 from armcontour.report.style import thin
 from armcontour.studies.placement import Place, Placement
 
@@ -100,7 +101,7 @@ def test_thinning_keeps_every_peak_and_both_ends_of_every_part():
 def unpacked(page, name):
     """A packed part of a page."""
     (text,) = re.findall(rf'id="packed-{name}">([^<]*)</script>', page)
-    return gzip.decompress(base64.b64decode(text)).decode()
+    return gzip.decompress(base64.b64decode(text))
 
 
 def test_a_page_has_its_figures_and_what_draws_them(page, study):
@@ -112,9 +113,29 @@ def test_a_page_has_its_figures_and_what_draws_them(page, study):
         largest = 1e3 * result.motion.tool_speed.max()
         assert max(x for x in curve["y"] if x is not None) == pytest.approx(largest, rel=1e-4)
     assert {x[3] for x in limits["bars"]} >= {"joint acceleration"} and error["logarithmic"]
-    assert "export" in unpacked(page, "uplot") and len(page) < 1e6
+    assert b"export" in unpacked(page, "uplot") and len(page) < 1e6
     # A page without figures has no code for them.
     assert 'id="packed-' not in render_table("a", "", ("b",), [("c",)])
+
+
+def test_an_arm_moves_as_planned_along_the_path(page, study):
+    arm, motion = (PageFrame.unpack(unpacked(page, f"figure-arm-1-{x}")) for x in ("arm", "motion"))
+    (name,) = re.findall(r"Arm, moving as planned in run (\w+)", page)
+    result = study.runs[name]
+    t, q = (motion.arrays[x].astype(float) for x in "tq")
+    assert t[-1] == pytest.approx(result.trajectory.duration) and len(t) < 1500
+    # Between the stored postures the page interpolates.
+    times = np.linspace(0, t[-1], 5000)
+    drawn = np.stack([np.interp(times, t, x) for x in q.T], axis=1)
+    planned = result.trajectory(np.minimum(times, result.trajectory.duration))
+    assert np.abs(drawn - planned).max() < 2e-3
+    assert len(arm.header["joints"]) == q.shape[1]
+    # The path is where the tool is at these times.
+    tool = study.job.arm.tool_position(planned)
+    lines = [motion.arrays[x["points"]][:, : tool.shape[1]] for x in motion.header["lines"]]
+    corners = np.concatenate(lines)
+    distances = np.linalg.norm(corners[:, None] - tool[None], axis=2).min(axis=1)
+    assert distances.max() < 1e-3 and len({x["light"] for x in motion.header["lines"]}) > 1
 
 
 def test_errors_are_shares_of_the_allowed_error(study):

@@ -19,6 +19,7 @@ from armcontour._version import __version__
 from armcontour.core import staging
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import VERDICTS, number
+from armcontour.report.page_frame import PageFrame
 
 # Significant digits of drawn values, which are finer than a pixel, and of their abscissae.
 DIGITS, X_DIGITS = 5, 7
@@ -36,6 +37,8 @@ class Picture:
     """A figure or a drawing of a report, which can also be a page of its own."""
 
     title: str
+    # Data of the picture that are no figures
+    frames: tuple[PageFrame, ...] = ()
 
     def to_html(self, key: str) -> str:
         """Render the picture for a page with the data of its figures; `key`: id of its element."""
@@ -139,11 +142,10 @@ def render_page(**values: Any) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    figures: dict[str, Figure] = {}
+    pictures: dict[str, Picture] = {}
 
     def place(picture: Picture, key: str) -> Markup:
-        if isinstance(picture, Figure):
-            figures[f"figure-{key}"] = picture
+        pictures[f"figure-{key}"] = picture
         return Markup(picture.to_html(f"figure-{key}"))
 
     environment = Environment(
@@ -152,22 +154,43 @@ def render_page(**values: Any) -> str:
     environment.filters["number"] = number
     environment.globals["figure"] = place
     # The data are packed after the template has placed the figures.
-    environment.globals["figures"] = lambda: pack(to_json(figures).encode()) if figures else ""
+    environment.globals["packed"] = lambda: _packed(pictures)
     return environment.get_template("report.html").render(
         version=__version__,
         verdicts=VERDICTS,
-        uplot=_vendored("uplot.js"),
-        uplot_css=Markup(_vendored("uplot.css", packed=False)),
+        uplot_css=Markup(_static("vendor/uplot.css").decode()),
         **values,
     )
 
 
+def _packed(pictures: Mapping[str, Picture]) -> dict[str, str]:
+    """Packed data of pictures and the code that draws them, by name."""
+    figures = {key: x for key, x in pictures.items() if isinstance(x, Figure)}
+    frames = {
+        f"{key}-{frame.kind}": pack(frame.pack())
+        for key, x in pictures.items()
+        for frame in x.frames
+    }
+    found = {"figures": pack(to_json(figures).encode())} if figures else {}
+    code = UPLOT * bool(figures) + VIEWER * bool(frames)
+    return {**found, **frames, **{FilePath(x).stem: _code(x) for x in code}}
+
+
+# Modules that draw figures, and those that draw arms.
+UPLOT = ("vendor/uplot.js",)
+VIEWER = ("vendor/three.js", "kinematics.js", "page_frame.js", "viewer.js")
+
+
 @cache
-def _vendored(name: str, packed: bool = True) -> str:
-    """Content of a file in the folder `vendor`, which `make vendor` creates."""
-    content = pkgutil.get_data("armcontour.report", f"static/vendor/{name}")
+def _code(name: str) -> str:
+    return pack(_static(name))
+
+
+def _static(name: str) -> bytes:
+    """Content of a file of the folder `static`, whose part `vendor` is created by `make vendor`."""
+    content = pkgutil.get_data("armcontour.report", f"static/{name}")
     assert content is not None
-    return pack(content) if packed else content.decode()
+    return content
 
 
 def pack(content: bytes) -> str:

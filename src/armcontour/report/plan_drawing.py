@@ -121,7 +121,7 @@ class Drawing(Picture):
 def draw_plan(result: RunResult, job: Job) -> Drawing:
     """Draw the path of a plan with its active limits, rapids, kerf, process and extremes."""
     outline = [x.path(fine_places(x.path)) for x in result.path.contours]
-    rapids, tabs = _rapids(result), _tabs(result, job.process)
+    rapids, tabs = rapid_paths(result), _tabs(result, job.process)
     sheet = Sheet.of(np.concatenate([*outline, *rapids]))
     parts = [
         *_kerf(result, job.process, sheet),
@@ -130,7 +130,7 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
     ]
     if rapids:
         parts.append(line(sheet, rapids, f'class="limit" {look_of(RAPIDS)}'))
-    for kind, curves in _pieces(result, sheet).items():
+    for kind, curves in pieces_of(result, SHORTEST / sheet.size).items():
         parts.append(line(sheet, curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
     gaps = [contour.path(fine_places(contour.path, a, b)) for contour, _, a, b in tabs]
     if gaps:
@@ -302,8 +302,8 @@ def line(
     return f'<path {look} d="{"".join(texts)}">{title}</path>'
 
 
-def _pieces(result: RunResult, sheet: Sheet) -> dict[str, list[FloatArray]]:
-    """Curves of the contours [m], by kind of the limiting constraint."""
+def pieces_of(result: RunResult, shortest: float) -> dict[str, list[FloatArray]]:
+    """Curves of the contours [m], by kind of the limiting constraint, down to a length [m]."""
     explanation = result.explanation
     pieces: defaultdict[str, list[FloatArray]] = defaultdict(list)
     starts = np.array([0.0] if explanation is None else [x.s[0] for x in explanation.bindings])
@@ -317,7 +317,7 @@ def _pieces(result: RunResult, sheet: Sheet) -> dict[str, list[FloatArray]]:
         kind = kind_of_part[np.clip(indices, 0, len(kind_of_part) - 1)]
         edges = np.flatnonzero(np.diff(kind, prepend=-1))
         # A piece that is too short to be visible gets the colour of the previous piece.
-        visible = np.diff(np.append(s[edges], s[-1])) * sheet.size >= SHORTEST
+        visible = np.diff(np.append(s[edges], s[-1])) >= shortest
         visible[0] = True
         edges = edges[visible]
         edges = edges[np.diff(kind[edges], prepend=-1) != 0]
@@ -353,7 +353,7 @@ def legend_of(result: RunResult, places: Mapping[str, str]) -> tuple[LegendEntry
     return tuple(sorted(entries, key=lambda x: -x.time))
 
 
-def _rapids(result: RunResult) -> list[FloatArray]:
+def rapid_paths(result: RunResult) -> list[FloatArray]:
     """Sampled tool paths of the rapids [m], (RAPID_PLACES, dimension) each."""
     spans = [x.t for x in result.trajectory.spans if x.kind == "rapid"]
     if not spans:

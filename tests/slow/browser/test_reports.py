@@ -211,6 +211,23 @@ def test_figures_and_drawings_answer(browser, tmp_path):
         page.mouse.up()
         after = page.evaluate(ends)
         assert len(after) == 3 and all(x < y for x, y in zip(after, before, strict=True))
+    with opened(browser, text_of("run"), tmp_path, 1400) as page:
+        page.wait_for_selector(".space canvas", timeout=120_000)
+        slider, clock = page.locator(".player input"), page.locator(".clock")
+        assert clock.inner_text().startswith("0 of")
+        before = page.locator(".space").screenshot()
+        page.locator(".player .play").click()
+        page.wait_for_function("() => document.querySelector('.player input').valueAsNumber > 0.5")
+        page.locator(".player .play").click()
+        assert page.locator(".player .play").inner_text() == "Play"
+        assert float(slider.input_value()) == pytest.approx(
+            float(clock.inner_text().split()[0]), rel=1e-3
+        )
+        assert page.locator(".space").screenshot() != before
+        page.get_by_role("button", name="Top").click()
+        assert page.locator("[data-view=Top]").get_attribute("aria-pressed") == "true"
+        slider.fill("0")
+        assert clock.inner_text().startswith("0 of")
     with opened(browser, text_of("run"), tmp_path, 1400, java_script_enabled=False) as page:
         page.locator("#time summary").click()
         assert page.locator("#time noscript").is_visible()

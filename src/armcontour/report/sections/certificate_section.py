@@ -10,6 +10,7 @@ from armcontour.core.render import figure
 from armcontour.core.result import Table
 from armcontour.core.text import capitalise
 from armcontour.report.figure import Curve, Figure, Plot
+from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
 from armcontour.report.sections.contours import MAX_ROWS
@@ -33,13 +34,15 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
         ("Weakest point", (*doubts, *data.notes, "None known.")[0]),
     ]  # fmt: skip
-    drawing = draw_plan(next(iter(study.runs.values())), study.job)
+    shown = next(iter(study.runs.values()))
+    drawing = draw_plan(shown, study.job)
     words = "Certified" if verdict.value else "Not certified"
     return Front(
         verdict=f"{words}: {figure(deviation)} {deviation.label}; {verdict.note}.",
         good=verdict.value,
         tiles=tiles(data, places=drawing.places),
         drawing=drawing,
+        arm=draw_arm(shown, study.job),
         sentences=tuple(sentences),
     )
 

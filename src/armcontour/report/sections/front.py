@@ -9,6 +9,7 @@ from armcontour.core.result import VERDICT, Data
 from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.jobs import JobResult, RunResult, warnings_of
 from armcontour.jobs.run_notes import unknown_notes
+from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
 from armcontour.report.style import few
@@ -31,6 +32,7 @@ def front(study: JobResult) -> Front:
         tiles=tiles(data, places=drawing.places) if alone else (),
         tables=() if alone else (TextTable(header=header, rows=tuple(rows)),),
         drawing=drawing,
+        arm=draw_arm(result, study.job),
         sentences=tuple(_sentences(study, result)),
     )
 

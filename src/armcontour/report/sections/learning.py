@@ -9,6 +9,7 @@ import numpy as np
 from armcontour.core.render import number
 from armcontour.core.result import FIRST
 from armcontour.report.figure import Curve, Figure, Plot
+from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, text_table, tiles
 from armcontour.report.sections.motion import error_axis
@@ -36,6 +37,7 @@ def learned(study: LearningStudy) -> Front:
         verdict=study.notes[0],
         tiles=tiles(data, FIRST),
         drawing=draw_plan(study.plan, study.job),
+        arm=draw_arm(study.plan, study.job),
         parts=(_over_runs(study),),
         sentences=(("Definition of the error", _introduction(study)),),
     )

@@ -6,21 +6,29 @@ const AXIS = { font: FONT, labelFont: FONT, stroke: "#222", grid: { stroke: "#e4
 const loaded = document.getElementById("packed-figures") ? load() : Promise.resolve(null);
 loaded.catch(() => document.body.classList.add("without-figures"));
 const drawn = new Map();
+let viewerCode = null;
 
-async function unpack(name) {
+function unpack(name) {
   const packed = Uint8Array.from(atob(document.getElementById(`packed-${name}`).textContent), (x) => x.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Response(stream).text();
+  return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip")));
 }
 
-// Module of the packed code.
-async function unpackModule(name) {
-  return import(URL.createObjectURL(new Blob([await unpack(name)], { type: "text/javascript" })));
+// Address of a packed module; `others` are the addresses of the modules that it imports.
+async function addressOf(name, others = {}) {
+  let code = await unpack(name).text();
+  for (const [path, address] of Object.entries(others)) code = code.replace(`"${path}"`, `"${address}"`);
+  return URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
 }
 
 async function load() {
-  const [{ default: uPlot }, text] = await Promise.all([unpackModule("uplot"), unpack("figures")]);
-  return { uPlot, figures: JSON.parse(text) };
+  const [{ default: uPlot }, figures] = await Promise.all([import(await addressOf("uplot")), unpack("figures").json()]);
+  return { uPlot, figures };
+}
+
+async function loadViewer() {
+  const [three, kinematics, frames] = await Promise.all([addressOf("three"), addressOf("kinematics"), addressOf("page_frame")]);
+  const viewer = await addressOf("viewer", { "./vendor/three.js": three, "./kinematics.js": kinematics });
+  return { ...(await import(viewer)), ...(await import(frames)) };
 }
 
 // Draws the figures of what is open, and states when all are drawn.
@@ -33,6 +41,79 @@ async function drawOpen() {
   document.querySelectorAll("svg.drawing").forEach(keepMarks);
   fitBoxes();
   document.body.dataset.drawn = "true";
+  // Arms are last, as their code is larger than all else.
+  for (const figure of document.querySelectorAll(".moving:not([data-shown])")) if (figure.checkVisibility()) showArm(figure);
+}
+
+// Longest time in which an arm shows its motion [s]; longer motions are shown faster.
+const LONGEST = 30;
+const DARK = matchMedia("(prefers-color-scheme: dark)");
+
+async function showArm(figure) {
+  figure.dataset.shown = "";
+  const [space, player] = [".space", ".player"].map((x) => figure.querySelector(x));
+  try {
+    viewerCode ??= loadViewer();
+    const { createViewer, rendererName, unpack: frameOf } = await viewerCode;
+    if (rendererName() === null) throw new Error("no WebGL");
+    const [arm, motion] = await Promise.all(["arm", "motion"].map(async (x) => frameOf(await unpack(`${figure.id}-${x}`).arrayBuffer())));
+    player.hidden = false;
+    const views = [...player.querySelectorAll("[data-view]")];
+    const changed = () => views.forEach((x) => { x.ariaPressed = String(x.dataset.view === viewer.view); });
+    const viewer = createViewer(space, { arm }, { theme: "light", changed });
+    viewer.canvas.tabIndex = 0;
+    viewer.canvas.role = "img";
+    viewer.canvas.ariaLabel = "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.";
+    const paint = () => {
+      const theme = DARK.matches ? "dark" : "light";
+      viewer.setTheme(theme);
+      viewer.setPath(motion.head.lines.map((x) => ({ points: motion.arrays[x.points], breaks: motion.arrays[x.breaks], colours: () => x[theme] })));
+    };
+    paint();
+    DARK.addEventListener("change", paint);
+    viewer.mark(motion.head.nearest, null);
+    enablePlayer(player, motion.arrays, viewer);
+    viewer.look("Arm");
+    for (const x of views) x.addEventListener("click", () => viewer.look(x.dataset.view));
+  } catch (error) {
+    console.error(error);
+    space.textContent = "This browser cannot draw the arm in space: it needs WebGL.";
+  }
+}
+
+// Slider and button that show the postures of a motion.
+function enablePlayer(player, { t: times, q }, viewer) {
+  const [button, slider, clock] = [".play", "input", ".clock"].map((x) => player.querySelector(x));
+  const [end, count] = [times[times.length - 1], q.length / times.length];
+  const rate = Math.max(1, end / LONGEST);
+  const show = (t) => {
+    const k = Math.min(times.length - 2, Math.max(0, times.findIndex((x) => x > t) - 1));
+    const share = (t - times[k]) / (times[k + 1] - times[k]);
+    viewer.setJoints(Array.from({ length: count }, (_, j) => q[count * k + j] + share * (q[count * (k + 1) + j] - q[count * k + j])));
+    slider.value = t;
+    slider.ariaValueText = clock.textContent = `${short(t)} of ${short(end)} s`;
+  };
+  let last = null;
+  const step = (now) => {
+    if (last === null) return;
+    show(Math.min(end, slider.valueAsNumber + ((now - last) / 1000) * rate));
+    last = now;
+    if (slider.valueAsNumber >= end) play(false);
+    else requestAnimationFrame(step);
+  };
+  const play = (on) => {
+    button.textContent = on ? "Pause" : "Play";
+    last = on ? performance.now() : null;
+    if (on) requestAnimationFrame(step);
+  };
+  slider.max = end;
+  slider.addEventListener("input", () => show(slider.valueAsNumber));
+  button.addEventListener("click", () => {
+    if (last === null && slider.valueAsNumber >= end) show(0);
+    play(last === null);
+  });
+  button.title = rate > 1 ? `${short(rate)} times faster than real` : "in real time";
+  show(0);
 }
 
 function draw(box, { plots, columns }, uPlot) {

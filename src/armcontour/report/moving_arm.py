@@ -1,0 +1,97 @@
+"""The arm of a job in a report: it moves as planned, in its cell and along the path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.render import LIMITS
+from armcontour.jobs import Job, RunResult
+from armcontour.motion import Trajectory
+from armcontour.planning.explanation import RAPIDS
+from armcontour.report.arm_picture import arm_frame
+from armcontour.report.figure import WHOLE, Picture
+from armcontour.report.outline import simplify
+from armcontour.report.page_frame import PageFrame
+from armcontour.report.plan_drawing import pieces_of, rapid_paths
+from armcontour.report.view import essential_points, in_space, to_float32
+
+# Spacing [s] and maximum number of the sampled postures, of which those are stored between which
+# linear interpolation has an error of at most POSTURE_ERROR [rad].
+SPACING, MAX_SAMPLES, POSTURE_ERROR = 10e-3, 50_000, 1e-3
+# Factor of times, so that distances from chords are those at equal times [rad/s].
+STEEP = 1e3
+# Stored postures are multiples of this angle [rad]: their zeros make the page smaller.
+ANGLE = 2.0**-16
+# Maximum deviation of the drawn path as a share of its size.
+VISIBLE = 1 / 4000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MovingArm(Picture):
+    """The arm and its cell in space, with a slider of the time."""
+
+    title: str
+    # Frames of the arm and of its motion
+    frames: tuple[PageFrame, PageFrame]
+    # Width in sixths of the section
+    span: int = WHOLE
+
+    def to_html(self, key: str) -> str:
+        """Render title and controls; the page draws the arm by the frames with its key."""
+        views = "".join(
+            f'<button type="button" data-view="{x}" aria-pressed="false">{x}</button>'
+            for x in ("Part", "Arm", "Top", "Side")
+        )
+        return (
+            f'<figure class="moving" style="--span: {self.span}" id="{key}">'
+            f'<figcaption id="{key}-title">{escape(self.title)}</figcaption>'
+            f'<div class="space" aria-labelledby="{key}-title"></div><div class="player" hidden>'
+            '<button type="button" class="play">Play</button>'
+            '<input type="range" min="0" step="any" value="0" aria-label="Time">'
+            '<span class="clock"></span>'
+            f'<span role="group" aria-label="View of the arm">{views}</span></div>'
+            '<noscript><p class="trouble">The arm needs JavaScript.</p></noscript></figure>'
+        )
+
+
+def draw_arm(result: RunResult, job: Job) -> MovingArm:
+    """Draw the arm of a job with the planned motion and the path of a run."""
+    pieces = list(pieces_of(result, 0.0).items())
+    if rapids := rapid_paths(result):
+        pieces.append((RAPIDS, rapids))
+    arrays, lines = _postures(result.trajectory), []
+    for k, (kind, curves) in enumerate(pieces):
+        look = LIMITS.get(kind, LIMITS["other"])
+        points, breaks = _joined(curves)
+        arrays |= {f"points{k}": to_float32(in_space(points)), f"breaks{k}": breaks}
+        lines.append({"points": f"points{k}", "breaks": f"breaks{k}"})
+        lines[-1] |= {theme: str(look[theme]) for theme in ("light", "dark")}
+    nearest = result.clearance and result.clearance.least
+    header = {"lines": lines, "nearest": nearest and nearest.points}
+    title = f"Arm, moving as planned in run {result.run.name}"
+    return MovingArm(title=title, frames=(arm_frame(job), PageFrame("motion", header, arrays)))
+
+
+def _postures(trajectory: Trajectory) -> dict[str, Any]:
+    """Arrays of times [s] and joint positions [rad], between which a page interpolates linearly."""
+    count = min(MAX_SAMPLES, 2 + int(trajectory.duration / SPACING))
+    t = np.linspace(0.0, trajectory.duration, count)
+    q = trajectory(t)
+    ends = np.array([0, len(t)])
+    chosen = essential_points(np.column_stack([q, STEEP * t]), ends, POSTURE_ERROR)
+    return {"t": to_float32(t[chosen]), "q": to_float32(np.round(q[chosen] / ANGLE) * ANGLE)}
+
+
+def _joined(curves: Sequence[FloatArray]) -> tuple[FloatArray, Any]:
+    """Points of simplified curves, and indices of their first points and of the end."""
+    size = max(float(np.ptp(x, axis=0).max()) for x in curves)
+    chosen = simplify(curves, even=1, visible=VISIBLE * size)
+    drawn = [x[rows] for x, rows in zip(curves, chosen, strict=True)]
+    ends = np.cumsum([0, *map(len, drawn)], dtype=np.uint32)
+    return np.concatenate(drawn), ends
