@@ -48,7 +48,7 @@ DONE = [
     *(x for x in PAGES if x.startswith(("docs/tutorials/", "docs/processes/"))),
 ]
 # Those that the suite does; tests/slow does the others.
-QUICK = ("docs/start/first_result.md", "docs/tutorials/paper_job.md")
+QUICK = ("docs/start/first_result.md",)
 # Pages with clearance or models of pinocchio.
 NEEDING = {"docs/concepts/clearance.md", "docs/guides/arms.md", "docs/start/coming_from.md"}
 PYTHON = sorted({x.page for x in BLOCKS if x.language == "python"} - {*DONE})

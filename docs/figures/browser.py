@@ -30,15 +30,10 @@ REPORTS = {
         "tutorial_first": ("bracket/report.html", ".front"),
         "tutorial_binds": ("bracket/report.html", f"#time {PLOT}"),
     },
-    "tutorials/dxf_to_ur5e": {"tutorial_program": ("first/report.html", ".front")},
     "tutorials/own_arm": {"tutorial_seam": ("seam/report.html", "#paths .drawn")},
     "tutorials/true_on_a_robot": {
         "tutorial_identified": ("identified/report.html", ".front"),
         "tutorial_learned": ("third/report.html", ".front"),
-    },
-    "tutorials/placement_and_clearance": {
-        "tutorial_map": ("placed/report.html", ".drawn"),
-        "tutorial_clearance": ("there/report.html", f"#clearance {PLOT}"),
     },
 }
 

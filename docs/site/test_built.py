@@ -30,7 +30,7 @@ SITE = ROOT / "docs" / "_build" / "html"
 # One page of each kind.
 KINDS = (
     "index",
-    "tutorials/dxf_to_ur5e",
+    "tutorials/own_arm",
     "gallery/index",
     "concepts/compensation",
     "reference/job_keys",
