@@ -2,7 +2,7 @@
 
 Source of every printed form: Munasinghe, Nakamura, Goto, Kyura, "Optimum Contouring of Industrial
 Robot Arms Under Assigned Velocity and Torque Constraints", by its equation numbers. The table that
-these tests prove is docs/misprints.md.
+these tests prove is docs/method.md.
 """
 
 import numpy as np
