@@ -13,7 +13,7 @@ import yaml
 
 import armcontour as ac
 
-PAGE = Path(__file__).parents[2] / "docs" / "guides" / "controllers" / "others.md"
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "controllers" / "franka.md"
 CYCLE = 1e-3
 # kLimitEps, subtracted from every constant.
 EPS = 1e-3
@@ -65,10 +65,11 @@ def commands_changed(name, commands):
 
 
 def recipes():
-    """The limits of the recipes on the documentation page, by arm."""
+    """Joint limits of the jobs on the documentation page, by arm."""
     blocks = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     jobs = [yaml.safe_load(x) for x in blocks]
-    return {x["arm"]: x["limits"] for x in jobs if "joint_jerk" in x.get("limits", {})}
+    limits = {x["arm"]: x.get("limits", {}) for x in jobs}
+    return {arm: {k: x for k, x in y.items() if k.startswith("joint_")} for arm, y in limits.items()}
 
 
 def commands_of(planned):
