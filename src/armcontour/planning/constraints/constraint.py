@@ -2,7 +2,7 @@
 
 A constraint writes its limit on a grid once, in the forms of `planning.topp.limit_forms`. Each form
 has bounds of its rise between the ends of an interval. A limit that holds at both ends therefore
-also holds between them (docs/concepts/optimal.md).
+also holds between them (docs/guides/optimal.md).
 """
 
 from __future__ import annotations
