@@ -33,7 +33,7 @@ class Shown:
 SHOWN = {
     "01_paper_job": Shown(
         "The rounded path, coloured by the rule of the timing on each stretch",
-        {"the paper's job": "../paper.md", "rounding": "../concepts/rounding.md"},
+        {"the paper's job": "../paper.md", "rounding": "../guides/rounding.md"},
     ),
     "02_your_own_job": Shown(
         "Contour error over time: 0.5 mm without and 0.002 mm with compensation",

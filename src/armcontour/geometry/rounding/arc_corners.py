@@ -3,7 +3,7 @@
 A blend replaces the tangent length t of both segments at a corner by two arcs. Each arc has more
 curvature than its neighbouring segment, by nearly the same amount. If the turn is zero, the blend
 equals both segments; between two lines it is the single arc of (10)-(16). Where the curvature must
-not jump, a blend is a connection (connections.py). See docs/concepts/rounding.md.
+not jump, a blend is a connection (connections.py). See docs/guides/rounding.md.
 """
 
 from __future__ import annotations
