@@ -95,12 +95,11 @@ def test_the_readme_states_the_error_of_its_example_without_compensation():
 
 
 def test_figures_without_a_reserve(plans):
-    words = " ".join(page("docs/concepts/compensation.md").split())
+    words = " ".join(page("docs/guides/compensations.md").split())
     at_full = re.search(r"error is ([\d.]+) mm RMS at the full limit", words)
     reserved = re.search(r"and ([\d.]+) mm with a reserve of 0\.5 %", words)
     is_printed([errors(plans[0.0])[0]], at_full.groups())
     is_printed([errors(plans[0.005])[0]], reserved.groups())
-    words = " ".join(page("docs/guides/compensations.md").split())
     text = words[words.index("**Without a reserve**") : words.index("- **On rigid bodies**")]
     figures = [
         *errors(plans[0.0]),
@@ -113,7 +112,7 @@ def test_figures_without_a_reserve(plans):
 
 
 def test_the_table_of_poles(plans):
-    lines = page("docs/concepts/compensation.md").splitlines()
+    lines = page("docs/guides/compensations.md").splitlines()
     for line in (x for x in lines if x.startswith("| $(-")):
         pole, *printed = numbers(line.replace(")^3", ""))
         poles = [float(pole)] * 3

@@ -37,7 +37,7 @@ SHOWN = {
     ),
     "02_your_own_job": Shown(
         "Contour error over time: 0.5 mm without and 0.002 mm with compensation",
-        {"compensation": "../concepts/compensation.md", "job files": "../guides/job.md"},
+        {"compensation": "../guides/compensations.md", "job files": "../guides/job.md"},
     ),
     "03_box_edge": Shown(
         "A UR5e at four times along three edges of a box; sticks show the tool axis",

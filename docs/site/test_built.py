@@ -32,7 +32,7 @@ KINDS = (
     "index",
     "tutorials/own_arm",
     "gallery/index",
-    "concepts/compensation",
+    "guides/compensations",
     "reference/job_keys",
     "reference/pages/api/planning",
     "reference/pages/commands/run",

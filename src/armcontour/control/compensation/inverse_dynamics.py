@@ -2,7 +2,7 @@
 
 # `armcontour.robot.drives` computes the exact command with which the drives follow the plan, at
 # every time. Set-points are chosen so that their interpolation approximates this command best, see
-# docs/concepts/compensation.md.
+# docs/guides/compensations.md.
 
 from __future__ import annotations
 
