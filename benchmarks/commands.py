@@ -86,7 +86,7 @@ def lines() -> list[Line]:
         _long("contours/100", SMALL, 100, "ur5e", Bar()),
         _long("contours/10000", SMALL, 10_000, "ur5e", Bar(), full=True),
         Line("gasket/warm", "run, gasket, ur5e", reference.NAME, _gasket, Bar(seconds=2.6)),
-        Line("gasket/cold", "first run, gasket, ur5e", reference.COMPILED, _cold, _by_clock(12)),
+        Line("gasket/cold", "first run, gasket, ur5e", reference.COMPILED, _cold, Bar(seconds=30)),
         Line("demo", "armcontour demo", reference.NAME, _demo, _by_clock(4)),
     ]
 

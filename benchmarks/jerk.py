@@ -24,7 +24,7 @@ def lines() -> list[Line]:
     title = f"plan with limits of jerk, {CELLS} cells"
     more = f"plan with limits of jerk, {MANY:,} cells"
     return [
-        Line("jerk/plan", title, reference.NAME, _plan, Bar(seconds=0.06)),
+        Line("jerk/plan", title, reference.NAME, _plan, Bar(seconds=15e-3)),
         Line("jerk/ipopt", title, "IPOPT", _against_ipopt, full=True),
         Line("jerk/cells", more, f"{FEW:,} cells", _many, Bar(ratio=6)),
     ]

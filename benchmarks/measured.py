@@ -2,7 +2,8 @@
 
 Times are those of the processor, in rounds in which both sides take turns. The ratio is that of the
 least times: what other work on the machine takes from the caches makes times longer, never shorter,
-and medians of short calls twice as long. Bars are of medians, as a quiet machine has them.
+and medians of short calls twice as long. Bars are of medians, as a quiet machine has them. Those in
+seconds are for a machine of one speed, to which times are converted by the reference work.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import median
+
+from benchmarks import reference
 
 # A side of a round takes about this long [s], if it is one of many short calls.
 SLICE, MOST_CALLS = 0.03, 60
@@ -63,7 +66,7 @@ class Bar:
 
     Args:
         ratio: Share of the peer's time.
-        seconds: Time of the processor, or by the clock.
+        seconds: Time of the processor, or by the clock, on the machine of the bars.
         memory: Peak memory.
         clock: Whether seconds are by the clock, as for work on several cores.
     """
@@ -176,14 +179,23 @@ class Measured:
         return self.usual.processor / median(x.processor for x in self.peer)
 
     @property
+    def converted(self) -> Taken:
+        """The usual, on the machine of the bars."""
+        usual, nominal = self.usual, reference.SECONDS.get(self.line.peer)
+        if nominal is None:
+            return usual
+        factor = nominal / median(x.processor for x in self.peer)
+        return replace(usual, processor=factor * usual.processor, wall=factor * usual.wall)
+
+    @property
     def missed(self) -> bool:
         """Whether it misses its bar."""
-        return self.line.bar.missed(self.usual_ratio, self.usual)
+        return self.line.bar.missed(self.usual_ratio, self.converted)
 
     @property
     def of_bar(self) -> str:
         """What it has of what its bar limits, in words."""
-        bar, usual = self.line.bar, self.usual
+        bar, usual = self.line.bar, self.converted
         return str(
             Bar(
                 None if bar.ratio is None else self.usual_ratio,

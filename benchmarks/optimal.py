@@ -36,7 +36,7 @@ VELOCITY, ACCELERATION = RNG.uniform(1, 3, JOINTS), RNG.uniform(1, 5, JOINTS)
 # Parameters from 0 to 1 on which every uniform grid above has a point.
 AT = np.linspace(0, 1, WAYPOINTS)
 # Bars of the ratio, by the number of points.
-CPP_BARS = {200: 0.85, 1000: 1 / 3, 5000: 1 / 5}
+CPP_BARS = {200: 0.65, 1000: 0.31, 5000: 0.21}
 PYTHON_BARS = {1000: 1 / 40, 5000: 1 / 60}
 SMALL, LARGE = 10_000, 1_000_000
 # Grids on which memory is measured.

@@ -102,13 +102,13 @@ def lines() -> list[Line]:
     peer = f"toppra and RNEA, {torque.POINTS} points"
     return [
         *entries,
-        Line("torque/square/start", TORQUE, peer, partial(_torque, True), Bar(seconds=12e-3)),
+        Line("torque/square/start", TORQUE, peer, partial(_torque, True), Bar(ratio=0.47)),
         Line(
             "torque/square/configurations",
             f"{TORQUE}, all configurations",
             peer,
             partial(_torque, False),
-            Bar(seconds=35e-3),
+            Bar(ratio=1.4),
         ),
     ]
 

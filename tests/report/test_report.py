@@ -20,6 +20,8 @@ from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
 from armcontour.report import render_report, render_table, sections, write_report
 from armcontour.report.figure import Curve, Figure, Plot, to_json
 from armcontour.report.page_frame import PageFrame
+from armcontour.report.sections.learning import learned, learning
+from armcontour.report.sections.placement_section import placed
 from armcontour.report.style import thin
 from armcontour.studies.placement import Place, Placement
 
@@ -197,7 +199,7 @@ def real():
 
 
 def test_learning_shows_errors_over_runs_joints_and_time(real):
-    (over_runs,), (over_time, _) = sections.learned(real).parts, sections.learning(real).parts
+    (over_runs,), (over_time, _) = learned(real).parts, learning(real).parts
     figure = {x.name: x for x in over_runs.plots[0].curves}
     first, _ = real.lesson.runs
     np.testing.assert_allclose(figure["RMS"].y, [1e3 * first.contour_rms, 2e-3])
@@ -225,7 +227,7 @@ def test_a_map_shows_the_best_over_other_axes_and_letters_of_refusals():
         axes={"x": np.array([0.0, 0.1]), "y": np.array([0.0, 0.1]), "yaw": np.array(yaws)},
         places=tuple(places),
     )  # fmt: skip
-    front = sections.placed(placement)
+    front = placed(placement)
     svg = front.parts[0].svg
     cells = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)"[^>]*/><text[^>]*>([^<]*)<', svg)
     right, low = (max(float(x[k]) for x in cells) for k in (0, 1))

@@ -36,10 +36,13 @@ def render_report(study: JobResult, *, certificate: Certificate | None = None) -
     folded = sections_of(study, () if certificate is None else certificate.warnings)
     if certificate is None:
         return _page(study.job, sections.front(study), folded, source=source)
-    front = sections.certified(study, certificate)
+    # Sections that other pages lack are imported only here, for a fast start.
+    from armcontour.report.sections.certificate_section import certified, section_of
+
+    front = certified(study, certificate)
     # The section on contours is omitted, because the certificate has its own table of contours.
     others = [x for x in folded if x.key != "contours"]
-    return _page(study.job, front, [sections.certificate(certificate), *others], source=source)
+    return _page(study.job, front, [section_of(certificate), *others], source=source)
 
 
 def render_demo(studies: Sequence[JobResult]) -> str:
@@ -70,7 +73,9 @@ def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]
 
 def render_placement(placement: Placement) -> str:
     """Render the report of a placement as one self-contained HTML page."""
-    return _page(placement.job, sections.placed(placement), [], source=OF_PLAN)
+    from armcontour.report.sections.placement_section import placed
+
+    return _page(placement.job, placed(placement), [], source=OF_PLAN)
 
 
 def render_table(
@@ -84,8 +89,9 @@ def render_table(
 
 def render_learning(study: LearningStudy) -> str:
     """Render the report of a learning study as one self-contained HTML page."""
-    front, section = sections.learned(study), sections.learning(study)
-    return _page(study.job, front, [section], source=OF_LOGS)
+    from armcontour.report.sections.learning import learned, learning
+
+    return _page(study.job, learned(study), [learning(study)], source=OF_LOGS)
 
 
 def _page(job: Job, front: Front, folded: Sequence[Section], *, source: str) -> str:

@@ -47,7 +47,7 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
     )
 
 
-def certificate(result: Certificate) -> Section:
+def section_of(result: Certificate) -> Section:
     """Section with the parts of the error, the derating and the cost of a certificate."""
     data, has_contours = result.to_data(), len(result.contours) > 1
     contours = sorted(result.contours, key=lambda x: x.budget.left)
