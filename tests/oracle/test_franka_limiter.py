@@ -69,7 +69,9 @@ def recipes():
     blocks = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     jobs = [yaml.safe_load(x) for x in blocks]
     limits = {x["arm"]: x.get("limits", {}) for x in jobs}
-    return {arm: {k: x for k, x in y.items() if k.startswith("joint_")} for arm, y in limits.items()}
+    return {
+        arm: {k: x for k, x in y.items() if k.startswith("joint_")} for arm, y in limits.items()
+    }
 
 
 def commands_of(planned):
