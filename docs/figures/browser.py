@@ -21,6 +21,7 @@ from tools.studio_page import Studio, browsing, serving
 FOLDER = Path(__file__).parent
 GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"
 DRAWN = 2000.0  # time in which plots draw themselves [ms]
+FRAMES = 48  # of the moving picture
 COLOURS = 64  # of a picture of a report, which has few
 # The first plot of a report, or of a section.
 PLOT = ".plotted"
@@ -89,11 +90,19 @@ def show_start(studio: Studio) -> None:
 def show_gasket(studio: Studio) -> None:
     """A gasket on the UR5e, seen in space."""
     studio.rest()
-    studio.find("#viewbar").get_by_role("button", name="Both").click()
     studio.wait_for("#view3d[data-frames]")
-    studio.find("#viewbar").get_by_role("button", name="Fit").click()
     studio.page.wait_for_timeout(DRAWN)
     save("studio_gasket", studio.page.screenshot())
+    slider, pictures = studio.find("#playback .scrub"), []
+    duration = float(slider.get_attribute("max") or 0)
+    for k in range(FRAMES):
+        slider.fill(str(duration * k / FRAMES))
+        studio.page.wait_for_timeout(DRAWN / 2)
+        pictures.append(Image.open(io.BytesIO(studio.page.screenshot())).convert("RGB"))
+    file, each = FOLDER / "studio_moving.webp", int(1e3 * duration / FRAMES)
+    more = {"save_all": True, "append_images": pictures[1:], "duration": each, "loop": 0}
+    pictures[0].save(file, quality=55, method=6, **more)
+    print(file.name, f"{file.stat().st_size / 1e3:.0f} kB")
 
 
 def show_studio(browser: Browser, folder: Path) -> None:
@@ -109,7 +118,7 @@ def show_studio(browser: Browser, folder: Path) -> None:
         (show_gasket, (GASKET.name, "--cell", "ur5e")),
     ):
         with serving(*arguments, folder=folder) as server:
-            studio = Studio(browser, server, size=(1280, 820))
+            studio = Studio(browser, server, size=(1440, 900))
             studio.begin()
             show(studio)
             studio.close()

@@ -220,7 +220,7 @@ def test_a_written_cell_runs_a_drawing(cell, tmp_path, monkeypatch):
     code, message = call("init", cell)
     assert code == 0 and f"--cell {cell}.yaml" in message
     text = (tmp_path / f"{cell}.yaml").read_text()
-    assert f"arm: {cell}\n" in text and text.count("#") > 5
+    assert f": {cell}\n" in text and text.count("#") > 5
     (tmp_path / "plate.ngc").write_text(DRAWING)
     line = ("run", "plate.ngc", "--cell", f"{cell}.yaml", "--out", "out", "--no-simulation")
     assert call(*line, "--scale", "0.5")[0] == 0

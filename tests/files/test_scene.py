@@ -138,8 +138,10 @@ def test_built_in_cells_in_space_stand_on_a_table(tmp_path):
         # The surface of the part is where the drawing lies.
         top = part.place.position + part.place.rotation @ [0, 0, 0.005]
         assert top[2] == pytest.approx(cell.program.path(0.0)[2])
-        last = {x.name for x in cell.arm.shapes.shapes if x.link == cell.arm.dof}
-        assert set(part.allow) == {"tool", *last}
+        # Nothing may touch the part; the nozzle ends above it, its tip is the tool point.
+        (nozzle,) = (x for x in cell.arm.shapes.shapes if x.tool)
+        assert not part.allow and nozzle.name == "nozzle"
+        assert cell.arm.chain.tool.position[2] == pytest.approx(0.12)
 
 
 # A box of 0.2 x 0.3 x 0.4 m, as corners and 12 triangles.

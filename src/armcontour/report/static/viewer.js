@@ -126,7 +126,7 @@ export class Viewer {
     for (const body of head.bodies) this.addBody(body, arrays[body.triangles]);
     const named = (/** @type {string} */ colour) => head.bodies.some((/** @type {any} */ x) => x.colour === colour);
     if (!named("link")) this.addSticks();
-    if (!named("tool")) this.addTool(poseOf(head.tip));
+    this.addTool(poseOf(head.tip));
     const wide = Math.ceil(4 * this.reach);
     const grid = new GridHelper(wide, 10 * wide);
     grid.rotateX(Math.PI / 2).position.z = -0.001;
@@ -172,7 +172,7 @@ export class Viewer {
     for (const { link, pose } of ends) this.addCone(link, new Vector3(), originOf(pose), 0.018 * this.reach, 0.018 * this.reach, "link");
   }
 
-  /** A slim cone to the tool point, where the arm has a tool frame and the tool has no shape. @param {Pose} tip */
+  /** A slim cone to the tool point, where the arm has a tool frame. @param {Pose} tip */
   addTool(tip) {
     const radius = 0.018 * this.reach;
     this.addCone(this.chain.joints.length, originOf(tip), originOf(this.chain.tool), radius, radius / 6, "tool");
