@@ -3,7 +3,6 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "law_checks": "with_reserve",
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
     "options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
     "planner": "check_duration intervals_of plan",

@@ -3,7 +3,6 @@ from armcontour.planning.explanation import Explanation as Explanation
 from armcontour.planning.explanation import Shortfall as Shortfall
 from armcontour.planning.explanation import explain as explain
 from armcontour.planning.explanation import find_jerk_stops as find_jerk_stops
-from armcontour.planning.law_checks import with_reserve as with_reserve
 from armcontour.planning.options import Conventional as Conventional
 from armcontour.planning.options import METHODS as METHODS
 from armcontour.planning.options import Optimal as Optimal

@@ -17,10 +17,9 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.motion import Method, PathLaw, Trajectory, arm_of
 from armcontour.planning.constraints import CONSTRAINTS, Constraint, IntervalEnds, assigned_speeds
-from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
-from armcontour.robot.limits import LIMITS
+from armcontour.robot.limits import LIMITS, reduce_limits
 
 # A limit is active on an interval if its used share is at least this. Margins of the planner may
 # use the remainder. Below this share, the plan is in transition between two limits.
@@ -259,7 +258,7 @@ def explain(
     """
     arm, reduced = arm_of(trajectory, arm), trajectory.limits
     if reduced is not None:
-        reduced = with_reserve(reduced, trajectory.reserve)
+        reduced = reduce_limits(reduced, trajectory.reserve)
     bounds = resolve_limits("explain", arm, limits, reduced)
     constraints = checks.check_sequence("constraints", constraints, Constraint, "Constraints")
     laws: list[tuple[float, float, PathLaw]] = []

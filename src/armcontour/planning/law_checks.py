@@ -22,18 +22,6 @@ PEAK_SAMPLES = 33
 ROUNDING = 1e-6
 
 
-def with_reserve(limits: Limits, reserve: float) -> Limits:
-    """Reduce the limits of joint acceleration and torque by a share from 0 to below 1."""
-    if not reserve:
-        return limits
-    reduced = {
-        name: (1 - reserve) * value
-        for name, limit in LIMITS.items()
-        if limit.reserved and (value := getattr(limits, name)) is not None
-    }
-    return limits.replace(**reduced) if reduced else limits
-
-
 def tool_path_of(joint_path: JointPath, method: str) -> Path:
     """Return the tool path of a joint path, which the method requires."""
     if joint_path.tool_path is None:

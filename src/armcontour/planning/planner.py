@@ -14,7 +14,6 @@ from armcontour.core.text import capitalise, count_noun
 from armcontour.geometry import Path
 from armcontour.geometry.shaped_path import describe_unfinished
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.planning.program_timing import (
@@ -27,6 +26,7 @@ from armcontour.planning.program_tracing import TracedMove, Tracing, trace_progr
 from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
+from armcontour.robot.limits import reduce_limits
 
 # Options that apply to a single path only, because a program rests between its paths.
 SINGLE_PATH_OPTIONS = ("start_speed", "end_speed")
@@ -104,7 +104,7 @@ def plan(
             seed=options.seed,
             accept=options.accept,
         )
-    reduced = with_reserve(bounds, options.reserve)
+    reduced = reduce_limits(bounds, options.reserve)
     if isinstance(traced, JointPath):
         timing = Timing(arm, reduced, options)
         trajectory = time_contour(traced, timing)

@@ -19,12 +19,12 @@ from armcontour.core.quantities import Time
 from armcontour.motion import JointPath, Law, PathLaw, Trajectory, arm_of
 from armcontour.planning.constraints import CONSTRAINTS, Constraint, OnGrid
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
-from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
+from armcontour.robot.limits import reduce_limits
 
 # Longest piece of the joint path over time [s]; its quintics are within 1e-10 rad of the plan.
 MAX_PIECE = 2e-3
@@ -79,7 +79,7 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     find = partial(_smooth_stop, jumps) if limits.limits_jerk else _fastest_stop
     # A part of the reserve is used first, then all of it.
     for reserve in sorted({max(trajectory.reserve - MARGIN, 0.0), 0.0}, reverse=True):
-        found = find(joint_path, arm, with_reserve(limits, reserve))
+        found = find(joint_path, arm, reduce_limits(limits, reserve))
         if found is not None and found[0] + found[1].breaks[-1] < rest - t:
             delay, law = found
             begin = _cut_at(trajectory, t + delay)

@@ -398,3 +398,15 @@ def _list_values(values: npt.ArrayLike) -> str:
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
     """Joint limits as an array; infinity for every joint if None."""
     return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)
+
+
+def reduce_limits(limits: Limits, reserve: float) -> Limits:
+    """Reduce the limits of joint acceleration and torque by a fraction from 0 to below 1."""
+    if not reserve:
+        return limits
+    reduced = {
+        name: (1 - reserve) * value
+        for name, limit in LIMITS.items()
+        if limit.reserved and (value := getattr(limits, name)) is not None
+    }
+    return limits.replace(**reduced) if reduced else limits

@@ -20,7 +20,6 @@ from armcontour.core.text import capitalise
 from armcontour.geometry import Path, ShapedPath, ShapingOutcome, Tube
 from armcontour.geometry.shaped_path import ARCS, SHAPED, STOPS, describe_unfinished
 from armcontour.motion import JointPath, Method, Trajectory
-from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import Optimal, Shaped
 from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
 from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
@@ -28,6 +27,7 @@ from armcontour.planning.shaping.search import explain_unshaped, make_searches
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
+from armcontour.robot.limits import reduce_limits
 
 # Smallest turn of a sharp corner [rad]. Vertices with a smaller turn may be points on a curve,
 # which can be arbitrarily close to each other.
@@ -186,7 +186,7 @@ class Shaping:
         return replace(fastest, moves=tuple(moves))
 
     def _time(self, traced: Tracing) -> Trajectory:
-        limits = with_reserve(self.limits, self.options.reserve)
+        limits = reduce_limits(self.limits, self.options.reserve)
         timing = Timing(self.arm, limits, Optimal(intervals=self.options.intervals))
         return time_program(traced, timing)
 
@@ -244,7 +244,7 @@ class Shaping:
         # The knots of a redundant arm depend on the rounding of the start, so `seed` itself is
         # used.
         start, intervals = ends_of(joint_path)[0], self.options.intervals
-        limits = with_reserve(self.limits, self.options.reserve)
+        limits = reduce_limits(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
             return Timer(self.arm, limits, self.arm.configuration_of(start), None, intervals)
         if seed is not None and np.abs(seed - start).max() <= SAME_POSITION:
