@@ -3,12 +3,12 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
+    "early_stop": "stop",
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
     "options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
     "planner": "check_duration intervals_of plan",
     "program_timing": "check_jerk_support",
     "program_tracing": "Tracing trace_program turn_along",
     "shaping": "shape",
-    "stopping": "stop",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)
