@@ -23,7 +23,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import AngularDistance, Quantity
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
-from armcontour.core.sampling import differences
+from armcontour.core.sampled_data import differences
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import judge

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry.biarcs import biarc_distance, dot, length, make_biarcs, unit
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path

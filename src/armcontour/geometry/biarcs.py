@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.quintics import evaluate, quintic
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry.segments import Segments, bound_second_derivatives
 
 # An arc is a line if its chord and its start tangent differ by less than this angle [rad].

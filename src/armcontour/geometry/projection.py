@@ -15,7 +15,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
 

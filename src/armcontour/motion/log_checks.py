@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampling import white_noise
+from armcontour.core.sampled_data import white_noise
 from armcontour.core.text import clock
 from armcontour.robot import Arm
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampling import differences
+from armcontour.core.sampled_data import differences
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import use_of

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 
 # Points closer than this distance [m] count as equal.
 SAME_POINT = 1e-9

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments

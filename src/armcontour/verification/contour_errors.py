@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import dot, length
 from armcontour.geometry.segments import TANGENT_TOLERANCE

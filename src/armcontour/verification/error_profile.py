@@ -12,7 +12,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
-from armcontour.core.sampling import integrate
+from armcontour.core.sampled_data import integrate
 from armcontour.core.text import format_event, short_repr
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.biarcs import length

@@ -15,7 +15,7 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, VERDICT, Data, Row, Table
-from armcontour.core.sampling import integrate
+from armcontour.core.sampled_data import integrate
 from armcontour.core.text import draw, short_repr
 from armcontour.geometry import Path
 from armcontour.motion import Execution, SetPoints

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry.kernels import Point, distance2, find_foot, point_at
 
 # Distances that differ by less than this are equal, because coordinates are not more accurate [m].

@@ -19,7 +19,7 @@ from armcontour.control.identification.least_squares import (
     standard_deviations,
 )
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.sampling import white_noise
+from armcontour.core.sampled_data import white_noise
 from armcontour.motion.log import FEWEST, Log
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.sampling import white_noise
+from armcontour.core.sampled_data import white_noise
 from armcontour.motion.log import Log
 
 # Spacing of the samples from which velocities and accelerations are computed [s].

@@ -29,7 +29,7 @@ from armcontour.control.identification.selection import (
     select_model,
 )
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.sampling import white_noise
+from armcontour.core.sampled_data import white_noise
 from armcontour.robot.servo.simulation import JointServo
 
 # Derivatives are computed from parabolas through the fewest samples for which the noise is below

@@ -37,7 +37,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Options, checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Choice, Interval, Quantity
-from armcontour.core.sampling import white_noise
+from armcontour.core.sampled_data import white_noise
 from armcontour.core.text import show
 from armcontour.motion.log import FEWEST, INTERPOLATIONS, Log
 from armcontour.motion.log_checks import (

@@ -16,7 +16,7 @@ from armcontour.control.identification.identification_result import (
 )
 from armcontour.control.identification.joint_fit import split_logs
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.sampling import interpolate
+from armcontour.core.sampled_data import interpolate
 from armcontour.motion.log import Log
 from armcontour.robot import Arm
 from armcontour.robot.servo.model import TRUSTED

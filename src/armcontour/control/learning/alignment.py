@@ -12,7 +12,7 @@ from armcontour.control.learning.learning_result import LearningResult, Learning
 from armcontour.control.learning.lifted_model import REST_TIME, Lifted, rms
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampling import interpolate, white_noise
+from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_completeness, find_misreading
 

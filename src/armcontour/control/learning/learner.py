@@ -20,7 +20,7 @@ from armcontour.control.learning.lifted_model import REST_TIME, Lifted, Nominal
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.sampling import differences, interpolate
+from armcontour.core.sampled_data import differences, interpolate
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.nearest_commands import command_bounds, find_excess, nearest_commands
 from armcontour.motion.set_point_check import check_set_points, describe_excess

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.sampling import interpolate
+from armcontour.core.sampled_data import interpolate
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import GAP
 from armcontour.robot import Arm

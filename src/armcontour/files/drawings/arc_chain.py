@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Segments
 from armcontour.geometry.arc_fit import fit_many
 from armcontour.geometry.segments import REPEATED_POINT, close_gaps

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.checks import LONGEST_NAME, BoolArray, FloatArray, IntArray
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.core.text import list_some, shorten
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.near_points import group_points, nearest_points

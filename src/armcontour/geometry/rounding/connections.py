@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.quintics import rescale
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry.biarcs import (
     UNEVEN,
     Contact,

@@ -16,7 +16,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Tolerance
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import Path

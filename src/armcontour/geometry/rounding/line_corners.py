@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry.biarcs import STRAIGHT, join_by_quintics, make_biarcs, unit, unit_across
 from armcontour.geometry.rounding.rounded_orientation import SLIVER, middle_fraction
 from armcontour.geometry.segments import REPEATED_POINT, Segments, combine_limits

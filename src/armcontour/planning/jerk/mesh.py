@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.motion import JointPath, PathLaw
 from armcontour.planning.constraints import JointMotion, OnGrid, limits_on
 from armcontour.planning.options import Task

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.quintics import quintic
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path, Segments, SmoothCurve
 from armcontour.geometry.biarcs import make_biarcs
 from armcontour.planning.shaping.spline_rows import JointSpline

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.frames import perpendicular
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path, Tube
 from armcontour.motion import JointPath
 from armcontour.planning.shaping.starts import Candidate

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path, ShapedPath, ShapingOutcome, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
-from armcontour.core.sampling import number_parts
+from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path, Proof, RoundedPath, Tube, round_path
 from armcontour.geometry.rounding.rounded_path import Curve
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, STOPS

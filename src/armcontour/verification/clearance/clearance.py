@@ -15,7 +15,7 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import Tolerance
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
-from armcontour.core.sampling import interpolate
+from armcontour.core.sampled_data import interpolate
 from armcontour.core.text import clock, list_some, short_repr
 from armcontour.motion import Execution, JointPath, Trajectory, arm_of
 from armcontour.motion.derivative_bounds import joint_travel, largest_accelerations
