@@ -367,7 +367,7 @@ def smallest_angles(
     # path than the nearest one. The result is therefore the smallest angle at the nearest points of
     # all segments, and at segment ends, within `reach` [m]. To save time, angles that cannot be the
     # largest are those at the nearest point. turned: rotation matrices of the tool, (n, 3, 3).
-    from armcontour.verification.kernels import find_path_points
+    from armcontour.verification.path_points import find_path_points
 
     assert path.orientation is not None
     angle = orientation_angles(path.orientation, nearest.s, turned)
@@ -423,7 +423,7 @@ class Followed:
     ) -> tuple[FloatArray, FloatArray]:
         """Distances and arc lengths [m], (n,) each, of tool points between two followed points."""
         # points: (n, dimension) [m]. ends: arc lengths of both followed points [m].
-        from armcontour.verification.kernels import follow
+        from armcontour.verification.path_points import follow
 
         padded = pad_to_space(points)
         travel = float(length(points - points[0]).max())
@@ -453,7 +453,7 @@ def follow_path(
     # between the arc lengths `work` [m], by default on the whole path; the first path point is at
     # or before the first of these arc lengths. Points outside of `judged` count for the coverage
     # error only.
-    from armcontour.verification.kernels import FollowedTool, follow, measure_coverage
+    from armcontour.verification.path_points import FollowedTool, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
