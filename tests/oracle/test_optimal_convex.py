@@ -15,7 +15,7 @@ import armcontour as ac
 from armcontour.planning import optimal
 from armcontour.planning.constraints import OnGrid, limits_on
 from armcontour.planning.path_grid import Grid
-from armcontour.planning.topp.kernels import Rules, plan_on_grid
+from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
 
 clarabel = pytest.importorskip("clarabel")
 

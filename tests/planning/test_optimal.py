@@ -11,7 +11,7 @@ import armcontour as ac
 from armcontour.planning import optimal
 from armcontour.planning.constraints import OnGrid, SecondOrder, limits_on
 from armcontour.planning.path_grid import place_grid
-from armcontour.planning.topp.kernels import Rules, plan_on_grid
+from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
 
 LEAK = 1e-9  # by how much, relatively, a limit may be exceeded anywhere
 LINE = ((-0.065, 0.300), (0.335, 0.300))  # docs/method.md, "where the method falls short", 1

@@ -29,8 +29,16 @@ from armcontour.planning.path_grid import (
     resting_breaks,
     split,
 )
-from armcontour.planning.topp import kernels
-from armcontour.planning.topp.kernels import GridPlan, Rules, plan_on_grid
+from armcontour.planning.topp.grid_plan import (
+    END,
+    FINER,
+    FOUND,
+    START,
+    STUCK,
+    GridPlan,
+    Rules,
+    plan_on_grid,
+)
 from armcontour.planning.topp.limit_forms import GridLimits
 from armcontour.planning.topp.losses import estimate_losses
 from armcontour.robot import Arm, Limits
@@ -110,7 +118,7 @@ def time_optimal(
         path = OnGrid(grid)
         limits = _add_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
-        if grid_plan.outcome == kernels.FOUND:
+        if grid_plan.outcome == FOUND:
             if largest_loss == math.inf:
                 return _make_law(grid, grid_plan)
             duration, loss, points = estimate_losses(path.intervals, limits, grid_plan)
@@ -125,7 +133,7 @@ def time_optimal(
             grid = split(grid, parts, points)
             continue
         s = float(grid.s[grid_plan.interval])
-        if grid_plan.outcome != kernels.FINER:
+        if grid_plan.outcome != FINER:
             if best is not None:
                 break
             _refuse(grid, grid_plan, arm, rules)
@@ -181,11 +189,11 @@ def _make_law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
     i = grid_plan.interval
-    if grid_plan.outcome == kernels.START:
+    if grid_plan.outcome == START:
         raise_too_fast("start", rules.start, grid_plan.allowed, float(grid.s[0]))
-    if grid_plan.outcome == kernels.END:
+    if grid_plan.outcome == END:
         raise_too_fast("end", rules.end, grid_plan.allowed, float(grid.s[-1]))
-    if grid_plan.outcome == kernels.STUCK:
+    if grid_plan.outcome == STUCK:
         _refuse_stuck(grid, i)
     if not OnGrid(grid).derivatives[0][0, i].any():
         raise InvalidInput(

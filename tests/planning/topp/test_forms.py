@@ -8,7 +8,7 @@ import armcontour as ac
 from armcontour.planning import optimal
 from armcontour.planning.constraints import Constraint, JointTorque, OnGrid, limits_on
 from armcontour.planning.path_grid import place_grid
-from armcontour.planning.topp.kernels import MotionBounds, Rules, plan_on_grid, rows_with_friction
+from armcontour.planning.topp.grid_plan import MotionBounds, Rules, plan_on_grid, rows_with_friction
 from armcontour.planning.topp.limit_forms import (
     HIGH,
     LOW,

@@ -26,7 +26,7 @@ from armcontour.planning.jerk.mesh import (
 )
 from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.options import Task
-from armcontour.planning.topp.kernels import MotionBounds
+from armcontour.planning.topp.grid_plan import MotionBounds
 
 # Default number of cells: PER_BUILD_UP times the duration of non-uniform motion divided by the
 # build-up time of the acceleration, but at least FEWEST_CELLS plus FEWEST_PER_PIECE for each

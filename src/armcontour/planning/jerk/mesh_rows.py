@@ -13,7 +13,7 @@ from armcontour.core.kernels import compiled
 from armcontour.planning.constraints import Constraint, JointMotion, OnGrid, limits_on
 from armcontour.planning.jerk.interior_point import JerkSection
 from armcontour.planning.jerk.mesh import JerkMesh
-from armcontour.planning.topp.kernels import MotionBounds, rows_with_friction
+from armcontour.planning.topp.grid_plan import MotionBounds, rows_with_friction
 from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, Intervals, margins_of
 
 # Highest degree of a joint path.

@@ -10,7 +10,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
 from armcontour.core.simd import choose, highest, load
 from armcontour.motion.kernels import interval_time
-from armcontour.planning.topp.kernels import GridPlan, acceleration_range, next_joint, path_slopes
+from armcontour.planning.topp.grid_plan import GridPlan, acceleration_range, next_joint, path_slopes
 from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
 
 AT_BOUND = 0.02  # u is at its bound within this share of its range
