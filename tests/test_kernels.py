@@ -22,9 +22,9 @@ from tools.kernels import to_text
 
 import armcontour
 import armcontour as ac
-from armcontour.core import kernels as cached
+from armcontour.core import kernel_cache as cached
 from armcontour.core.compilation import from_text, read_list
-from armcontour.core.kernels import KERNELS, compiled
+from armcontour.core.kernel_cache import KERNELS, compiled
 
 
 @compiled(inner=True)
@@ -130,7 +130,7 @@ def test_a_function_whose_files_are_incomplete_is_compiled_anew():
 
 
 MODULE = """
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 
 @compiled()
 def one():

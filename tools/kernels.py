@@ -66,7 +66,7 @@ def _text(kind: Any) -> str:
 
 def calls() -> set[str]:
     """Calls from Python to compiled functions of the package in this process."""
-    from armcontour.core.kernels import KERNELS
+    from armcontour.core.kernel_cache import KERNELS
 
     return {
         f"{module}.{name}({to_text(arguments)})"

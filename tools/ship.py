@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from armcontour.core import compilation, kernels
+from armcontour.core import compilation, kernel_cache
 
 # As the wheels of numba and SciPy. The compiled functions use no library of the system.
 PLATFORM = "manylinux_2_17_x86_64"
@@ -25,10 +25,10 @@ FOLDER = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(__file__).parents[1] / "
 
 def main() -> None:
     """Write the wheel with compiled functions."""
-    platform, processor, features = kernels.SHIPPED_TARGET
-    if not kernels.runs_shipped():
+    platform, processor, features = kernel_cache.SHIPPED_TARGET
+    if not kernel_cache.runs_shipped():
         print(f"No wheel with compiled functions: it is made on {platform} with AVX2 only.")
-    elif kernels.target() != kernels.SHIPPED_TARGET:
+    elif kernel_cache.target() != kernel_cache.SHIPPED_TARGET:
         # Numba reads these variables when it is imported.
         variables = {
             "NUMBA_CPU_NAME": processor,
@@ -54,11 +54,11 @@ def ship(folder: Path) -> None:
         # Other processes may have compiled the functions; an import enters them in `KERNELS`.
         for module, _ in compilation.read_list("all"):
             import_module(module)
-        shipped = tree / kernels.SHIPPED.relative_to(kernels.ROOT.parent)
-        for kernel in kernels.KERNELS.values():
+        shipped = tree / kernel_cache.SHIPPED.relative_to(kernel_cache.ROOT.parent)
+        for kernel in kernel_cache.KERNELS.values():
             if not kernel.targetoptions["no_cpython_wrapper"]:
                 copy(kernel._cache, shipped)
-        compilation.stamp(shipped, "all", kernels.SHIPPED_TARGET)
+        compilation.stamp(shipped, "all", kernel_cache.SHIPPED_TARGET)
         wheel("pack", str(tree), "--dest-dir", name)
         (packed,) = Path(name).glob("*.whl")
         python = f"cp{sys.version_info[0]}{sys.version_info[1]}"
@@ -70,14 +70,14 @@ def ship(folder: Path) -> None:
 
 def changed(source: Path, tree: Path) -> bool:
     """Return whether a source differs from that of an unpacked wheel."""
-    packed = tree / source.relative_to(kernels.ROOT.parent)
+    packed = tree / source.relative_to(kernel_cache.ROOT.parent)
     return packed.read_bytes() != source.read_bytes()
 
 
 def copy(cache: Any, shipped: Path) -> None:
     """Copy the files of a compiled function."""
     index = cache._cache_file
-    package = Path(cache._py_func.__code__.co_filename).parent.relative_to(kernels.ROOT)
+    package = Path(cache._py_func.__code__.co_filename).parent.relative_to(kernel_cache.ROOT)
     (shipped / package).mkdir(parents=True, exist_ok=True)
     for name in (index._index_name, *index._load_index().values()):
         shutil.copy(Path(index._cache_path) / name, shipped / package)

@@ -17,8 +17,8 @@ from pathlib import Path as FilePath
 from threading import Condition, Thread
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from armcontour.core import kernels
-from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, SHIPPED, SHIPPED_TARGET, waiting
+from armcontour.core import kernel_cache
+from armcontour.core.kernel_cache import KERNELS, PACKAGE, ROOT, SHIPPED, SHIPPED_TARGET, waiting
 from armcontour.core.pool import can_start, is_child, open_executor, processors, run_all
 from armcontour.core.progress import COMPILING, Progress, Step, report_compiling, subprogress
 from armcontour.core.quintics import solve_banded
@@ -248,8 +248,8 @@ def _folder() -> FilePath | None:
 
 def _find_compiled(kind: Which) -> FilePath | None:
     """Folder for which all functions have been compiled in the present state, see `_state`."""
-    candidates = [(_folder(), kernels.target())]
-    if kernels.runs_shipped():
+    candidates = [(_folder(), kernel_cache.target())]
+    if kernel_cache.runs_shipped():
         candidates.append((SHIPPED, SHIPPED_TARGET))
     for folder, target in candidates:
         with suppress(OSError):
@@ -258,10 +258,10 @@ def _find_compiled(kind: Which) -> FilePath | None:
     return None
 
 
-def stamp(folder: FilePath, kind: Which, target: kernels.Target | None = None) -> None:
+def stamp(folder: FilePath, kind: Which, target: kernel_cache.Target | None = None) -> None:
     """Record that the functions in a folder have been compiled in the present state."""
     with suppress(OSError):
-        state = _state(target or kernels.target())
+        state = _state(target or kernel_cache.target())
         for name in INCLUDED[kind]:
             (folder / STAMP.format(name)).write_text(state, "utf-8")
 
@@ -270,16 +270,16 @@ def used_sources() -> set[FilePath]:
     """Return the sources on which the listed functions depend."""
     modules = {module for module, _ in read_list("all")}
     files = (ROOT.parent.joinpath(*module.split(".")).with_suffix(".py") for module in modules)
-    return {source for file in files for source in kernels.sources(file)}
+    return {source for file in files for source in kernel_cache.sources(file)}
 
 
-def _state(target: kernels.Target) -> str:
+def _state(target: kernel_cache.Target) -> str:
     """Digest of everything that the compiled functions depend on."""
     import numba
 
     # Builds of Python without the interpreter's lock differ in their flags only.
     python = sys.implementation.cache_tag, getattr(sys, "abiflags", "")
-    digests = map(kernels.digest, sorted(used_sources()))
+    digests = map(kernel_cache.digest, sorted(used_sources()))
     parts = numba.__version__, python, target, LIST.read_text("utf-8"), *digests
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 

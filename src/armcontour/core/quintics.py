@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from armcontour.core.checks import FloatArray, kernel_array
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 
 # Value, first and second derivative of n curves, (n, dof) each.
 Derivatives: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]

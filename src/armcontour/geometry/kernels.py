@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.kernel_cache import FUSED, compiled
 
 Point: TypeAlias = tuple[float, float, float]
 # Size of the stack of a tree search, which has at most one waiting node per level.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 
 # Below this product of slope and squared time a series is exact.
 SERIES_BELOW = 1e-4

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 from armcontour.motion import JointPath
 from armcontour.robot import Limits
 

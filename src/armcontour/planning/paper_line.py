@@ -16,7 +16,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 from armcontour.motion import JointPath, LawAlongPath, LineLaw
 from armcontour.planning.law_checks import law_states, path_law, tool_path_of
 from armcontour.robot import Arm

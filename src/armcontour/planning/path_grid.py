@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray, make_unchecked
 from armcontour.core.errors import InvalidInput
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 from armcontour.motion import JointPath
 from armcontour.motion.kernels import value_and_slopes
 

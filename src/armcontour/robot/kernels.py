@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.kernel_cache import FUSED, compiled
 
 Vector: TypeAlias = tuple[float, float, float]
 Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 from armcontour.robot.kernels import Vector, add, cross, write_frames
 
 # Newton's method ends when its step is below this [rad], because the next step would be about the

@@ -10,7 +10,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 
 
 class Functions(NamedTuple):

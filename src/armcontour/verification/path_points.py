@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 from armcontour.core.sampled_data import number_parts
 from armcontour.geometry.kernels import Point, distance2, find_foot, point_at
 

@@ -15,7 +15,7 @@ from armcontour.files import ResultFolder
 ENDLESS = """
 import sys
 from pathlib import Path
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.files import ResultFolder
 

@@ -22,7 +22,7 @@ from armcontour.control.compensation.set_points import (
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError, InvalidInput
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 from armcontour.motion import Trajectory, quintic
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import GAINS, MAX_TIME_CONSTANTS

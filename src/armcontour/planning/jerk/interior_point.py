@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest, store
 
 # Largest step, as a share of the step to the nearest bound.

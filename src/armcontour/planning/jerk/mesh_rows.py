@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
-from armcontour.core.kernels import compiled
+from armcontour.core.kernel_cache import compiled
 from armcontour.planning.constraints import Constraint, JointMotion, OnGrid, limits_on
 from armcontour.planning.jerk.interior_point import JerkSection
 from armcontour.planning.jerk.mesh import JerkMesh

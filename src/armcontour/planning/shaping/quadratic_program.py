@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.kernel_cache import FUSED, compiled
 
 # Convergence limits of the average product of slack and multiplier, and of the largest violation of
 # a row; rows and unknowns are scaled to the order of 1.

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest, size, store
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.limit_forms import (

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import choose, highest, load
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.grid_plan import GridPlan, acceleration_range, next_joint, path_slopes

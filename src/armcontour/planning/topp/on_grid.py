@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import LANES
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import (

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.kernel_cache import FUSED, compiled
 
 # Kinds of simulations: with extremes of the demand, without them, without saturation and with
 # positions as the only results, and of drives that hold their acceleration or velocity in each
