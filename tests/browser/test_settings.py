@@ -168,6 +168,20 @@ def test_settings_of_the_selected_contour(studio):
     expect(studio.slider("path.contours.CUT-1.speed").locator("input")).to_have_value("")
 
 
+def test_a_refusal_offers_what_is_missing(studio):
+    planned(studio)
+    open_group(studio, "Process", "process.tabs")
+    studio.type("process.tabs.width", "2 mm")
+    refusal = studio.find("#panel .refused")
+    refusal.get_by_role("button", name="spacing").click()
+    # Tabs also need an output, which the next refusal offers.
+    with studio.renewing():
+        refusal.get_by_role("button", name="torch").click()
+    tabs = load(studio.text, "")["process"]
+    assert tabs == {"tabs": {"width": "2 mm", "spacing": "50 mm"}, "switch": {"name": "torch"}}
+    assert planned(studio) > 0
+
+
 def test_a_change_is_for_the_job_or_for_the_run(studio):
     planned(studio)
     studio.tab("process")

@@ -49,6 +49,7 @@ class ArmContourError(Exception):
         key: Names and indices, from 0, of the wrong value: keys of a file, from the outermost one,
             or the field of a class or the argument of a function. Empty if unknown.
         value: The wrong value, for a file as it is written; None if unknown.
+        remedies: Usual values that are missing: keys relative to `key`, and the value as in a file.
     """
 
     exit_code = 1
@@ -67,6 +68,7 @@ class ArmContourError(Exception):
         allowed: float | None = None,
         key: Keys = (),
         value: object = None,
+        remedies: Sequence[tuple[Keys, str | float]] = (),
     ) -> None:
         # Messages repeat text of files, which must not control the terminal.
         super().__init__(to_line(message))
@@ -80,6 +82,7 @@ class ArmContourError(Exception):
         self.allowed = allowed
         self.key = key
         self.value = value
+        self.remedies = tuple(remedies)
 
     def with_location(self, location: str) -> ArmContourError:
         """Copy of the error with a location before its message.

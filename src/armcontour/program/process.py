@@ -45,6 +45,8 @@ LEAD_LENGTH = Key(
     default="auto",
 )
 BEGIN = Key(hint=Literal["auto", "drawn"] | Distance | Annotated[list[Length], Items(2, 3)])
+# Usual values of what a message says is missing.
+SWITCH, TABS = ((("switch", "name"), "torch"),), ((("count",), 3), (("spacing",), "50 mm"))
 SHAPES = ("line", "arc")
 SIDES = ("left", "right")
 # The waste side of a contour.
@@ -169,7 +171,10 @@ class Tabs(Checked):
 
     def _check_together(self) -> None:
         if (self.count is None) == (self.spacing is None):
-            raise InvalidInput("Tabs need exactly one of count and spacing.")
+            raise InvalidInput(
+                "Tabs need exactly one of count and spacing.",
+                remedies=TABS if self.count is None else (),
+            )
 
 
 @declared()
@@ -332,12 +337,15 @@ class Process(Checked):
         """Raise InvalidInput for tabs or a pierce on which the switch has no effect."""
         if self.tabs is not None and self.switch is None:
             raise InvalidInput(
-                "Tabs need an output that is off on each tab. Specify switch.name, or remove tabs."
+                "Tabs need an output that is off on each tab. Specify switch.name, or remove tabs.",
+                remedies=SWITCH,
             )
         if self.pierce is None:
             return
         if self.switch is None:
-            raise InvalidInput("A pierce needs an output. Specify switch.name, or remove pierce.")
+            raise InvalidInput(
+                "A pierce needs an output. Specify switch.name, or remove pierce.", remedies=SWITCH
+            )
         if self.lead_in is not None and not self.lead_in.active:
             raise InvalidInput(
                 "The tool pierces at the start of the lead-in, but the process is off along the "

@@ -186,15 +186,20 @@ def refusal_header(
     return {
         **{"tier": tier, "run": run, "sentence": str(error)},
         **{"error": type(error).__name__, "exit": error.exit_code, "limit": error.limit},
-        **{"needed": error.needed, "allowed": error.allowed, "key": ".".join(map(str, error.key))},
+        **{"needed": error.needed, "allowed": error.allowed, **error_place(error)},
         "at": {name: x for name, x in position.items() if x is not None},
     }
+
+
+def error_place(error: ArmContourError) -> dict[str, Any]:
+    """Key of an error in the job, and edits that set usual values there."""
+    edits = [{"do": "set", "key": [*error.key, *keys], "value": x} for keys, x in error.remedies]
+    return {"key": ".".join(map(str, error.key)), "remedies": edits}
 
 
 def picture_frame(planned: Preview, view: View) -> PageFrame:
     """Message frame with the picture and the values of a plan."""
     header, arrays, flat = _line_arrays(planned, planned.path, view)
-    nearest = planned.clearance and planned.clearance.least
     header |= {
         "run": planned.run.name,
         "rows": frame(Data("Plan", tuple(verdict_rows(planned, None)))),
@@ -205,7 +210,7 @@ def picture_frame(planned: Preview, view: View) -> PageFrame:
         "warnings": [*planned.warnings, *filter(None, [planned.below_base])],
         "notes": _notes(planned),
         "tier": planned.tier,
-        "nearest": nearest and nearest.points,
+        "nearest": nearest_pair(planned),
     }
     header["plane"]["flat"] = flat
     usage = joint_usage(planned.trajectory, planned.job.arm, planned.run.limits)
@@ -332,6 +337,17 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
     shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_SHARE]
     kinds = [{"kind": x, "share": number(share, "1")} for x, share in shares]
     return {"time": cells(explanation.time_table), "kinds": kinds}
+
+
+def nearest_pair(result: RunResult) -> dict[str, Any] | None:
+    """Nearest points of two bodies [m], and their time [s]; None if the clearance is unknown."""
+    pair = None if result.clearance is None else result.clearance.least
+    if pair is None:
+        return None
+    return {
+        "points": pair.points,
+        "t": pair.t if pair.first_time is None else pair.first_time,
+    }
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import frame
 from armcontour.core.result import FIRST, Data
-from armcontour.jobs.rows import verdict_rows
+from armcontour.jobs.rows import allowed_error, verdict_rows
 from armcontour.motion import Execution
 from armcontour.report.page_frame import PageFrame
 from armcontour.report.picture import signed_shares
@@ -43,6 +43,7 @@ def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
         "run": planned.run.name,
         "rows": frame(_figures(executed)),
         "centre": view.centre,
+        "allowed": allowed_error(planned),
         "tier": planned.tier,
     }
     arrays = {**_execution_lines(executed, view), **_poses(executed.execution)}

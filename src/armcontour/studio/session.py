@@ -22,7 +22,7 @@ from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.files.cell import cell_names
 from armcontour.report.page_frame import PageFrame
-from armcontour.report.picture import drawing_frame
+from armcontour.report.picture import drawing_frame, error_place
 from armcontour.report.view import View
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import Document
@@ -344,7 +344,7 @@ class Session:
             self._show_document()
         facts = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
         about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
-        self.send(PageFrame("refusal", {**facts, **about, "key": ".".join(map(str, error.key))}))
+        self.send(PageFrame("refusal", {**facts, **about, **error_place(error)}))
         if dropped:
             self._show()
 

@@ -1,9 +1,10 @@
 // 3D view of the arm in its cell at the posture of the shown time.
 
-import { heat, styleOf } from "./colours.js";
+import { heat, shadeOf, styleOf } from "./colours.js";
 import { find, make, say } from "./dom.js";
+import { headOf } from "./figures.js";
 import { motionOf } from "./motion.js";
-import { kindAt, largest } from "./polylines.js";
+import { kindAt, largest, scaleOf } from "./polylines.js";
 import { along, indexAt, oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -107,9 +108,9 @@ class ArmView {
     const { theme, options } = this.store;
     const { path_breaks, path_t: times, speed, rapid_xyz = [], rapid_breaks = [] } = picture.arrays;
     const errors = this.store.latest("executed")?.arrays;
-    const [fastest, farthest] = [largest(speed), largest(errors?.error ?? [])];
+    const [fastest, farthest] = [largest(speed), scaleOf(this.store.latest("executed"))];
     const colourAt = (/** @type {number} */ t) => {
-      if (options.colour === "error" && errors?.t.length) return heat(along(errors.t, errors.error, t)[0] / (farthest || 1), theme);
+      if (options.colour === "error" && errors?.t.length) return shadeOf(along(errors.t, errors.error, t)[0] / farthest, theme);
       const k = indexAt(times, t);
       return options.colour === "speed" ? heat(speed[k] / (fastest || 1), theme) : styleOf(kindAt(picture, k), theme).colour;
     };
@@ -131,7 +132,7 @@ class ArmView {
     const q = motion ? along(motion.t, motion.q, t, motion.dof) : arm.head.joints.map(() => 0);
     const refused = store.refusal?.head.at?.xyz ?? null;
     const tool = viewer?.setJoints(q) ?? [];
-    viewer?.mark(store.latest("picture")?.head.nearest ?? null, refused);
+    viewer?.mark(headOf(store).nearest?.points ?? null, refused);
     const key = `${store.document?.id} ${arm.head.name} ${motion !== null}`;
     if (viewer && key !== this.fitted) {
       this.fitted = key;

@@ -25,6 +25,9 @@ export function verdictOf(kept, theme) {
   return { colour: style[theme], mark: style.mark ?? "" };
 }
 
+/** All of what is allowed, with room for rounding. */
+export const ALL = 1 + 1e-6;
+
 /** Points of cividis at equal steps, dark to bright. */
 const CIVIDIS = [
   [0, 34, 78],
@@ -51,6 +54,9 @@ export function heat(share, theme) {
   const parts = CIVIDIS[i].map((low, k) => Math.round(low + (place - i) * (CIVIDIS[i + 1][k] - low)));
   return `rgb(${parts.join(",")})`;
 }
+
+/** Colour of a share: as `heat`, above 1 that of an alarm. @param {number} share @param {"light" | "dark"} theme @returns {string} */
+export const shadeOf = (share, theme) => (share > ALL ? themed("--alarm") : heat(share, theme));
 
 /** Colours of the style sheet by theme and name: reading one makes the browser compute all styles. @type {Map<string, string>} */
 const READ = new Map();

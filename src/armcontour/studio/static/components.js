@@ -28,6 +28,9 @@ export function Entry({ value, send, ...more }) {
   return html`<input type="text" autocomplete="off" spellcheck=${false} ref=${field} onChange=${change} onKeyDown=${key} ...${more} />`;
 }
 
+/** Buttons that set what a refusal says is missing. @param {{edits?: {key: (string | number)[], value: any}[], take: (edit: object) => void}} props */
+export const Remedies = ({ edits = [], take }) => edits.map((edit) => html`<button type="button" onClick=${() => take(edit)}>Set ${edit.key.join(".")}: ${edit.value}</button> `);
+
 /** Heads of columns; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
 export function Heads({ names, words = 0 }) {
   return html`<thead><tr>${names.map((name, k) => {

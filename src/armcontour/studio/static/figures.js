@@ -3,7 +3,7 @@
 import { styleOf, verdictOf } from "./colours.js";
 import { find, make, mark, say } from "./dom.js";
 import { NONE } from "./format.js";
-import { largest } from "./polylines.js";
+import { largest, timeOf } from "./polylines.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -20,12 +20,13 @@ const ALARMS = {
   "clearance.low": (low) => low <= 0,
 };
 
-/** Figures that show their place: the time at which the largest error is. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
+/** Figures that show their place: the time of the largest error, and of the nearest pair. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
 const PLACES = {
   off_drawing: (store) => {
     const { t, error } = store.latest("executed")?.arrays ?? {};
     return t?.[error.indexOf(largest(error))];
   },
+  "clearance.low": (store) => headOf(store).nearest?.t,
 };
 
 class Figures {
@@ -89,9 +90,17 @@ class Figures {
     render(
       html`<span class="label">Where the time goes</span>
         <span class="bar" aria-hidden="true">${kinds.map(({ kind, share }) => html`<span style=${`flex-grow: ${parseFloat(share)}; background: ${look(kind).colour}`} />`)}</span>
-        <span class="note" title=${told.join(", ")}>${told.map((text) => html`<span>${text}</span>`)}</span>`,
+        <span class="note" title=${told.join(", ")}>${kinds.map(({ kind }, k) => html`<button type="button" class="link" title="Show where that is longest" onClick=${() => this.showLimit(kind)}>${told[k]}</button>`)}</span>`,
       this.shares,
     );
+  }
+
+  /** @param {string} kind of a limit */
+  showLimit(kind) {
+    const picture = this.store.latest("picture");
+    const { rapid_t: times, rapid_breaks: breaks } = picture?.arrays ?? {};
+    const t = picture && (timeOf(picture, kind) ?? (breaks && (times[breaks[0]] + times[breaks[1] - 1]) / 2));
+    if (t !== null && t !== undefined) this.store.setTime(t);
   }
 
   /** Accuracy of the figures. */

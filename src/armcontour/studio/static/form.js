@@ -4,7 +4,7 @@
 import { find } from "./dom.js";
 import { isPlain, quantity } from "./format.js";
 import { Gesture } from "./gesture.js";
-import { Entry } from "./components.js";
+import { Entry, Remedies } from "./components.js";
 import { computed, html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -46,7 +46,7 @@ const wanted = signal("");
 const forRun = signal(false);
 const help = signal("");
 /** Sentences of refused edits, by key. */
-const refusals = signal(/** @type {Record<string, string>} */ ({}));
+const refusals = signal(/** @type {Record<string, any>} */ ({}));
 /**
  * Edits of a key.
  * @typedef {{key: string, edits: object[], outer: string}} Wish `outer` is the key around `key` that the server refused, or empty
@@ -145,7 +145,7 @@ const unset = (key) => send(key, [...listed(key), { do: "unset", key }]);
  * Show a refusal at its field. @param {import("./state.js").Frame} frame
  * @returns {boolean} true if there is such a field
  */
-export function refuseAt({ head: { key, sentence } }) {
+export function refuseAt({ head: { key, sentence, remedies } }) {
   if (!sent) return false;
   const { wish, more } = sent;
   sent = more.length ? { wish, more: [] } : null;
@@ -154,7 +154,8 @@ export function refuseAt({ head: { key, sentence } }) {
   if (sent) return true;
   const place = [key, wish.key].find((x) => x && find("#form").querySelector(`[data-key="${CSS.escape(x)}"]`));
   if (wish.key.startsWith(`${key}.`)) waiting.push({ ...wish, outer: key });
-  if (place) refusals.value = { ...refusals.value, [place]: sentence };
+  const take = (/** @type {object} */ edit) => send(wish.key.split("."), [...wish.edits, edit]);
+  if (place) refusals.value = { ...refusals.value, [place]: html`${sentence} <${Remedies} edits=${remedies} take=${take} />` };
   return place !== undefined;
 }
 

@@ -1,6 +1,6 @@
 // Cached drawing layers of the newest frames, until the frame, the theme or an option changes.
 
-import { labelsOf, largest, magnified, nearestLine, PieceGrid, polyline, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
+import { labelsOf, largest, magnified, nearestLine, PieceGrid, polyline, scaleOf, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -10,8 +10,6 @@ const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const WISHED = 34; // px
 const TOO_SMALL = 13;
 const TOO_LARGE = 70;
-/** Powers of ten over which colours tell errors: most of a motion has far smaller ones than the largest. */
-export const DECADES = 3;
 
 // A picture with more coordinates is drawn without what cannot be seen, and moved as a bitmap until the view rests.
 const MANY = 12_000;
@@ -105,8 +103,7 @@ export class Layers {
     return this.keep("strokes", [picture, errors, theme, options.colour, part], () => {
       if (errors) {
         const { base, error, breaks } = errors.arrays;
-        const share = (/** @type {number} */ x) => 1 + Math.log10(x) / DECADES;
-        return strokesByHeat(base, error, this.most("executed", "error"), theme, new Set(breaks), null, share);
+        return strokesByHeat(base, error, scaleOf(errors), theme, new Set(breaks), null);
       }
       if (options.colour !== "speed") return strokesByLimit(picture, theme, part);
       return strokesByHeat(picture.arrays.path, picture.arrays.speed, this.most("picture", "speed"), theme, startsOf(picture), part);

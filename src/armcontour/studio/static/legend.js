@@ -3,8 +3,8 @@
 import { heat, styleOf, themed } from "./colours.js";
 import { headOf } from "./figures.js";
 import { mm, short } from "./format.js";
-import { DECADES } from "./layers.js";
 import { SLOW, slowPlaces } from "./markers.js";
+import { scaleOf } from "./polylines.js";
 import { scaleBar } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -37,9 +37,13 @@ function colouringOf(store, layers) {
   const executed = store.refusal ? null : store.latest("executed");
   // Without an execution there are no errors: then limits colour the path.
   if (colour === "limit" || (colour === "error" && !executed)) return kindsOf(store);
-  const most = executed && colour === "error" ? 1000 * layers.most("executed", "error") : 0;
   const shades = Array.from({ length: SHADES }, (_, k) => heat(k / (SHADES - 1), store.theme));
-  if (most) return [{ shades, from: `error ${short(most / 10 ** DECADES)}`, to: `${short(most)} mm, logarithmic` }];
+  if (executed && colour === "error") {
+    const { allowed } = executed.head;
+    const scale = { shades, from: "error 0", to: `${mm(scaleOf(executed), 3)} mm, ${allowed == null ? "the largest" : "100 % of the allowed"}` };
+    const isOver = allowed != null && layers.most("executed", "error") > allowed;
+    return [scale, ...(isOver ? [sample(themed("--alarm"), [], 3, "more than allowed")] : [])];
+  }
   return [{ shades, from: `${colour} 0`, to: `${mm(layers.most("picture", "speed"), 1)} mm/s` }];
 }
 

@@ -10,7 +10,8 @@ import { along, indexAt } from "./state.js";
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {import("./view2d.js").View2d} View2d */
 
-const NEAR = 14; // px
+// How near the pointer is to a point of which it tells, and how far apart marks are.
+const [NEAR, APART] = [14, 24]; // px
 const MAX_MARKS = 60;
 // Distance at which a slow point shows its text.
 const BESIDE = 0.002; // m
@@ -51,9 +52,15 @@ class Marks {
     const picture = this.store.latest("picture");
     if (!picture) return;
     const centre = picture.head.centre;
-    this.places?.forEach((/** @type {any} */ x, /** @type {number} */ i) =>
-      move(/** @type {any} */ (this.slow.children[i]), this.screen(x.uv, centre)),
-    );
+    /** @type {[number, number][]} */
+    const taken = [];
+    this.places?.forEach((/** @type {any} */ x, /** @type {number} */ i) => {
+      const [at, child] = [this.screen(x.uv, centre), /** @type {any} */ (this.slow.children[i])];
+      const isFree = taken.every(([right, down]) => Math.hypot(at[0] - right, at[1] - down) > APART);
+      child.toggleAttribute("hidden", !isFree);
+      if (isFree) taken.push(at);
+      move(child, at);
+    });
     this.placeCursor(picture);
     this.placeRefusal(centre);
   }

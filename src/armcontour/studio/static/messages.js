@@ -1,5 +1,6 @@
 // Messages of the server: refusals, notices, failures; and the state of the connection.
 
+import { Remedies } from "./components.js";
 import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
 import { refuseAt } from "./form.js";
@@ -60,13 +61,15 @@ export function init(store, link) {
   store.on("picture", () => early.clear());
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
-  const refuse = (sentence = "", rest = "") => render(html`<span>${sentence}</span><span class="quiet">${rest}</span>`, refused);
+  const take = (/** @type {object} */ edit) => link.edit([edit]);
+  const refuse = (sentence = "", rest = "", edits = /** @type {any[]} */ ([])) =>
+    render(html`<span>${sentence}</span><span class="quiet">${rest}</span><${Remedies} edits=${edits} take=${take} />`, refused);
   refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
     refused.hidden = !frame;
     document.body.dataset.refused = String(Boolean(frame));
     if (!frame) return;
-    refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "");
+    refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "", frame.head.remedies);
   });
   let task = "";
   store.on("progress", (/** @type {any} */ { head }) => {

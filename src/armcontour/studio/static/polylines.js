@@ -1,6 +1,6 @@
 // Lines of a picture as paths in metres, one per colour: created once per picture, drawn often.
 
-import { BETWEEN, heat, styleOf } from "./colours.js";
+import { ALL, BETWEEN, shadeOf, styleOf } from "./colours.js";
 import { along, indexAt } from "./state.js";
 import { boxOf } from "./viewport.js";
 
@@ -158,6 +158,21 @@ export function kindAt(picture, i) {
   return picture.head.limits[picture.arrays.binding[i]]?.kind ?? BETWEEN;
 }
 
+/** Middle of the longest time in which a kind of limit is active [s]. @param {Frame} picture @param {string} kind @returns {number | undefined} */
+export function timeOf(picture, kind) {
+  const { path_t: t } = picture.arrays;
+  const starts = startsOf(picture);
+  let [found, longest] = [/** @type {number | undefined} */ (undefined), 0];
+  for (let from = 0; from + 1 < t.length;) {
+    let to = from + 1;
+    const is = kindAt(picture, from) === kind;
+    while (to + 1 < t.length && !starts.has(to) && (kindAt(picture, to) === kind) === is) to++;
+    if (is && t[to] - t[from] > longest) [found, longest] = [(t[from] + t[to]) / 2, t[to] - t[from]];
+    from = to;
+  }
+  return found;
+}
+
 /** @param {Frame} picture @param {Theme} theme @param {Part | null} part @returns {Stroke[]} */
 export function strokesByLimit(picture, theme, part) {
   const { path } = picture.arrays;
@@ -178,25 +193,25 @@ export function strokesByLimit(picture, theme, part) {
   });
 }
 
-/** @param {number} x */
-const same = (x) => x;
+/** The error of 100 % in the scale of colours: the allowed one, or else the largest [m]. @param {Frame | null} executed @returns {number} */
+export const scaleOf = (executed) => executed?.head.allowed ?? largest(executed?.arrays.error ?? []);
 
 /**
- * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade
+ * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade; larger ones are alarms
  * @param {Theme} theme @param {Set<number>} starts first points of lines @param {Part | null} part
  * @returns {Stroke[]}
  */
-export function strokesByHeat(points, values, most, theme, starts, part, shareOf = same) {
+export function strokesByHeat(points, values, most, theme, starts, part) {
   const found = buckets(
     points,
     (i) => {
-      const share = Math.min(1, Math.max(0, shareOf(values[i] / (most || 1))));
-      return Number.isNaN(share) ? -1 : Math.round(share * (SHADES - 1));
+      const share = values[i] / most || 0;
+      return share > ALL ? SHADES : Math.round(Math.min(1, share) * (SHADES - 1));
     },
     starts,
     part,
   );
-  return [...found].map(([k, path]) => ({ path, colour: heat(k / (SHADES - 1), theme), dash: [] }));
+  return [...found].map(([k, path]) => ({ path, colour: shadeOf(k / (SHADES - 1), theme), dash: [] }));
 }
 
 /**

@@ -112,7 +112,7 @@ function answerOf(task, frame) {
 
 /** @type {Record<string, (frame: Frame) => Answer>} */
 const ANSWERS = {
-  certify: ({ head }) => ({ sentences: [head.sentence] }),
+  certify: ({ head }) => ({ sentences: [head.sentence], tables: [figuresOf(head), ...tablesOf(head)] }),
   export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
   changes: ({ head }) => ({ sentences: head.sentence ? [head.sentence] : [] }),
   report: () => ({ sentences: ["The report is ready."] }),

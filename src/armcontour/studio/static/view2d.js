@@ -65,6 +65,8 @@ export class View2d {
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
     for (const event of ["refusal", "theme", "view"]) store.on(event, () => this.rest());
     new ResizeObserver(() => this.resize()).observe(this.region);
+    // A dragged handle stays where the pointer is.
+    new ResizeObserver(() => this.isFitted && !this.overlay.querySelector(".dragging") && this.fit()).observe(find("#legend"));
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
   }
@@ -152,9 +154,15 @@ export class View2d {
   fit() {
     const { box } = this;
     if (!box) return;
-    this.view.fit(box);
+    this.view.fit(box, this.covered);
     this.moved();
     this.isFitted = this.isSeen = true;
+  }
+
+  /** Height of the legend, if it lies over the drawing [px]. */
+  get covered() {
+    const [legend, region] = [find("#legend"), this.region].map((x) => x.getBoundingClientRect());
+    return Math.max(0, region.bottom - Math.max(legend.top, region.top)) * Number(legend.width > 0 && legend.top < region.bottom);
   }
 
   /** The view is another one. */

@@ -42,14 +42,15 @@ export class Viewport {
     this.v += fixed[1] - now[1];
   }
 
-  /** Show all of a box, with room for handles around it. @param {Box} box m @param {number} [margin] px */
-  fit(box, margin = Math.min(56, 0.16 * this.width, 0.16 * this.height)) {
+  /** Show all of a box, with room for handles around it. @param {Box} box m @param {number} [covered] height below that is covered [px] */
+  fit(box, covered = 0) {
+    const margin = Math.min(56, 0.16 * this.width, 0.16 * this.height);
     const wide = Math.max(box.right - box.left, 1e-6);
     const high = Math.max(box.top - box.bottom, 1e-6);
-    const room = [Math.max(40, this.width - 2 * margin), Math.max(40, this.height - 2 * margin)];
+    const room = [Math.max(40, this.width - 2 * margin), Math.max(40, this.height - 2 * margin - covered)];
     this.scale = Math.min(CLOSEST, room[0] / wide, room[1] / high);
     this.u = (box.left + box.right) / 2;
-    this.v = (box.bottom + box.top) / 2;
+    this.v = (box.bottom + box.top) / 2 - covered / 2 / this.scale;
   }
 
   /** @param {{width: number, height: number}} size px */

@@ -18,7 +18,7 @@ def figures(request: Request) -> PageFrame:
     """Frame with the exact figures and the plan of a run, or a refusal with its position."""
     from armcontour.core.render import frame
     from armcontour.jobs.rows import judging_rows
-    from armcontour.report.picture import Tier, refusal_header, time_header
+    from armcontour.report.picture import Tier, nearest_pair, refusal_header, time_header
 
     try:
         result = request.result
@@ -35,6 +35,7 @@ def figures(request: Request) -> PageFrame:
         "tier": Tier.EXACT,
         "rows": frame(replace(data, rows=judging_rows(result, data.rows))),
         **time_header(result.explanation),
+        "nearest": nearest_pair(result),
         "warnings": data.warnings,
         "notes": [*data.notes, *request.job.arm.notes],
     }

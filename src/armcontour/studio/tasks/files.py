@@ -64,6 +64,7 @@ def certify(request: Request) -> PageFrame:
             "run": certificate.result.run.name,
             "sentence": f"{verdict(data)} It is valid for: {certificate.model}.",
         },
+        **_shown(data),
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
     page = render_report(certificate.study, certificate=certificate)
