@@ -23,8 +23,9 @@ def pinocchio_model(chain):
     model.gravity.linear = np.array(chain.gravity)
     for k in range(len(chain)):
         place = pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k]))
-        axis = pin.JointModelRevoluteUnaligned(np.array(chain.axes[k]))
-        joint = model.addJoint(joint, axis, place, f"joint {k}")
+        prismatic, revolute = pin.JointModelPrismaticUnaligned, pin.JointModelRevoluteUnaligned
+        kind = (prismatic if chain.prismatic[k] else revolute)(np.array(chain.axes[k]))
+        joint = model.addJoint(joint, kind, place, f"joint {k}")
         if chain.masses is not None:
             values = float(chain.masses[k]), np.array(chain.centers[k]), np.array(chain.inertias[k])
             model.appendBodyToJoint(joint, pin.Inertia(*values), pin.SE3.Identity())

@@ -71,6 +71,13 @@ class Quantity:
         return f"be from {low:g} to {high:g}{unit}"
 
 
+def linear_unit(unit: str) -> str:
+    """Unit of a quantity of a prismatic joint, from the unit for a revolute joint."""
+    for angular, linear in (("kg m^2", "kg"), ("kg m²", "kg"), ("N m", "N"), ("rad", "m")):
+        unit = unit.replace(angular, linear)
+    return unit
+
+
 @dataclass(frozen=True, slots=True, init=False)
 class Axes:
     """Shape of an array: annotates an array."""

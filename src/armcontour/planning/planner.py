@@ -249,7 +249,7 @@ def _check_traced(
                 f"{arm.dof}: plan the joint path with its own arm."
             )
         with step.named():
-            check_joint_range(step.joint_path, limits)
+            check_joint_range(step.joint_path, limits, arm)
     if isinstance(path, JointPath) and path.tool_path is not None:
         return Tracing.along(path, path.tool_path)
     return path

@@ -28,8 +28,8 @@ from armcontour.robot.scene import (
 )
 
 # The page computes the link poses: the pose of link i in the frame of link i - 1 is the `origin` of
-# its joint, followed by a rotation by q[i] about `axis`. Link 0 is the base. The tool is fixed to
-# the last link.
+# its joint, followed by a rotation by q[i] about `axis`, or by a translation by q[i] along it.
+# Link 0 is the base. The tool is fixed to the last link.
 
 # Number of sides of the polygons that approximate circles.
 SIDES = 24
@@ -45,13 +45,14 @@ def arm_frame(job: Job) -> PageFrame:
     base = chain.base
     bodies, arrays = _bodies(arm, chain, job.scene or Scene())
     lower, upper = arm.limits.joint_range(arm.dof)
+    slides = chain.slides
     header = {
         "name": arm.name,
         "planar": arm.dimension == 2,
         "joints": [
             {
                 "name": name,
-                "type": "revolute",
+                "type": "prismatic" if slides[k] else "revolute",
                 "parent": k,
                 "axis": chain.axes[k],
                 "origin": matrix(Frame(position=chain.positions[k], rotation=chain.rotations[k])),
@@ -63,7 +64,7 @@ def arm_frame(job: Job) -> PageFrame:
         "tip": matrix(chain.tip),
         "base": matrix(base),
         "work": matrix(base.inverse),
-        "reach": _reach(chain),
+        "reach": _reach(arm),
         "bodies": bodies,
         "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are unknown."],
     }
@@ -77,10 +78,10 @@ def matrix(frame: Frame) -> FloatArray:
     return homogeneous
 
 
-def _reach(chain: Chain) -> float:
+def _reach(arm: Arm) -> float:
     """Upper bound of the distance of the tool from the base [m]."""
-    ends = [*chain.positions, (chain.tip @ chain.tool).position]
-    return float(sum(np.linalg.norm(x) for x in ends))
+    ends = [*arm.chain.positions, (arm.chain.tip @ arm.chain.tool).position]
+    return float(sum(np.linalg.norm(x) for x in ends)) + arm.stroke
 
 
 def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]], dict[str, Any]]:
@@ -113,7 +114,7 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
             # The table is centred below the base, regardless of the origin of its half-space.
             foot = -(pose.rotation.T @ pose.position) * [1, 1, 0]
             pose = pose @ Frame(position=foot + [0, 0, -TABLE_THICKNESS / 2])
-            side = 2 * TABLE_SIZE * max(_reach(chain), 0.5)
+            side = 2 * TABLE_SIZE * max(_reach(arm), 0.5)
             corners = triangles_of(Box(size=np.array([side, side, TABLE_THICKNESS])))
             add(obstacle.name, 0, "table", pose, corners)
         else:

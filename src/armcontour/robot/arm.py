@@ -120,8 +120,8 @@ class Arm(Immutable, ABC):
     """An arm whose tool moves by a chain of joints: in space, or with x and y in the plane z = 0.
 
     Methods take joint positions q [rad] and their time derivatives dq, ddq, dddq, (..., dof) each,
-    and return tool vectors, (..., dimension). An arm is immutable; `with_limits` and similar
-    methods return another one.
+    and return tool vectors, (..., dimension). For a prismatic joint, m replaces rad and N replaces
+    N m in all units. An arm is immutable; `with_limits` and similar methods return another one.
 
     >>> arm.name, arm.dof, arm.dimension
     ('PMK-3s', 2, 2)
@@ -275,6 +275,8 @@ class Arm(Immutable, ABC):
         vars(other).update(vars(self))
         if "_read_shapes" in changes:
             vars(other).pop("shapes", None)
+        if "limits" in changes:
+            vars(other).pop("span", None)
         if "chain" in changes:
             # The cached dynamics belong to the previous chain.
             vars(other).pop("dynamics", None)
@@ -327,7 +329,13 @@ class Arm(Immutable, ABC):
         """Sum of the distances from joint to joint and from the last joint to the tool [m]."""
         end = self.chain.tip @ self.chain.tool
         parts = np.concatenate([self.chain.positions, end.position[None]])
-        return float(np.linalg.norm(parts, axis=1).sum())
+        return float(np.linalg.norm(parts, axis=1).sum()) + self.stroke
+
+    @property
+    def stroke(self) -> float:
+        """Sum of the largest distances of prismatic joints from 0, 1 m without a range [m]."""
+        farthest = np.maximum(*map(np.abs, self.limits.joint_range(self.dof)))[self.chain.slides]
+        return float(np.where(np.isfinite(farthest), farthest, 1.0).sum())
 
     @checked
     def forward(self, q: npt.ArrayLike) -> FloatArray:
@@ -412,7 +420,10 @@ class Arm(Immutable, ABC):
             return np.asarray(inside[np.argsort(away, kind="stable")])
         if len(candidates):
             example = np.round(candidates[0], 4).tolist()
-            reason = f"within its joint ranges. A solution outside of the ranges is {example} rad"
+            reason = (
+                f"within its joint ranges. A solution outside of the ranges is {example} "
+                f"{self.chain.unit('rad')}"
+            )
         elif gap > MET:
             reason = f"because the tool remains {gap:.3g} m away"
         else:
@@ -481,16 +492,19 @@ class Arm(Immutable, ABC):
             dq: Joint velocities [rad/s], same shape.
         """
         leading, (rows, rates) = state_rows(self.dof, q, dq)
-        frames = self._frames(rows)
+        frames, slides = self._frames(rows), self.chain.slides
         points, directions = frames[..., 3], frames[:, :-1, :, 2]
-        angular = np.cumsum(directions * rates[..., None], axis=1)
+        angular = np.cumsum(directions * (rates * ~slides)[..., None], axis=1)
         # Each link moves the origin of the next joint; the last link moves the tool.
         steps = _cross(angular, np.diff(points, axis=1))
         moving = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
+        slid = np.cumsum(directions * (rates * slides)[..., None], axis=1)
+        moving += slid[:, np.minimum(np.arange(self.dof + 1), self.dof - 1)]
         # A joint does not move its own axis, so the axis is constant in the frame of its link.
         turning = _cross(angular, directions)
         arms, opening = points[:, -1:] - points[:, :-1], moving[:, -1:] - moving[:, :-1]
         rate = _cross(turning, arms) + _cross(directions, opening)
+        rate[:, slides] = turning[:, slides]
         rate = np.swapaxes(rate, -1, -2)[:, : self.dimension]
         return rate.reshape(*leading, self.dimension, self.dof)
 
@@ -575,7 +589,8 @@ def shift_by_turns(
 ) -> tuple[FloatArray, bool]:
     """Joint positions shifted by whole turns into the ranges; True if all are inside."""
     # The shift brings the positions as near as possible to the start, or to the middle of the
-    # ranges. A joint whose range has only one end is shifted into its range.
+    # ranges. A joint whose range has only one end is shifted into its range. Prismatic joints are
+    # not shifted.
     lower, upper = arm.limits.joint_range(arm.dof)
     low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
     both = np.isfinite(lower) & np.isfinite(upper)
@@ -587,6 +602,7 @@ def shift_by_turns(
     if start is not None:
         nearest = turn * np.rint((start - q[0]) / turn)
         shift = np.where((low + nearest >= lower) & (high + nearest <= upper), nearest, shift)
+    shift = np.where(arm.chain.slides, 0.0, shift)
     return q + shift, bool(((low + shift >= lower) & (high + shift <= upper)).all())
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame, rotations
@@ -28,6 +28,7 @@ from armcontour.core.quantities import (
     Name,
     Quantity,
     ViscousFrictions,
+    linear_unit,
 )
 
 # Fields that change often and have their own checks, so that `replace` need not check the links.
@@ -78,11 +79,12 @@ class Payload(Checked):
 
 @declared(eq=False)
 class Chain(Checked):
-    """Revolute joints in series, each with the link after the joint; arrays have one row per joint.
+    """Joints in series, each with the link after the joint; arrays have one row per joint.
 
-    Joint i turns by q[i] about `axes[i]`. The frame of joint i is also the frame of link i; at
-    q = 0 it has the position `positions[i]` and the rotation `rotations[i]` in the frame of link
-    i - 1. The first joint is in the frame of the base.
+    Joint i turns by q[i] about `axes[i]`, or moves by q[i] along it if it is prismatic. The frame
+    of joint i is also the frame of link i; at q = 0 it has the position `positions[i]` and the
+    rotation `rotations[i]` in the frame of link i - 1. The first joint is in the frame of the base.
+    For a prismatic joint, m replaces rad and N replaces N m in all units.
 
     Args:
         joints: Names of the joints.
@@ -96,6 +98,7 @@ class Chain(Checked):
         armature: Inertia of each drive, reflected to its joint [kg m²], (n,).
         viscous: Viscous friction of the joints [N m s/rad], (n,).
         coulomb: Coulomb friction of the joints [N m], (n,).
+        prismatic: Whether each joint is prismatic (sliding), (n,); by default all are revolute.
         base: Frame of the base in the work frame, in which tool points are given.
         tip: Frame of the end of the chain (the flange) in the frame of the last link.
         tool: Tool frame in the frame of the tip. Its origin follows paths; its z axis is the tool
@@ -119,6 +122,7 @@ class Chain(Checked):
     armature: Annotated[JointArmatures, Axes("joints")] | None = None
     viscous: Annotated[ViscousFrictions, Axes("joints")] | None = None
     coulomb: Annotated[CoulombFrictions, Axes("joints")] | None = None
+    prismatic: Annotated[tuple[bool, ...], Axes("joints")] | None = None
     base: Frame = field(default_factory=Frame)
     tip: Frame = field(default_factory=Frame)
     tool: Frame = field(default_factory=Frame)
@@ -131,12 +135,14 @@ class Chain(Checked):
     def _check_together(self) -> None:
         n = len(self.joints)
         if n == 0:
-            raise InvalidInput("A chain needs at least one revolute joint.")
+            raise InvalidInput("A chain needs at least one joint.")
         if self.masses is not None and (self.centers is None or self.inertias is None):
             raise InvalidInput("A chain with masses also requires centres of mass and inertias.")
         for name in ("armature", "viscous", "coulomb"):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, checks.frozen_array(np.zeros(n)))
+        if self.prismatic is None:
+            object.__setattr__(self, "prismatic", (False,) * n)
         # Rotations are checked, but not orthonormalized.
         rotations("rotations of a chain", self.rotations)
         if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
@@ -153,6 +159,19 @@ class Chain(Checked):
     def __len__(self) -> int:
         """Number of joints."""
         return len(self.joints)
+
+    @property
+    def slides(self) -> BoolArray:
+        """Mask of the prismatic joints, (n,)."""
+        return np.array(self.prismatic, dtype=np.bool_)
+
+    def unit(self, unit: str, joint: int | None = None) -> str:
+        """Unit of a joint, from that of revolute joints; of all joints, one each if they differ."""
+        chosen = self.prismatic or ()
+        units = [linear_unit(unit) if x else unit for x in chosen]
+        if joint is not None:
+            return units[joint]
+        return units[0] if len(set(units)) == 1 else ", ".join(units)
 
     def replace(self, **changes: object) -> Chain:
         """A copy of the chain with some of its data changed."""
@@ -200,17 +219,19 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
 
 
 def link_table(chain: Chain) -> FloatArray:
-    """Table of the links for the compiled kinematics, (dof + 1, 12)."""
+    """Table of the links for the compiled kinematics, (dof + 1, 13)."""
     # A row has the rotation (row by row) and the position of the frame of a joint or of the tool,
     # relative to the previous frame; the first is relative to the work frame. z is the joint axis.
-    table, end = np.empty((len(chain) + 1, 12)), chain.tip @ chain.tool
+    # The last column is 1 for a prismatic joint, otherwise 0.
+    table, end = np.empty((len(chain) + 1, 13)), chain.tip @ chain.tool
+    table[:, 12] = *chain.slides, False
     turns = [*joint_frames(chain), np.eye(3)]
     rotations = [*chain.rotations, end.rotation]
     positions = [*chain.positions, end.position]
     before, offset = chain.base.rotation, chain.base.position
     for row, rotation, position, turn in zip(table, rotations, positions, turns, strict=True):
         row[:9] = (before @ rotation @ turn).ravel()
-        row[9:] = offset + before @ position
+        row[9:12] = offset + before @ position
         before, offset = turn.T, np.zeros(3)
     return checks.frozen_array(table)
 

@@ -92,7 +92,7 @@ class ClosedForm:
     @classmethod
     def from_chain(cls, chain: Chain) -> ClosedForm | None:
         """Closed form of a chain; None if the chain has another kind of geometry."""
-        if len(chain) != 6:
+        if len(chain) != 6 or chain.slides.any():
             return None
         links = link_poses(chain.replace(base=Frame()), np.zeros((1, 6)))[0, 1:]
         points, axes = links[..., 3], np.einsum("kij,kj->ki", links[..., :3], chain.axes)

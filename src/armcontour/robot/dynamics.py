@@ -16,8 +16,8 @@ from armcontour.robot.chain import Chain, joint_frames, state_rows
 class Dynamics:
     """Inverse dynamics of a chain with masses; arrays are (n, dof), or (dof,) for one state.
 
-    Joint positions are in rad, velocities in rad/s and accelerations in rad/s². The armature of the
-    drives is part of the torques.
+    Joint positions are in rad, velocities in rad/s and accelerations in rad/s². For a prismatic
+    joint, m replaces rad and N replaces N m. The armature of the drives is part of the torques.
 
     Args:
         chain: A chain with masses.
@@ -90,19 +90,24 @@ class Dynamics:
                 ends.append(moving + gravity * weight)
             return np.swapaxes(ends[1] - ends[0], 1, 2) / 2
 
-        # The torque is a trigonometric polynomial of degree 2 in each joint position and a
-        # quadratic polynomial in each velocity, so these differences are exact.
+        # The torque is a trigonometric polynomial of degree 2 in each position of a revolute joint,
+        # and a quadratic polynomial in each other position and velocity, so these differences are
+        # exact.
         position = (3 * change(0, math.pi / 3) - change(0, 2 * math.pi / 3)) / math.sqrt(3)
+        slides = self.chain.slides
+        if slides.any():
+            position[..., slides] = change(0, 1.0)[..., slides]
         shape = (*np.shape(q), len(unit))
         return position.reshape(shape), change(1, 1.0).reshape(shape), self.mass_matrix(q)
 
 
 def _link_data(chain: Chain) -> FloatArray:
-    """Data of the links for the compiled dynamics, (dof, 24), in frames with z on joint axes."""
+    """Data of the links for the compiled dynamics, (dof, 25), in frames with z on joint axes."""
     # Columns: rotation (9) and position (3) relative to the previous frame; mass; first moment (3);
-    # inertia about the joint xx, xy, xz, yy, yz, zz; mass of this and all later links; armature.
+    # inertia about the joint xx, xy, xz, yy, yz, zz; mass of this and all later links; armature; 1
+    # for a prismatic joint, otherwise 0.
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
-    rows, before = np.zeros((len(chain), 24)), np.eye(3)
+    rows, before = np.zeros((len(chain), 25)), np.eye(3)
     for k, (row, frame) in enumerate(zip(rows, joint_frames(chain), strict=True)):
         bodies = [(chain.masses[k], chain.centers[k], chain.inertias[k])]
         if chain.payload is not None and k == len(chain) - 1:
@@ -122,4 +127,5 @@ def _link_data(chain: Chain) -> FloatArray:
         before = frame
     rows[:, 22] = np.cumsum(rows[::-1, 12])[::-1]
     rows[:, 23] = chain.armature
+    rows[:, 24] = chain.slides
     return rows

@@ -23,7 +23,7 @@ MAX_STEPS = 200
 REACH_SEEDS = 60
 # Number of parts of the search, each in its own thread.
 PARTS = 8
-# Two solutions are distinct if they differ by more than this [rad]. The second value is for
+# Two solutions are distinct if they differ by more than this [rad or m]. The second value is for
 # redundant arms. It is large, because they have infinitely many solutions.
 APART = 1e-3
 APART_REDUNDANT = 0.5
@@ -57,23 +57,31 @@ def search(arm: Arm, pose: FloatArray, task: int, near: FloatArray | None = None
     else:
         residuals = approach(slice(1))
     solutions = q[(residuals < MET).all(axis=1)]
-    solutions = np.pi - np.mod(np.pi - solutions, 2 * np.pi) if near is None else solutions
-    apart = np.cos(APART if task == arm.dof else APART_REDUNDANT)
-    distinct, remaining, turns = [], np.arange(len(solutions)), np.exp(1j * solutions)
+    slides = arm.chain.slides
+    if near is None:
+        turned = np.pi - np.mod(np.pi - solutions, 2 * np.pi)
+        solutions = np.where(slides, solutions, turned)
+    apart = APART if task == arm.dof else APART_REDUNDANT
+    distinct, remaining = [], np.arange(len(solutions))
+    turns = np.exp(1j * solutions * ~slides)
     while len(remaining):
-        distinct.append(remaining[0])
-        remaining = remaining[
-            (turns[remaining] * turns[remaining[0]].conj()).real.min(axis=1) < apart
-        ]
+        first = remaining[0]
+        distinct.append(first)
+        differs = (turns[remaining] * turns[first].conj()).real.min(axis=1) < np.cos(apart)
+        slid = np.abs(solutions[remaining] - solutions[first])[:, slides]
+        remaining = remaining[differs | (slid > apart).any(axis=1)]
     return np.asarray(solutions[distinct].reshape(-1, arm.dof))
 
 
 def seeds(arm: Arm) -> FloatArray:
     """Random joint positions [rad] within the ranges, the same in every call, (SEEDS, dof)."""
-    # A joint range of a whole turn or more is replaced by -pi to pi.
+    # A joint range of a whole turn or more is replaced by -pi to pi, and the range of a prismatic
+    # joint without ends by the span of the arm.
     lower, upper = arm.limits.joint_range(arm.dof)
-    narrow = upper - lower < 2 * np.pi
-    lower, upper = np.where(narrow, lower, -np.pi), np.where(narrow, upper, np.pi)
+    slides = arm.chain.slides
+    narrow = np.where(slides, np.isfinite(upper - lower), upper - lower < 2 * np.pi)
+    far = np.where(slides, arm.span, np.pi)
+    lower, upper = np.where(narrow, lower, -far), np.where(narrow, upper, far)
     random = np.random.default_rng(0)
     return lower + random.uniform(size=(SEEDS, arm.dof)) * (upper - lower)
 

@@ -1,9 +1,10 @@
 """Compiled kinematics and inverse dynamics of a serial chain, for many states in one call."""
 
-# A chain is a table of links, (dof + 1, 12): rotation, row by row, and position of the frames of
-# all joints and of the tool, each relative to the previous frame, with z along the joint axis. The
-# first frame is relative to the work frame. Many states are computed in blocks, so that the
-# processor uses vector instructions: a row of a block holds one number of all its states.
+# A chain is a table of links, (dof + 1, 13): rotation, row by row, and position of the frames of
+# all joints and of the tool, each relative to the previous frame, with z along the joint axis; then
+# 1 if the joint is prismatic, otherwise 0. The first frame is relative to the work frame. Many
+# states are computed in blocks, so that the processor uses vector instructions: a row of a block
+# holds one number of all its states.
 
 from __future__ import annotations
 
@@ -36,11 +37,14 @@ JOINT_ROWS = 5
 # 8 are the columns of the rotation. The motion is velocity and angular velocity, and their first
 # and second derivatives. STATE_ROWS is the number of rows.
 POSITION, LEVER, AXIS, MOTION, STATE_ROWS = 9, 12, 15, 18, 36
+# Column of the table of links that is 1 for a prismatic joint, for kinematics and for dynamics.
+SLIDES, DYNAMIC_SLIDES = 12, 24
 IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # Number of rows of a link: cosine and sine of its joint (rows 0 and 1); first and second derivative
 # of the joint (2, 3); force, and moment about the joint, for accelerations equal to the first
 # derivatives without velocity (4 to 9), and for the motion with both derivatives (10 to 15); first
-# moment of this and all later links (16 to 18); gravity along x and y (19, 20).
+# moment of this and all later links (16 to 18); gravity along x and y (19, 20). A prismatic joint
+# has its position in row 1, and gravity along z in row 19.
 LINK_ROWS = 21
 # Number of rows of the motion that is propagated from link to link, three each: angular velocity,
 # velocity, angular acceleration, acceleration, gravity.
@@ -122,11 +126,14 @@ def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
 @compiled(inner=True)
 def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
     """Write the frames of all joints and of the tool in the work frame for one state."""
-    # links: (dof + 1, 12). q: joint positions [rad], (dof,). frames: (dof + 1, 3, 4).
+    # links: (dof + 1, 13). q: joint positions [rad or m], (dof,). frames: (dof + 1, 3, 4).
     for j in range(len(links)):
-        c, s = (math.cos(q[j]), math.sin(q[j])) if j < len(q) else (1.0, 0.0)
+        turns = j < len(q) and links[j, SLIDES] == 0.0
+        c, s = (math.cos(q[j]), math.sin(q[j])) if turns else (1.0, 0.0)
         r = rotation_of(links, j)
         p0, p1, p2 = links[j, 9], links[j, 10], links[j, 11]
+        if links[j, SLIDES] != 0.0:
+            p0, p1, p2 = add((p0, p1, p2), q[j], (r[2], r[5], r[8]))
         for k in range(3):
             x, y, z, origin = IDENTITY[k]
             if j > 0:
@@ -141,7 +148,7 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
 @compiled()
 def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
     """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4)."""
-    # q: joint positions [rad], (n, dof).
+    # q: joint positions [rad or m], (n, dof).
     frames = np.empty((len(q), len(links), 3, 4))
     for i in range(len(q)):
         write_frames(links, q[i], frames[i])
@@ -159,8 +166,11 @@ def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
             frame, tool = frames[k], frames[dof]
             axis = frame[0, 2], frame[1, 2], frame[2, 2]
             lever = tool[0, 3] - frame[0, 3], tool[1, 3] - frame[1, 3], tool[2, 3] - frame[2, 3]
-            out[i, 0, k], out[i, 1, k], out[i, 2, k] = cross(axis, lever)
-            out[i, 3, k], out[i, 4, k], out[i, 5, k] = axis
+            move, turn = cross(axis, lever), axis
+            if links[k, SLIDES] != 0.0:
+                move, turn = axis, (0.0, 0.0, 0.0)
+            out[i, 0, k], out[i, 1, k], out[i, 2, k] = move
+            out[i, 3, k], out[i, 4, k], out[i, 5, k] = turn
     return out
 
 
@@ -194,6 +204,31 @@ def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
         put(state, MOTION + 3, i, add(w, joint[2 * B + i], get(state, AXIS, i)))
 
 
+@compiled(inner=True, fastmath=FUSED)
+def add_sliding_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
+    """Propagate velocities and their derivatives over a prismatic joint, as `add_motion`."""
+    # The lever l has the derivatives `l1 = w x l + r1 a`, `l2 = e x l + w x l1 + r2 a + r1 a1` and
+    # `l3 = f x l + 2 e x l1 + w x l2 + r3 a + 2 r2 a1 + r1 a2` for the axis a and the derivatives r
+    # of the joint position. The link does not turn.
+    for i in range(B):
+        lever, axis, rate = get(state, LEVER, i), get(state, AXIS, i), joint[2 * B + i]
+        w, e, f = get(state, MOTION + 3, i), get(state, MOTION + 9, i), get(state, MOTION + 15, i)
+        axis1 = cross(w, axis)
+        lever1 = add(cross(w, lever), rate, axis)
+        put(state, MOTION, i, add(get(state, MOTION, i), 1.0, lever1))
+        if order < 2:
+            continue
+        lever2 = add(cross(e, lever), 1.0, cross(w, lever1))
+        lever2 = add(add(lever2, joint[3 * B + i], axis), rate, axis1)
+        put(state, MOTION + 6, i, add(get(state, MOTION + 6, i), 1.0, lever2))
+        if order > 2:
+            lever3 = add(add(cross(f, lever), 2.0, cross(e, lever1)), 1.0, cross(w, lever2))
+            lever3 = add(add(lever3, joint[4 * B + i], axis), 2.0 * joint[3 * B + i], axis1)
+            axis2 = add(cross(e, axis), 1.0, cross(w, axis1))
+            lever3 = add(lever3, rate, axis2)
+            put(state, MOTION + 12, i, add(get(state, MOTION + 12, i), 1.0, lever3))
+
+
 @compiled(fastmath=FUSED)
 def tool_motion(
     links: FloatArray,
@@ -204,13 +239,13 @@ def tool_motion(
     third: FloatArray,
 ) -> FloatArray:
     """Poses of the tool, or the derivatives of its motion up to an order, for many states."""
-    # links: (dof + 1, 12). q: [rad], (n, dof). first, second, third: its derivatives, (n, dof)
+    # links: (dof + 1, 13). q: [rad or m], (n, dof). first, second, third: its derivatives, (n, dof)
     # each; only those up to `order` are used. Returns for order 0 rotation and position, (3, 4) row
     # by row, (n, 12); otherwise velocity and angular velocity, then their derivatives, (n, 6
     # order).
     n, dof = q.shape
     result = np.empty((n, 6 * order if order else 12))
-    joint, state = np.empty(JOINT_ROWS * B), np.empty(STATE_ROWS * B)
+    joint, state, slide = np.empty(JOINT_ROWS * B), np.empty(STATE_ROWS * B), np.empty(B)
     for begin in range(0, n, B):
         # The base has the unit rotation and no motion.
         for i in range(STATE_ROWS * B):
@@ -228,9 +263,13 @@ def tool_motion(
                 index = min(begin + i, n - 1)
                 joint[i], joint[2 * B + i] = q[index, j], first[index, j]
                 joint[3 * B + i], joint[4 * B + i] = second[index, j], third[index, j]
-            if j < dof:
-                write_sines(joint)
+            slides = links[j, SLIDES] != 0.0
             r, p0, p1, p2 = rotation_of(links, j), links[j, 9], links[j, 10], links[j, 11]
+            if slides:
+                for i in range(B):
+                    slide[i], joint[i], joint[B + i] = joint[i], 1.0, 0.0
+            elif j < dof:
+                write_sines(joint)
             for i in range(B):
                 c, s = joint[i], joint[B + i]
                 for k in range(3):
@@ -241,7 +280,15 @@ def tool_motion(
                     x, y, z = into_link(r, c, s, (x, y, z))
                     state[k * B + i], state[(3 + k) * B + i] = x, y
                     state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z
-            if order > 0:
+            if slides:
+                for k in range(3):
+                    for i in range(B):
+                        moved = slide[i] * state[(AXIS + k) * B + i]
+                        state[(POSITION + k) * B + i] += moved
+                        state[(LEVER + k) * B + i] += moved
+                if order > 0:
+                    add_sliding_motion(order, joint, state)
+            elif order > 0:
                 add_motion(order, joint, state)
         for i in range(min(B, n - begin)):
             for k in range(result.shape[1]):
@@ -256,7 +303,8 @@ def tool_motion(
 def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: FloatArray) -> None:
     """Propagate the motion of a block to link j, and write the wrenches of the link."""
     link, r, mass = links[j], rotation_of(links, j), links[j, 12]
-    p, h = (link[9], link[10], link[11]), (link[13], link[14], link[15])
+    start, h = (link[9], link[10], link[11]), (link[13], link[14], link[15])
+    p, slides = start, link[DYNAMIC_SLIDES] != 0.0
     # Columns of the inertia.
     i0, i1, i2 = (
         (link[16], link[17], link[18]),
@@ -267,21 +315,27 @@ def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: Float
         c, s, rate, second = rows[i], rows[B + i], rows[2 * B + i], rows[3 * B + i]
         # Motion of the origin of the joint, in the axes of the previous link.
         w, e = get(motion, 0, i), get(motion, 6, i)
+        if slides:
+            p, s = add(start, s, (r[2], r[5], r[8])), 0.0
         turned = cross(w, p)
         v = add(get(motion, 3, i), 1.0, turned)
         a = add(add(get(motion, 9, i), 1.0, cross(e, p)), 1.0, cross(w, turned))
-        w = into_link(r, c, s, w)
-        w = w[0], w[1], w[2] + rate
-        e = into_link(r, c, s, e)
-        e = e[0] + w[1] * rate, e[1] - w[0] * rate, e[2] + second
+        w, e = into_link(r, c, s, w), into_link(r, c, s, e)
         v, a = into_link(r, c, s, v), into_link(r, c, s, a)
+        if slides:
+            v = v[0], v[1], v[2] + rate
+            # The Coriolis acceleration is 2 w x (rate z).
+            a = a[0] + 2.0 * w[1] * rate, a[1] - 2.0 * w[0] * rate, a[2] + second
+        else:
+            w = w[0], w[1], w[2] + rate
+            e = e[0] + w[1] * rate, e[1] - w[0] * rate, e[2] + second
         g = into_link(r, c, s, get(motion, 12, i))
         put(motion, 0, i, w)
         put(motion, 3, i, v)
         put(motion, 6, i, e)
         put(motion, 9, i, a)
         put(motion, 12, i, g)
-        rows[19 * B + i], rows[20 * B + i] = g[0], g[1]
+        rows[19 * B + i], rows[20 * B + i] = g[2] if slides else g[0], g[1]
         put(rows, 16, i, h)
         # Wrenches: mass times acceleration, and inertia about the joint times angular acceleration.
         u = cross(w, h)
@@ -297,9 +351,12 @@ def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: Float
 def accumulate_inward(links: FloatArray, j: int, rows: FloatArray, before: FloatArray) -> None:
     """Add the wrenches and the first moment of a link to those of the previous link."""
     r, carried = rotation_of(links, j), links[j, 22]
-    p = links[j, 9], links[j, 10], links[j, 11]
+    p = start = links[j, 9], links[j, 10], links[j, 11]
+    slides = links[j, DYNAMIC_SLIDES] != 0.0
     for i in range(B):
         c, s = rows[i], rows[B + i]
+        if slides:
+            p, s = add(start, s, (r[2], r[5], r[8])), 0.0
         for k in range(4, 16, 6):
             force = out_of_link(r, c, s, get(rows, k, i))
             put(before, k, i, add(get(before, k, i), 1.0, force))
@@ -314,8 +371,8 @@ def path_terms(
     links: FloatArray, gravity: FloatArray, q: FloatArray, first: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Coefficients a, b, c of the torque `a dds + b ds² + c` of all states, (n, dof) each."""
-    # links: (dof, 24). gravity: [m/s²], (3,). q, first, second: joint positions [rad] and their
-    # first and second derivative by s, (n, dof) each.
+    # links: (dof, 25). gravity: [m/s²], (3,). q, first, second: joint positions [rad or m] and
+    # their first and second derivative by s, (n, dof) each.
     n, dof = q.shape
     a, b, c = np.empty((n, dof)), np.empty((n, dof)), np.empty((n, dof))
     rows, motion = np.empty((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)
@@ -333,17 +390,26 @@ def path_terms(
         for m in range(MOTION_ROWS * B):
             motion[m] = gravity[m // B - 12] if m >= 12 * B else 0.0
         for j in range(dof):
-            write_sines(rows[j])
+            if links[j, DYNAMIC_SLIDES] != 0.0:
+                for i in range(B):
+                    rows[j, B + i], rows[j, i] = rows[j, i], 1.0
+            else:
+                write_sines(rows[j])
             propagate_outward(links, j, motion, rows[j])
         for j in range(dof - 1, 0, -1):
             accumulate_inward(links, j, rows[j], rows[j - 1])
         for j in range(dof):
             link_rows, armature = rows[j], links[j, 23]
+            # Moments about the joint axis, or forces along it.
+            slides = links[j, DYNAMIC_SLIDES] != 0.0
+            row = 6 if slides else 9
             for i in range(min(B, n - begin)):
                 state = begin + i
-                # Moments about the joint axis.
-                a[state, j] = link_rows[9 * B + i] + armature * first[state, j]
-                b[state, j] = link_rows[15 * B + i] + armature * second[state, j]
+                a[state, j] = link_rows[row * B + i] + armature * first[state, j]
+                b[state, j] = link_rows[(row + 6) * B + i] + armature * second[state, j]
+                if slides:
+                    c[state, j] = -links[j, 22] * link_rows[19 * B + i]
+                    continue
                 c[state, j] = (
                     link_rows[17 * B + i] * link_rows[19 * B + i]
                     - link_rows[16 * B + i] * link_rows[20 * B + i]

@@ -14,10 +14,11 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernel_cache import compiled
-from armcontour.robot.kernels import Vector, add, cross, write_frames
+from armcontour.robot.kernels import SLIDES, Vector, add, cross, write_frames
 
-# Newton's method ends when its step is below this [rad], because the next step would be about the
-# square of this step times the condition number of the Jacobian.
+# A metre of a prismatic joint has the weight of a radian, because levers of arms are about 1 m.
+# Newton's method ends when its step is below this [rad or m], because the next step would be about
+# the square of this step times the condition number of the Jacobian.
 ARRIVED = 1e-10
 MAX_STEPS = 15
 # Longest step of a joint [rad]; longer steps are reduced.
@@ -109,14 +110,17 @@ def write_equations(
     # The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     # from the pose to the target [rad]. For task 5 they are the components of the rotation vector
     # between the tool axes along the target's x and y axes [rad].
-    # links: (dof + 1, 12). q: joint positions [rad], (dof,). target: (3, 4).
+    # links: (dof + 1, 13). q: joint positions [rad or m], (dof,). target: (3, 4).
     dof, rows, frames = len(q), out.rows, out.frames
     write_frames(links, q, frames)
     pose = frames[dof]
     for k in range(dof):
         axis = column(frames[k], 2)
         lever = add(column(pose, 3), -1.0, column(frames[k], 3))
-        rows[0, k], rows[1, k], rows[2, k] = cross(axis, lever)
+        move = cross(axis, lever)
+        if links[k, SLIDES] != 0.0:
+            move, axis = axis, (0.0, 0.0, 0.0)
+        rows[0, k], rows[1, k], rows[2, k] = move
         if task == 6:
             rows[3, k], rows[4, k], rows[5, k] = axis
         elif task == 5:
@@ -216,8 +220,12 @@ def path_derivatives(
         for k in range(dof):
             # The rotation of the previous link turns the joint axis, which adds omega x axis dq.
             axis = column(frames[k], 2)
-            twisted = add(twisted, b[k], cross(turned, axis))
-            turned = add(turned, b[k], axis)
+            if links[k, SLIDES] != 0.0:
+                # The Coriolis acceleration is 2 omega x axis dq; it does not turn later links.
+                tool_acceleration = add(tool_acceleration, 2.0 * b[k], cross(turned, axis))
+            else:
+                twisted = add(twisted, b[k], cross(turned, axis))
+                turned = add(turned, b[k], axis)
             lever = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
             tool_acceleration = add(tool_acceleration, 1.0, cross(twisted, lever))
             tool_acceleration = add(tool_acceleration, 1.0, cross(turned, cross(turned, lever)))

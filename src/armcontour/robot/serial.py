@@ -1,4 +1,4 @@
-"""Serial arms in space, of any number of revolute joints."""
+"""Serial arms in space, of any number of revolute and prismatic joints."""
 
 from __future__ import annotations
 
@@ -83,10 +83,14 @@ class SerialArm(Arm):
 
     @cached_property
     def moves_in_a_plane(self) -> bool:
-        """True if all joints are parallel, so that the tool stays in a plane."""
-        # The columns of the angular part of the Jacobian are the joint axes.
-        axes = self.jacobian(np.zeros(self.dof))[3:]
-        return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
+        """True if the joints move the tool in a plane only."""
+        # The columns of the angular part of the Jacobian are the axes of the revolute joints.
+        jacobian, slides = self.jacobian(np.zeros(self.dof)), self.chain.slides
+        axes, paths = jacobian[3:, ~slides], jacobian[:3, slides]
+        rank = np.linalg.matrix_rank(axes, tol=PARALLEL) if axes.size else 0
+        if rank == 0:
+            return bool(np.linalg.matrix_rank(paths, tol=PARALLEL) < 3)
+        return bool(rank == 1 and (np.abs(axes[:, 0] @ paths) < PARALLEL).all())
 
     @checked
     def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:

@@ -140,7 +140,7 @@ def _check_inertia(chain: Chain, matrix: FloatArray) -> None:
 
 def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[FloatArray]]:
     """Add the links of a chain to a specification; returns masses and principal moments."""
-    body, masses, moments = spec.worldbody, [], []
+    body, masses, moments, slides = spec.worldbody, [], [], chain.slides
     for k in range(len(chain)):
         mass, center, inertia = _link_body(chain, k)
         principal, axes = np.linalg.eigh(inertia)
@@ -154,7 +154,9 @@ def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[
             inertia=np.ones(3),
             explicitinertial=True,
         )
-        body.add_joint(name=f"link {k}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=chain.axes[k])
+        kinds = mujoco.mjtJoint
+        kind = kinds.mjJNT_SLIDE if slides[k] else kinds.mjJNT_HINGE
+        body.add_joint(name=f"link {k}", type=kind, axis=chain.axes[k])
         masses.append(mass)
         moments.append(np.maximum(principal, 0.0))
     return masses, moments

@@ -14,6 +14,7 @@ POINTS = ac.Path.polyline([(0.4, -0.2, 0.3), (0.4, 0.2, 0.3)])
 LINE = POINTS.oriented(DOWN)
 FLAT = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15)])
 S = np.linspace(0, LINE.length, 300)
+UR5E = ac.load_arm("ur5e")
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +90,7 @@ def bump(height):
 
 def test_the_top_between_samples_counts(refuses):
     limits = ac.Limits.only(joint_upper=[2.0, 0.5], joint_lower=[-0.1, -0.1])
-    check_joint_range(bump(0.5), limits)
+    check_joint_range(bump(0.5), limits, UR5E)
     upper = {"limit": "joint_upper", "needed": 0.500001, "allowed": 0.5}
     lower = {"limit": "joint_lower", "needed": -0.3, "allowed": -0.1}
     for height, words, data in (
@@ -98,21 +99,21 @@ def test_the_top_between_samples_counts(refuses):
     ):
         path_of_bump = bump(height)
         refuses(
-            lambda x=path_of_bump: check_joint_range(x, limits), ac.Unreachable, words,
+            lambda x=path_of_bump: check_joint_range(x, limits, UR5E), ac.Unreachable, words,
             joint=1, s=1.0, **data,
         )  # fmt: skip
     # Ranges may be missing or endless.
-    check_joint_range(bump(5.0), ac.Limits.only())
-    check_joint_range(bump(5.0), ac.Limits.only(joint_upper=[np.inf, np.inf]))
+    check_joint_range(bump(5.0), ac.Limits.only(), UR5E)
+    check_joint_range(bump(5.0), ac.Limits.only(joint_upper=[np.inf, np.inf]), UR5E)
     for seed in range(20):
         rng = np.random.default_rng(seed)
         path = ac.JointPath(breaks=np.array([0.0, 1.5]), coefficients=rng.uniform(-1, 1, (1, 6, 3)))
         q = path(np.linspace(0, 1.5, 20_001))
         check_joint_range(
-            path, ac.Limits.only(joint_lower=q.min() - 1e-6, joint_upper=q.max() + 1e-6)
+            path, ac.Limits.only(joint_lower=q.min() - 1e-6, joint_upper=q.max() + 1e-6), UR5E
         )
         with pytest.raises(ac.Unreachable) as caught:
-            check_joint_range(path, ac.Limits.only(joint_upper=q.max() - 0.01))
+            check_joint_range(path, ac.Limits.only(joint_upper=q.max() - 0.01), UR5E)
         assert caught.value.needed == pytest.approx(q.max(), abs=1e-6), seed
         assert caught.value.joint == int(np.argmax(q.max(axis=0))), seed
 

@@ -61,9 +61,9 @@ def check_options(options: ArmOptions, arm: str) -> None:
             )
 
 
-# Types of revolute joints, whose position is one angle.
-REVOLUTE_TYPES = ("revolute", "continuous")
-JOINT_TYPES = (*REVOLUTE_TYPES, "fixed", "prismatic", "planar", "floating")
+# Types of joints whose position is one angle or one distance.
+ARM_TYPES = ("revolute", "continuous", "prismatic")
+JOINT_TYPES = (*ARM_TYPES, "fixed", "planar", "floating")
 # Attributes of the elements that determine the motion of an arm (URDF 1.2), by tag. `dont_collapse`
 # is an extension of simulators that merge links.
 ATTRIBUTES = {

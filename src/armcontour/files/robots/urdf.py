@@ -22,8 +22,8 @@ from armcontour.files.robots.moveit_limits import (
     override_limits,
 )
 from armcontour.files.robots.tree import (
+    ARM_TYPES,
     MAX_NAMED,
-    REVOLUTE_TYPES,
     ArmOptions,
     Joint,
     Tree,
@@ -135,16 +135,16 @@ def _default_tip(tree: Tree, base: str) -> str:
 
 
 def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
-    """Check that there are moving joints, and that they are revolute and independent."""
+    """Check that there are moving joints, and that they have one position and are independent."""
     if not moving:
         raise InvalidInput(
             f"No joint moves between base and tip in {tree.file}. Choose another base or tip."
         )
     for joint in moving:
-        if joint.kind not in REVOLUTE_TYPES:
+        if joint.kind not in ARM_TYPES:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} is {joint.kind}, but the joints of an arm must "
-                "be revolute. Choose a base and a tip without it between "
+                "be revolute or prismatic. Choose a base and a tip without it between "
                 f"them, or make it fixed in the file."
             )
         if joint.master is not None:
@@ -227,7 +227,8 @@ def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) 
         # For joints without a range, descriptions often have plus and minus a power of ten.
         endless = low == -high and math.log10(high or 1.0).is_integer()
         is_stated = any(stated[name][k] is not None for name in JOINT_RANGE)
-        if MAX_RADIANS < max(-low, high) < MAX_DEGREES and not (endless or is_stated):
+        angular = joint.kind != "prismatic"
+        if angular and MAX_RADIANS < max(-low, high) < MAX_DEGREES and not (endless or is_stated):
             raise InvalidInput(
                 f"{file}: the range of joint {joint.name} from {low:g} to {high:g} rad is "
                 f"{(high - low) / (2 * math.pi):.0f} turns. If the values are degrees, convert "
@@ -246,7 +247,8 @@ def _missing_limits_note(limits: Limits, moving: list[Joint], *, has_bodies: boo
         if unlimited.any() and (expected or not unlimited.all()):
             joints = [x.name for x, none in zip(moving, unlimited, strict=True) if none]
             lacking[kind] = f"no {kind} of {list_some(joints, MAX_NAMED)}"
-    endless = [x.name for x in moving if x.kind == "revolute" and x.element.find("limit") is None]
+    bounded = [x for x in moving if x.kind != "continuous"]
+    endless = [x.name for x in bounded if x.element.find("limit") is None]
     if endless:
         lacking["position"] = f"no range of {list_some(endless, MAX_NAMED)}"
     if not lacking:

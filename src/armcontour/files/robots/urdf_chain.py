@@ -74,6 +74,7 @@ class Description:
             axes=np.array([self._axis(joint) for joint in self.moving]),
             viscous=np.array([self._friction(joint, "damping") for joint in self.moving]),
             coulomb=np.array([self._friction(joint, "friction") for joint in self.moving]),
+            prismatic=tuple(joint.kind == "prismatic" for joint in self.moving),
             tip=carried[self.tip][1],
             **bodies,
         )
@@ -242,7 +243,7 @@ class Description:
         return axis / size
 
     def _friction(self, joint: Joint, key: str) -> float:
-        """Damping [N m s/rad] or friction [N m] of a joint, by its attribute; 0 if missing."""
+        """Damping [N m s/rad, N s/m] or friction [N m, N] of a joint; 0 if missing."""
         value = joint.number("dynamics", key, self.tree.file) or 0.0
         if value < 0:
             raise InvalidInput(

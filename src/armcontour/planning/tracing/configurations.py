@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.geometry import Path
@@ -266,7 +266,9 @@ class _DistinctSolutions:
                 # `_is_known` accepts at most SAME_SOLUTION times half a turn, pi, so only solutions
                 # within this distance are compared exactly.
                 apart = q[few] - np.array([x[few] for x in self._known])
-                near = _outside_null_space(np.array(self._rough), apart)[0] < SAME_SOLUTION * np.pi
+                slides = self.arm.chain.slides
+                outside = _outside_null_space(np.array(self._rough), apart, slides)[0]
+                near = outside < SAME_SOLUTION * np.pi
                 if any(self._is_known(k, q) for k in np.flatnonzero(near).tolist()):
                     return False
             self._rough.append(null_space(self.arm, self.poses[few], self.task, q[few]))
@@ -277,15 +279,18 @@ class _DistinctSolutions:
         """Test whether joint positions differ from a known solution by null-space motion only."""
         if k not in self._spaces:
             self._spaces[k] = null_space(self.arm, self.poses, self.task, self._known[k])
-        deviation, size = _outside_null_space(self._spaces[k], q - self._known[k])
+        apart, slides = q - self._known[k], self.arm.chain.slides
+        deviation, size = _outside_null_space(self._spaces[k], apart, slides)
         return bool(deviation < SAME_SOLUTION * max(1.0, float(size)))
 
 
-def _outside_null_space(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _outside_null_space(
+    w: FloatArray, difference: FloatArray, slides: BoolArray
+) -> tuple[FloatArray, FloatArray]:
     """Largest component of joint differences outside null spaces, and largest difference [rad]."""
     # `w`: bases of the null spaces, (..., n, free, dof); `difference`: joint differences, modulo
-    # whole turns [rad].
-    wrapped = np.pi - np.mod(np.pi - difference, 2 * np.pi)
+    # whole turns [rad]; `slides`: mask of the prismatic joints, (dof,).
+    wrapped = np.where(slides, difference, np.pi - np.mod(np.pi - difference, 2 * np.pi))
     outside = wrapped - (np.swapaxes(w, -1, -2) @ (w @ wrapped[..., None]))[..., 0]
     return np.abs(outside).max(axis=(-1, -2)), np.abs(wrapped).max(axis=(-1, -2))
 
@@ -325,7 +330,7 @@ def _turn_into_range(
     below, above = shifted < lower, shifted > upper
     # Each joint gets the shift with which it stays in its range farthest along the path. Among
     # equal shifts, it gets the shift with the smallest excess at the first knot out of range.
-    for joint in np.flatnonzero((below | above).any(axis=0)):
+    for joint in np.flatnonzero((below | above).any(axis=0) & ~arm.chain.slides):
         turns = 2 * np.pi * np.arange(-MAX_TURNS, MAX_TURNS + 1)
         tried = shifted[:, joint, None] + turns
         beyond = np.maximum(lower[joint] - tried, tried - upper[joint])
@@ -373,14 +378,15 @@ def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) 
     if len(solutions) == 0:
         return
     difference = seed - solutions
-    turns = np.round(difference / (2 * np.pi))
+    turns = np.where(arm.chain.slides, 0.0, np.round(difference / (2 * np.pi)))
     difference = np.abs(difference - 2 * np.pi * turns).max(axis=1)
     nearest = solutions[np.argmin(difference)]
     point = pose[:, 3]
     raise Unreachable(
         f"From the given seed, the arm {arm.name} does not reach the tool pose at the start of "
         f"the path, {tuple(np.round(point, 6).tolist())} m: give a seed closer to joint positions "
-        f"that reach this pose, such as {tuple(np.round(nearest, 4).tolist())} rad.",
+        f"that reach this pose, such as {tuple(np.round(nearest, 4).tolist())} "
+        f"{arm.chain.unit('rad')}.",
         point=point.tolist(),
         s=0.0,
         limit="seed",
@@ -418,7 +424,8 @@ def _refuse(
     i = failure.reached
     if failure.joint >= 0:
         also = f", and no other configuration of the arm {arm.name} reaches farther"
-        raise out_of_range(path, float(s[i]), failure.joint, failure.value, failure.limit, also)
+        outside = failure.joint, failure.value, failure.limit
+        raise out_of_range(path, arm, float(s[i]), *outside, also)
     q = failure.q[None]
     gap, farthest = _largest_reach_gap(arm, poses[i:], task, q)
     if gap > OUT_OF_REACH:

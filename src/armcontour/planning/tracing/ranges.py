@@ -11,7 +11,7 @@ from armcontour.core.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.tracing.knots import suggest_remedy
-from armcontour.robot import Limits
+from armcontour.robot import Arm, Limits
 
 # Tolerance of joint ranges [rad], above rounding errors and below the resolution of robots.
 ROUNDING = 1e-9
@@ -28,7 +28,7 @@ BERNSTEIN = np.array(
 )
 
 
-def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
+def check_joint_range(joint_path: JointPath, limits: Limits, arm: Arm) -> None:
     """Raise Unreachable if a joint leaves its range along a joint path."""
     if limits.joint_lower is None and limits.joint_upper is None:
         return
@@ -52,20 +52,20 @@ def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
         piece, joint, x, q = largest
         s = float(joint_path.breaks[piece] + x * np.diff(joint_path.breaks)[piece])
         edge = float(upper[joint] if q > upper[joint] else lower[joint])
-        raise out_of_range(joint_path.tool_path, s, int(joint), q, edge)
+        raise out_of_range(joint_path.tool_path, arm, s, int(joint), q, edge)
 
 
 def out_of_range(
-    path: Path | None, s: float, joint: int, q: float, edge: float, also: str = ""
+    path: Path | None, arm: Arm, s: float, joint: int, q: float, edge: float, also: str = ""
 ) -> Unreachable:
     """Make the error for a joint that leaves its range."""
     # `s`: arc length at which the joint is out of range [m]; `joint`: index of the joint, from 0;
     # `q`: joint position that the path requires there [rad]; `edge`: end of the joint range that is
     # exceeded [rad]; `also`: clause that is added to the message.
-    name = "upper" if q > edge else "lower"
+    name, unit = "upper" if q > edge else "lower", arm.chain.unit("rad", joint)
     return Unreachable(
-        f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} rad, "
-        f"{abs(q - edge):.3g} rad beyond its {name} limit of {edge:.6g} rad{also}: "
+        f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} {unit}, "
+        f"{abs(q - edge):.3g} {unit} beyond its {name} limit of {edge:.6g} {unit}{also}: "
         f"{suggest_remedy(path)}.",
         s=s,
         point=None if path is None else path(s).tolist(),

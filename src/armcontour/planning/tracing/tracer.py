@@ -134,9 +134,9 @@ def _refuse_flat(arm: SerialArm) -> None:
     """Raise InvalidInput for an arm in space whose joints are parallel, because it is singular."""
     if arm.dof > 2 and arm.moves_in_a_plane:
         raise InvalidInput(
-            f"The {arm.dof} joints of the arm {arm.name} are parallel, so its tool stays in a "
-            "plane. Arms in a plane have two links: describe them by an arm file of "
-            "the kind planar_two_link."
+            f"The joints of the arm {arm.name} are parallel or slide in one plane, so its tool "
+            "stays in a plane. Arms in a plane have two links: describe them by an arm file of the "
+            "kind planar_two_link."
         )
 
 
@@ -177,7 +177,7 @@ def _trace_planar(
         AnalyticSolver(path, arm, configuration, tolerance), first_knots(path, arm.span)
     )
     joint_path = turn_into_range(joint_path, arm.limits)
-    check_joint_range(joint_path, arm.limits)
+    check_joint_range(joint_path, arm.limits, arm)
     return joint_path
 
 
@@ -200,7 +200,7 @@ def _trace_serial(
             guide = Guide.through(s, q, w, path.stops)
         numeric = NumericSolver(path, arm, task, tolerance, guide)
         joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
-        check_joint_range(joint_path, arm.limits)
+        check_joint_range(joint_path, arm.limits, arm)
         return joint_path
 
     solutions = find_solutions(path, arm, knots, poses, task, seed)
@@ -231,9 +231,10 @@ def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
     outside = (positions < lower) | (positions > upper)
     if outside.any():
         j = int(np.argmax(outside))
+        unit = arm.chain.unit("rad", j)
         raise InvalidInput(
-            f"seed has joint {j + 1} at {positions[j]:.6g} rad, but its range is from "
-            f"{lower[j]:.6g} to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
+            f"seed has joint {j + 1} at {positions[j]:.6g} {unit}, but its range is from "
+            f"{lower[j]:.6g} to {upper[j]:.6g} {unit}: give values in {unit}, or with their unit.",
             joint=j,
             needed=float(positions[j]),
             allowed=float(lower[j] if positions[j] < lower[j] else upper[j]),

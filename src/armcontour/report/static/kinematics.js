@@ -1,13 +1,14 @@
 // Forward kinematics of a chain of joints, in double precision, as in robot/chain.py.
 
 /**
- * A joint, which turns. Link 0 is the base, link k comes after the k-th joint.
+ * A joint, which turns or slides. Link 0 is the base, link k comes after the k-th joint.
  * @typedef {object} Joint
  * @property {string} name
+ * @property {"revolute" | "prismatic"} type
  * @property {number} parent the link that carries the joint
  * @property {number[]} axis unit vector, in the joint's frame
  * @property {number[][]} origin the joint's frame at zero in the frame of `parent`, 4x4
- * @property {[number | null, number | null]} [limits] [rad], null where there is none
+ * @property {[number | null, number | null]} [limits] [rad or m], null where there is none
  */
 
 /**
@@ -55,11 +56,12 @@ export function place(pose, p) {
 /**
  * The motion of a joint in its own frame. Rodrigues' formula: I + sin q K + (1 - cos q) K².
  * @param {Joint} joint
- * @param {number} q position [rad]
+ * @param {number} q position [rad or m]
  * @returns {Pose}
  */
 function jointMotion(joint, q) {
   const [x, y, z] = joint.axis;
+  if (joint.type === "prismatic") return Float64Array.of(1, 0, 0, q * x, 0, 1, 0, q * y, 0, 0, 1, q * z);
   const [s, c] = [Math.sin(q), 1 - Math.cos(q)];
   return Float64Array.of(
     1 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y, 0,

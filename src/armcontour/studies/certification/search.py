@@ -127,7 +127,7 @@ def _fastest_moves(case: Case, robots: Sequence[FloatArray]) -> list[Move]:
             stood += dwell.duration if isinstance(dwell, Dwell) else 0.0
             continue
         with step.named():
-            check_joint_range(step.joint_path, case.limits)
+            check_joint_range(step.joint_path, case.limits, case.arm)
             number = count if case.traced.is_contour(step) else None
             move = Move.without_derating(case, step, number)
             if number is not None:

@@ -396,6 +396,11 @@ class _ClearanceSearch:
         self._motion = motion
         self._t, self._travel = joint_travel(motion)
         self._radii = np.array([x.radii for x in pairs])
+        if distances.slides.any():
+            q = motion.q if isinstance(motion, Execution) else motion(self._t)
+            # A joint is at most its travel in an interval away from its position at the start.
+            farthest = (np.abs(q[:-1]) + np.diff(self._travel, axis=0)).max(axis=0)
+            self._radii = np.array([x.radii_at(farthest, distances.slides) for x in pairs])
         self._margins = np.array([x.margin for x in pairs])
         kinds = {x.kind: k for k, x in enumerate(pairs)}
         self._kinds = np.array([list(kinds).index(x.kind) for x in pairs])

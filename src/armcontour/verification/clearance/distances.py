@@ -58,6 +58,7 @@ class Distances:
                     self._bodies[id(body)] = len(self._list)
                     self._list.append(body)
         self._links, self._base = link_table(chain), chain.base.matrix
+        self.slides = chain.slides
         # Frames of the bodies in the frames of joints, which have z along the joint axis.
         turns = [np.eye(3), *np.swapaxes(joint_frames(chain), 1, 2)]
         self._joints = np.array([x.link - 1 for x in self._list], dtype=np.intp)
@@ -236,7 +237,8 @@ def exclude_touching(arm: Arm) -> ArmShapes:
 
 def _postures(arm: Arm) -> FloatArray:
     """All joints at 0, and postures distributed over the joint ranges [rad], (n, dof)."""
-    low, high = (np.clip(x, -np.pi, np.pi) for x in arm.limits.joint_range(arm.dof))
+    far = np.where(arm.chain.slides, arm.span, np.pi)
+    low, high = (np.clip(x, -far, far) for x in arm.limits.joint_range(arm.dof))
     # Multiples of the square root of a prime, modulo 1, are evenly distributed.
     steps = np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37][: arm.dof])
     steps = np.concatenate([steps, np.sqrt(41 + np.arange(arm.dof - len(steps)))])

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.robot import Arm, Chain
 from armcontour.robot.scene import BASE, TOOL, ArmShapes, HalfSpace, LeftOut, LinkShape, Scene
@@ -30,7 +30,16 @@ class Pair:
     second: LinkShape
     kind: str  # "environment", "own" or "tool"
     margin: float  # Smallest allowed distance [m]
-    radii: FloatArray  # Bounds on the approach speed per joint speed [m/rad], (dof,)
+    # Bounds on the approach speed per joint speed with prismatic joints at 0 [m/rad], (dof,); 1 for
+    # a prismatic joint
+    radii: FloatArray
+
+    def radii_at(self, farthest: FloatArray, slides: BoolArray) -> FloatArray:
+        """`radii` while prismatic joints (`slides`) are at most `farthest` from 0 [m], (dof,)."""
+        # The joints between a revolute joint and the second body move the body away from its axis.
+        moved = farthest * slides * (np.arange(len(slides)) < self.second.link)
+        later = np.cumsum(moved[::-1])[::-1] - moved
+        return self.radii + later * (self.radii > 0) * ~slides
 
 
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
@@ -160,12 +169,16 @@ def _make_pair(
 
 
 def _radii(chain: Chain, body: LinkShape) -> FloatArray:
-    """Largest distances of points of a body from the joint axes in any posture [m], (dof,)."""
-    radii = np.zeros(len(chain))
+    """`Pair.radii` of a body: largest distances of its points from the joint axes [m], (dof,)."""
+    radii, slides = np.zeros(len(chain)), chain.slides
     middle, radius = body.shape.ball
     middle = body.place.position + body.place.rotation @ middle
     for k in range(body.link - 1, -1, -1):
         # A ball about a point on the axis contains the body at any joint position.
+        if slides[k]:
+            radii[k] = 1.0
+            middle = chain.positions[k] + chain.rotations[k] @ middle
+            continue
         along = chain.axes[k] * float(chain.axes[k] @ middle)
         radii[k] = radius = radius + float(np.linalg.norm(middle - along))
         middle = chain.positions[k] + chain.rotations[k] @ along

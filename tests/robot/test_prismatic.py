@@ -1,0 +1,206 @@
+"""Chains with prismatic joints: own 4 by 4 matrices, pinocchio, and a gantry in closed form."""
+
+import numpy as np
+import pytest
+from tests.dynamics_extra import pinocchio, pinocchio_model
+
+import armcontour as ac
+from armcontour.core.frames import Frame, exp
+from armcontour.robot import Chain, Payload, SerialArm
+
+ORDER = 4
+
+
+def mixed(seed, dof=6, reach=0.4):
+    """An arm with random joints of both kinds, the first or second of which is prismatic."""
+    rng = np.random.default_rng(seed)
+    axes = rng.normal(size=(dof, 3))
+    spread = 0.2 * rng.normal(size=(dof, 3, 3))
+    prismatic = rng.uniform(size=dof) < 0.4
+    prismatic[seed % 2] = True
+    chain = Chain(
+        joints=tuple(f"j{k}" for k in range(dof)),
+        rotations=exp(rng.normal(size=(dof, 3))),
+        positions=reach * rng.normal(size=(dof, 3)),
+        axes=axes / np.linalg.norm(axes, axis=1, keepdims=True),
+        masses=rng.uniform(1, 2, dof),
+        centers=0.1 * rng.normal(size=(dof, 3)),
+        inertias=spread @ np.swapaxes(spread, 1, 2) + np.eye(3),
+        armature=rng.uniform(0, 1, dof),
+        base=Frame.rpy([0.1, 0.2, 0.3], [1.0, 2.0, 3.0]),
+        tip=Frame.rpy([0.1, 0.1, 0.2], [0.3, 0.1, 0.2]),
+        tool=Frame.rpy([0.1, 0.1, 0.2], [0.2, 0.5, 0.7]),
+        gravity=[1.0, 2.0, -9.0],
+        payload=Payload(mass=0.5, center=(0.1, 0.0, 0.05)),
+        prismatic=tuple(prismatic.tolist()),
+    )
+    limits = ac.Limits(
+        joint_velocity=rng.uniform(0.5, 2.0, dof), joint_acceleration=rng.uniform(1.0, 9.0, dof)
+    )
+    return SerialArm(name=f"mixed {seed}", chain=chain, limits=limits)
+
+
+def products(a, b):
+    """Product of two series of 4 by 4 matrices in time."""
+    return np.array([sum(a[i] @ b[k - i] for i in range(k + 1)) for k in range(len(a))])
+
+
+def joint_series(axis, slides, q):
+    """Taylor coefficients of the transform of a joint from those of its position."""
+    motion = np.zeros((len(q), 4, 4))
+    if slides:
+        motion[:, :3, 3] = np.outer(q, axis)
+        motion[0] += np.eye(4)
+        return motion
+    # z = exp(i q) has the derivative i q' z.
+    z = np.zeros(len(q), complex)
+    z[0] = np.exp(1j * q[0])
+    for k in range(1, len(q)):
+        z[k] = 1j * sum((m + 1) * q[m + 1] * z[k - 1 - m] for m in range(k)) / k
+    cross = np.cross(axis, np.eye(3)).T
+    parallel = np.outer(axis, axis)
+    for k in range(len(q)):
+        motion[k, :3, :3] = z[k].real * (np.eye(3) - parallel) + z[k].imag * cross
+    motion[0, :3, :3] += parallel
+    motion[0, 3, 3] = 1.0
+    return motion
+
+
+def constant(rotation, position):
+    series = np.zeros((ORDER, 4, 4))
+    series[0] = np.eye(4)
+    series[0, :3, :3], series[0, :3, 3] = rotation, position
+    return series
+
+
+def tool_series(chain, *states):
+    """Taylor coefficients of the tool's transform, from q, dq, ddq and dddq."""
+    pose = constant(chain.base.rotation, chain.base.position)
+    factorials = np.array([1.0, 1.0, 2.0, 6.0])
+    for k in range(len(chain)):
+        pose = products(pose, constant(chain.rotations[k], chain.positions[k]))
+        q = np.array([x[k] for x in states]) / factorials
+        pose = products(pose, joint_series(chain.axes[k], chain.prismatic[k], q))
+    for end in (chain.tip, chain.tool):
+        pose = products(pose, constant(end.rotation, end.position))
+    return pose
+
+
+def vector(matrix):
+    return np.array([matrix[2, 1], matrix[0, 2], matrix[1, 0]])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_mixed_chains_move_as_products_of_matrices(seed):
+    arm = mixed(seed, dof=3 + seed % 5)
+    states = np.random.default_rng(seed).normal(size=(4, 40, arm.dof))
+    q, dq, ddq, _ = states
+    poses, twists, rates = arm.forward(q), arm.tool_twist(q, dq), arm.tool_twist_rate(q, dq, ddq)
+    motion = arm._motion(*states)
+    for i in range(len(q)):
+        series = tool_series(arm.chain, *states[:, i])
+        np.testing.assert_allclose(poses[i], series[0], atol=1e-12)
+        rotation = series[:, :3, :3]
+        back = np.swapaxes(rotation, 1, 2)
+        first = rotation[1] @ back[0]
+        second = 2 * rotation[2] @ back[0] + rotation[1] @ back[1]
+        third = 6 * rotation[3] @ back[0] + 4 * rotation[2] @ back[1] + 2 * rotation[1] @ back[2]
+        expected = [[*series[1, :3, 3], *vector(first)]]
+        expected += [[*2 * series[2, :3, 3], *vector(second)]]
+        expected += [[*6 * series[3, :3, 3], *vector(third)]]
+        np.testing.assert_allclose(twists[i], expected[0], atol=1e-11)
+        np.testing.assert_allclose(rates[i], expected[1], atol=1e-11)
+        np.testing.assert_allclose(motion[i], np.ravel(expected), atol=1e-10)
+    np.testing.assert_allclose(twists, np.einsum("nij,nj->ni", arm.jacobian(q), dq), atol=1e-12)
+    drift = np.einsum("nij,nj->ni", arm.tool_jacobian_rate(q, dq), dq)
+    bias = arm.tool_acceleration(q, dq, np.zeros_like(q))
+    np.testing.assert_allclose(drift, bias, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_torques_and_forces_are_those_of_pinocchio(seed):
+    pin = pinocchio()
+    arm = mixed(seed, dof=2 + seed)
+    chain, dynamics = arm.chain, arm.dynamics
+    model = pinocchio_model(chain)
+    data, states = model.createData(), np.random.default_rng(seed).normal(size=(3, 60, arm.dof))
+    armature = np.diag(chain.armature)
+    position, rate, mass = dynamics.derivatives(*states)
+    for i, (q, dq, ddq) in enumerate(np.swapaxes(states, 0, 1)):
+        torque = pin.rnea(model, data, q, dq, ddq) + armature @ ddq
+        np.testing.assert_allclose(dynamics.torque(q, dq, ddq), torque, atol=1e-9)
+        pin.crba(model, data, q)
+        expected = np.triu(data.M) + np.triu(data.M, 1).T + armature
+        np.testing.assert_allclose(dynamics.mass_matrix(q), expected, atol=1e-9)
+        np.testing.assert_allclose(mass[i], expected, atol=1e-9)
+        gravity = pin.computeGeneralizedGravity(model, data, q)
+        np.testing.assert_allclose(dynamics.gravity(q), gravity, atol=1e-9)
+        pin.computeRNEADerivatives(model, data, q, dq, ddq)
+        np.testing.assert_allclose(position[i], data.dtau_dq, atol=1e-8)
+        np.testing.assert_allclose(rate[i], data.dtau_dv, atol=1e-8)
+
+
+LENGTH = 0.2
+
+
+def gantry():
+    """Three prismatic joints and a spherical wrist; its tool is LENGTH from the centre of it."""
+    axes = np.eye(3)[[0, 1, 2, 2, 1, 2]]
+    chain = Chain(
+        joints=("x", "y", "z", "swing", "tilt", "roll"),
+        rotations=np.tile(np.eye(3), (6, 1, 1)),
+        positions=[[0, 0, 1.0], *np.zeros((5, 3))],
+        axes=axes,
+        tool=Frame([0, 0, LENGTH]),
+        prismatic=(True, True, True, False, False, False),
+    )
+    limits = ac.Limits(
+        joint_lower=[-1.0, -2.0, -0.5, -4.0, -2.8, -4.0],
+        joint_upper=[3.0, 2.0, 0.8, 4.0, 2.8, 4.0],
+        joint_velocity=[1.0, 1.0, 0.5, 3.0, 3.0, 3.0],
+        joint_acceleration=[2.0, 2.0, 1.0, 20.0, 20.0, 20.0],
+    )
+    return SerialArm(name="gantry", chain=chain, limits=limits)
+
+
+def gantry_positions(points, rotations, tilt):
+    """Joint positions by hand: Z-Y-Z angles of the wrist; `tilt`: sign of the second one."""
+    second = tilt * np.arccos(rotations[:, 2, 2])
+    sine = np.sin(second)
+    swing = np.arctan2(rotations[:, 1, 2] / sine, rotations[:, 0, 2] / sine)
+    roll = np.arctan2(rotations[:, 2, 1] / sine, -rotations[:, 2, 0] / sine)
+    centre = points - LENGTH * rotations[:, :, 2] - [0, 0, 1.0]
+    return np.column_stack([centre, swing, second, roll])
+
+
+POINTS = np.array([(0.5, -0.5, 0.6), (1.4, -0.2, 0.7), (1.6, 0.8, 0.5), (0.4, 1.2, 0.8)])
+TURNS = exp([[0.3, 2.4, 0.1], [0.5, 2.2, 0.3], [0.2, 2.3, 0.6], [0.0, 2.5, 0.2]])
+
+
+def golden_paths():
+    rounded = ac.round_corners(
+        ac.Path.polyline(POINTS).oriented(TURNS), tolerance=0.05, angular_tolerance=0.2
+    )
+    curve = ac.Path.spline(POINTS, tolerance=1e-4).oriented(TURNS[0])
+    return {
+        "rounded": rounded,
+        "spline": curve,
+        "line": ac.Path.polyline(POINTS[:2]).oriented(TURNS[1]),
+    }
+
+
+@pytest.mark.parametrize("kind", ["rounded", "spline", "line"])
+def test_a_gantry_moves_as_by_hand(kind):
+    arm, path = gantry(), golden_paths()[kind]
+    traced = ac.trace(path, arm)
+    s = np.random.default_rng(0).uniform(0, path.length, 500)
+    q = traced(s)
+    expected = gantry_positions(path(s), path.orientation(s), np.sign(q[0, 4]))
+    turns = 2 * np.pi * np.round((q - expected) / (2 * np.pi))[:, 3:]
+    assert (turns == turns[0]).all()
+    expected[:, 3:] += turns
+    np.testing.assert_allclose(q, expected, atol=1e-9)
+    found = arm.inverse(Frame(path(0.0), path.orientation(0.0)), all=True)
+    assert len(found) >= 2
+    for one in found:
+        np.testing.assert_allclose(arm.forward(one)[:3, 3], path(0.0), atol=1e-8)
