@@ -204,3 +204,86 @@ def test_a_gantry_moves_as_by_hand(kind):
     assert len(found) >= 2
     for one in found:
         np.testing.assert_allclose(arm.forward(one)[:3, 3], path(0.0), atol=1e-8)
+
+
+def test_written_joints_have_the_units_of_their_kind(tmp_path):
+    arm, path = gantry(), golden_paths()["line"]
+    plan = ac.plan(path, arm)
+    for name in ("plan.csv", "plan.yaml"):
+        ac.export(plan, tmp_path / name, arm=arm, cycle=0.01)
+    titles = (tmp_path / "plan.csv").read_text().splitlines()[0].split(",")
+    kinds = [("q", "rad", "m"), ("dq", "rad/s", "m/s"), ("ddq", "rad/s^2", "m/s^2")]
+    expected = [
+        f"{quantity} {joint} [{length if slides else angle}]"
+        for quantity, angle, length in kinds
+        for joint, slides in zip(arm.joint_names, arm.chain.prismatic, strict=True)
+    ]
+    assert titles == ["t [s]", *expected]
+    for name in ("plan.csv", "plan.yaml"):
+        samples = ac.read_trajectory(tmp_path / name, arm.joint_names)
+        t = np.minimum(samples.t, plan.duration)
+        np.testing.assert_allclose(samples.q, plan(t), atol=1e-7)
+        assert not ac.check(samples, arm, path=path, deviation=1e-6).violations
+    # A file in mm has the same motion.
+    text = (tmp_path / "plan.csv").read_text().replace(" x [m", " x [mm")
+    rows = [x.split(",") for x in text.splitlines()[1:]]
+    columns = [k for k, x in enumerate(titles) if " x [" in x]
+    for row in rows:
+        for k in columns:
+            row[k] = f"{1e3 * float(row[k]):.9f}"
+    lines = [text.splitlines()[0], *map(",".join, rows)]
+    (tmp_path / "mm.csv").write_text("\n".join(lines))
+    samples = ac.read_trajectory(tmp_path / "mm.csv", arm.joint_names)
+    np.testing.assert_allclose(samples.q, plan(np.minimum(samples.t, plan.duration)), atol=1e-7)
+    assert samples.prismatic == arm.chain.prismatic
+
+
+def planned_nearby(seed):
+    """A plan of a random mixed chain along a corner near a random posture; None out of reach."""
+    rng = np.random.default_rng(seed)
+    arm = mixed(seed, dof=6 + seed % 2, reach=0.3)
+    q = rng.uniform(-0.8, 0.8, arm.dof)
+    start = arm.forward(q)
+    corners = start[:3, 3] + np.cumsum([np.zeros(3), *rng.normal(size=(2, 3)) * 0.03], axis=0)
+    path = ac.round_corners(
+        ac.Path.polyline(corners).oriented(start[:3, :3]), tolerance=3e-3, continuity="curvature"
+    )
+    limits = arm.limits.replace(
+        speed=0.2,
+        tool_acceleration=2.0,
+        joint_jerk=rng.uniform(20.0, 200.0, arm.dof) if seed % 5 == 0 else np.inf,
+    )
+    try:
+        return arm, path, limits, ac.plan(path, arm, limits, ac.Optimal(seed=q))
+    except ac.Unreachable:
+        return None
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_limits_hold_between_samples_by_own_kinematics(part):
+    planned, seed = 0, 40 * part
+    while planned < 25:
+        assert seed < 40 * (part + 1)
+        found, seed = planned_nearby(seed), seed + 1
+        if found is None:
+            continue
+        planned += 1
+        arm, path, limits, plan = found
+        t = np.random.default_rng(seed).uniform(0, plan.duration, 60)
+        states = [plan(t, k) for k in range(4 if limits.limits_jerk else 3)]
+        names = ("joint_velocity", "joint_acceleration", "joint_jerk")
+        for name, values in zip(names, states[1:], strict=False):
+            ratio = np.abs(values) / getattr(limits, name)
+            assert ratio.max() <= 1 + 1e-9, (seed, name, ratio.max())
+        states = [*states, np.zeros_like(states[0])][:4]
+        series = np.array([tool_series(arm.chain, *x) for x in np.swapaxes(states, 0, 1)])
+        points = series[:, :, :3, 3]
+        assert np.linalg.norm(points[:, 1], axis=1).max() <= 0.2 * (1 + 1e-9)
+        assert np.linalg.norm(2 * points[:, 2], axis=1).max() <= 2.0 * (1 + 1e-9)
+        assert path.project(points[:, 0]).distance.max() < 1e-9
+        # Positions between the times follow from the velocities, by Simpson's rule.
+        h = 1e-4
+        t = t[(t > h) & (t < plan.duration - h)]
+        moved = plan(t + h) - plan(t - h)
+        rates = plan(t - h, 1) + 4 * plan(t, 1) + plan(t + h, 1)
+        np.testing.assert_allclose(moved, rates * h / 3, atol=1e-7)

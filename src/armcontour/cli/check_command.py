@@ -146,7 +146,14 @@ def _samples(options: Check, arm: Arm) -> TrajectoryFile:
     )  # fmt: skip
     for j, joint in enumerate(samples.joints):
         position = f"{samples.source}: the position of {joint}"
-        refuse_wrapped(position, samples.t, samples.q[:, j], j)
+        slides = bool(arm.chain.slides[j])
+        if samples.prismatic and samples.prismatic[j] not in (slides, None):
+            raise InvalidInput(
+                f"{position} must be in {arm.chain.unit('rad', j)}, as the joint is "
+                f"{'prismatic' if slides else 'revolute'}. Correct the unit in the title."
+            )
+        if not slides:
+            refuse_wrapped(position, samples.t, samples.q[:, j], j)
     return _with_noise(samples, options.noise)
 
 

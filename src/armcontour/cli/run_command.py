@@ -90,7 +90,12 @@ def write_motions(
             files.write_set_points, set_points=result.set_points, joint_names=joints
         )
         folder.place(f"{prefix}{name}/set_points.csv", set_points)
-        plan = partial(files.write_planned, samples=planned, joint_names=joints)
+        plan = partial(
+            files.write_planned,
+            samples=planned,
+            joint_names=joints,
+            prismatic=job.arm.chain.prismatic,
+        )
         folder.place(f"{prefix}{name}/planned.csv", plan)
         if job.arm.has_bodies:
             torque = partial(files.write_torque, samples=planned, arm=job.arm)

@@ -13,6 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import linear_unit
 from armcontour.core.text import LONGEST, list_some, parse_number, show
 from armcontour.core.units import parse_quantity
 
@@ -62,6 +63,7 @@ class CsvColumn:
     unit: str | None  # Unit as in the title; None if the title has no unit
     factor: float  # Conversion factor from the unit to SI units; 1 if the title has no unit
     rank: int  # Rank among columns of the same quantity; the lowest rank is used
+    linear: bool = False  # True if the unit is that of a prismatic joint
 
 
 @dataclass(slots=True)
@@ -373,11 +375,11 @@ def _read_titles(
         if unit is not None and content.unit is not None:
             raise InvalidInput(f"{location}: the column {show(title)} has two units. Remove one.")
         unit = content.unit if unit is None else unit
-        factor = 1.0 if unit is None else _unit_factor(unit, content.si, title, location)
-        column, other = (
-            CsvColumn(index, title, unit, factor, content.rank),
-            recognised.get(content.key),
-        )
+        factor, linear = 1.0, False
+        if unit is not None:
+            factor, linear = _unit_factor(unit, content.si, title, location)
+        column = CsvColumn(index, title, unit, factor, content.rank, linear)
+        other = recognised.get(content.key)
         if other is not None and other.rank == column.rank:
             fix = f" (for example with {option} '{SKIPPED}={title}')" if option else ""
             raise InvalidInput(
@@ -396,16 +398,18 @@ def title_pattern(title: str) -> str:
     return re.sub(r"\d+(?=\D*$)", "#", title)
 
 
-def _unit_factor(unit: str, si: str | None, title: str, location: str) -> float:
-    """Conversion factor from the unit of a column to an SI unit."""
+def _unit_factor(unit: str, si: str | None, title: str, location: str) -> tuple[float, bool]:
+    """Conversion factor from the unit of a column to an SI unit, or to that of prismatic joints."""
     plain = unit.strip().replace("²", "^2").replace("°", "deg")
+    linear = si is not None and "rad" in si and not _ANGLE.search(plain)
     try:
-        factor = 0.0 if si is None else parse_quantity(f"1 {plain}", si)
+        target = linear_unit(si or "") if linear else si
+        factor = 0.0 if target is None else parse_quantity(f"1 {plain}", target)
     except ValueError:
         factor = 0.0
-    if factor <= 0 or (si is not None and "rad" in si and not _ANGLE.search(plain)):
+    if factor <= 0:
         expected = f"must be convertible to {si}" if si else "must be removed"
         raise InvalidInput(
             f"{location}: the unit {show(unit)} of the column {show(title)} {expected}."
         )
-    return factor
+    return factor, linear

@@ -135,6 +135,8 @@ class TrajectoryFile(Frozen):
     # Value of the last printed digit of "t", "q", "dq", "ddq", in SI units
     resolution: Mapping[str, float] = field(default_factory=dict)
     joints: tuple[str, ...] = ()  # Names of the joints as in the file
+    # Whether the unit of each joint's column is that of a prismatic joint; None without a unit
+    prismatic: tuple[bool | None, ...] = ()
     left_out: tuple[str, ...] = ()  # Titles of columns that are not used
     notes: tuple[str, ...] = ()  # Notes on recognized and ignored content of the file
 

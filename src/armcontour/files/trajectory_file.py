@@ -105,6 +105,7 @@ def parse_trajectory(
             arrays[kind] = samples.values[:, indices]
             factor = max(table.columns[keys[i]].factor for i in indices)
             resolution[kind] = factor * last_digit([samples.digits[i] for i in indices])
+    used = [table.columns[x] for x in keys if x.kind == "q"]
     spare = [
         x.title for key, x in table.columns.items() if key.kind in QUANTITIES and key not in keys
     ]
@@ -113,7 +114,8 @@ def parse_trajectory(
         t=samples.t,
         **arrays,
         resolution=resolution,
-        joints=tuple(table.columns[key].title for key in keys if key.kind == "q"),
+        joints=tuple(x.title for x in used),
+        prismatic=tuple(None if x.unit is None else x.linear for x in used),
         left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *spare),
         notes=(*notes, *samples.notes),
     )
@@ -203,6 +205,7 @@ class StoredRun:
             events=tuple(x.shifted(-start) for x in self.events),
             start_time=start,
             joint_names=self.joint_names,
+            prismatic=tuple(x is True for x in stored.prismatic),
             derivatives=derivatives,
             command_limits=Limits() if self.limited else None,
         )
@@ -237,6 +240,7 @@ class StoredRun:
             cycle=step,
             events=self.events,
             joint_names=self.joint_names,
+            prismatic=tuple(x is True for x in planned.prismatic),
             derivatives=derivatives,
         )
 

@@ -228,22 +228,22 @@ def check_range_of_log(
     for name, values in positions.items():
         beyond = np.maximum(low - values, values - high)
         i, j = map(int, np.unravel_index(np.argmax(beyond), beyond.shape))
-        turned = np.radians(values)
+        turned = np.where(arm.chain.slides, values, np.radians(values))
         degrees = bool(
             (turned >= low - RANGE_MARGIN).all() and (turned <= high + RANGE_MARGIN).all()
         )
         if beyond[i, j] <= margin or (degrees_only and not degrees):
             continue
-        hint = "Correct the number, or specify the arm of the file"
+        hint, unit = "Correct the number, or specify the arm of the file", arm.chain.unit("rad", j)
         if degrees:
             hint = (
                 "All joints are within their ranges if the positions are in degrees. If they are, "
                 "specify this unit for all positions and rates, such as q1 [deg] and dq1 [deg/s]"
             )
         raise InvalidInput(
-            f"{source}: the {name} of {joint_names[j]} is {values[i, j]:.4g} rad at "
+            f"{source}: the {name} of {joint_names[j]} is {values[i, j]:.4g} {unit} at "
             f"t = {clock(t[i])} s, outside the range of {arm.name} from {low[j]:.4g} to "
-            f"{high[j]:.4g} rad. {hint}.",
+            f"{high[j]:.4g} {unit}. {hint}.",
             t=float(t[i]),
             joint=j,
         )

@@ -309,3 +309,25 @@ def test_refuses_what_it_cannot_say(table, tmp_path):
     ]
     refusals(lambda x: program(x[0], tmp_path, **x[1]), cases)
     assert not list(tmp_path.iterdir())
+
+
+def on_rail(table):
+    return dataclasses.replace(table(7, count=5), prismatic=(True, *[False] * 6))
+
+
+def test_prismatic_joints_are_external_axes_in_mm(table, tmp_path):
+    exported = on_rail(table)
+    turned, slid = np.degrees(exported.q[:, 1:]), 1e3 * exported.q[:, 0]
+    kuka = re.findall(rf"S?PTP \{{{AXES}, E1 ({NUMBER})\}}", made(exported, tmp_path, "kuka"))
+    np.testing.assert_allclose(
+        np.array(kuka, float), np.column_stack([turned, slid]), rtol=0, atol=6e-7
+    )
+    text = made(exported, tmp_path, "abb")
+    abb = re.findall(rf"MoveAbsJ \[\[([^\]]*)\], \[({NUMBER})(?:, 9E9){{5}}\]\]", text)
+    values = [[*map(float, x.split(", ")), float(y)] for x, y in abb]
+    np.testing.assert_allclose(values, np.column_stack([turned, slid]), rtol=0, atol=6e-7)
+    gantry = dataclasses.replace(table(6), prismatic=(True, *[False] * 5))
+    for name in ("kuka", "abb"):
+        refusals(lambda x: made(gantry, tmp_path, x), [(name, "6 revolute ... has 5 and 1")])
+    writes = [(tmp_path / "made.script", "URScript has no prismatic joints")]
+    refusals(lambda x: URScriptFormat().write(gantry, x), writes)

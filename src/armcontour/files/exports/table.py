@@ -17,7 +17,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.core.quantities import Axes, Interval, Quantity
+from armcontour.core.quantities import Axes, Interval, Quantity, linear_unit
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import (
     DEFAULT_CYCLE,
@@ -49,6 +49,7 @@ FEWER_DECIMALS = {"dq": 1, "ddq": 2}
 MICRO, NANO = 6, 9
 # Number of values per formatting step; larger blocks need more memory and are not faster.
 FORMAT_BLOCK = 1 << 16
+# Units of the quantities of revolute joints.
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
 # Attributes of events in JSON; `event_data` adds `point`.
 EVENT_KEYS = ("name", "value", "t", "due", "s")
@@ -61,6 +62,7 @@ class SetPointTable(Checked):
     Args:
         name: Name of the program, one line of text.
         joint_names: Names of the joints.
+        prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
         cycle: Time between points [s]; the last interval may be shorter.
         t: Times of the points [s], (n,); the first one is 0.
         q: Joint positions [rad], (n, dof).
@@ -88,8 +90,10 @@ class SetPointTable(Checked):
     analog: Mapping[str, FloatArray] = field(default_factory=dict)
     contours: tuple[tuple[float, str], ...] = ()
     command_limits: Limits | None = None
+    prismatic: tuple[bool, ...] = ()
 
     def _check_together(self) -> None:
+        object.__setattr__(self, "prismatic", self.prismatic or (False,) * self.dof)
         analog = {
             key: checks.freeze(checks.check_numbers(f"analog output {key} of {self.name!r}", x))
             for key, x in self.analog.items()
@@ -244,6 +248,8 @@ def tabulate(
             raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
     if joint_names is None:
         joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
+    if arm is not None:
+        about["prismatic"] = arm.chain.prismatic
     return SetPointTable(
         joint_names=joint_names,  # type: ignore[arg-type]  # converted by the field
         t=samples.t,
@@ -351,7 +357,10 @@ def _with_builtin_types(event: TimedEvent) -> TimedEvent:
 
 
 def joint_columns(
-    t: FloatArray, joint_names: Sequence[str], **quantities: FloatArray | None
+    t: FloatArray,
+    joint_names: Sequence[str],
+    prismatic: Sequence[bool] | None = None,
+    **quantities: FloatArray | None,
 ) -> tuple[list[str], list[FloatArray]]:
     """Titles (`t [s]`, `q 1 [rad]`, ...) and columns of times and quantities that are not None."""
     # Titles contain the names of the joints, without "joint " if the shortened names are unique.
@@ -360,9 +369,11 @@ def joint_columns(
     if len(set(called)) < len(called):
         called = list(joint_names)
     header, columns = ["t [s]"], [t]
+    slides = prismatic or (False,) * len(called)
     for quantity, values in quantities.items():
         if values is not None:
-            header += [f"{quantity} {name} [{UNITS[quantity]}]" for name in called]
+            units = (linear_unit(UNITS[quantity]) if x else UNITS[quantity] for x in slides)
+            header += [f"{quantity} {x} [{unit}]" for x, unit in zip(called, units, strict=True)]
             columns.append(values)
     return header, columns
 
@@ -436,7 +447,7 @@ def write_csv(table: SetPointTable, file: FilePath) -> None:
     # The titles of analog outputs are such as `analog power`. An event is in the row of the last
     # point at or before the event, with its exact time: `tool=on@0.104000; gas=2.5@0.104500`.
     quantities = {x: getattr(table, x) for x in ("q", "dq", "ddq")}
-    header, columns = joint_columns(table.t, table.joint_names, **quantities)
+    header, columns = joint_columns(table.t, table.joint_names, table.prismatic, **quantities)
     fewer = [FEWER_DECIMALS.get(x, 0) for x, values in quantities.items() if values is not None]
     places = [time_decimals(table.t)]
     places += [table.decimals - n for n in fewer]
@@ -467,22 +478,28 @@ def write_set_points(file: FilePath, set_points: SetPoints, joint_names: Sequenc
 
 def set_point_pieces(set_points: SetPoints, joint_names: Sequence[str]) -> Iterator[str]:
     """Yield the CSV text of set-points in blocks of rows."""
-    return csv_pieces(*joint_columns(set_points.t, joint_names, q=set_points.q))
+    arm = set_points.trajectory.arm
+    prismatic = None if arm is None else arm.chain.prismatic
+    return csv_pieces(*joint_columns(set_points.t, joint_names, prismatic, q=set_points.q))
 
 
-def write_planned(file: FilePath, samples: Samples, joint_names: Sequence[str] = ()) -> None:
+def write_planned(
+    file: FilePath,
+    samples: Samples,
+    joint_names: Sequence[str] = (),
+    prismatic: Sequence[bool] | None = None,
+) -> None:
     """Write the realizable trajectory as CSV: t, then q, dq and ddq of every joint.
 
     Args:
         file: The file.
         samples: Samples of the trajectory; the last row is the end.
         joint_names: Names of the joints; numbers by default.
+        prismatic: As in `SetPointTable`.
     """
     names = joint_names or [f"joint {j + 1}" for j in range(samples.q.shape[1])]
-    write_pieces(
-        file,
-        csv_pieces(*joint_columns(samples.t, names, q=samples.q, dq=samples.dq, ddq=samples.ddq)),
-    )
+    rates = {"q": samples.q, "dq": samples.dq, "ddq": samples.ddq}
+    write_pieces(file, csv_pieces(*joint_columns(samples.t, names, prismatic, **rates)))
 
 
 def write_torque(file: FilePath, samples: Samples, arm: Arm) -> None:
@@ -494,4 +511,5 @@ def write_torque(file: FilePath, samples: Samples, arm: Arm) -> None:
         arm: The arm, with bodies.
     """
     torque = arm.torque(samples.q, samples.dq, samples.ddq)
-    write_pieces(file, csv_pieces(*joint_columns(samples.t, arm.joint_names, torque=torque)))
+    titled = joint_columns(samples.t, arm.joint_names, arm.chain.prismatic, torque=torque)
+    write_pieces(file, csv_pieces(*titled))

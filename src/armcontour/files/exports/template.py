@@ -47,8 +47,9 @@ class Point:
 
     number: int  # Number of the point, from 1
     t: float  # Time from the first point [s]
-    q: tuple[float, ...]  # Joint positions [rad]
-    q_deg: tuple[float, ...]  # Joint positions [deg]
+    q: tuple[float, ...]  # Joint positions [rad or m]
+    q_deg: tuple[float, ...]  # Positions of the revolute joints [deg]
+    q_mm: tuple[float, ...]  # Positions of the prismatic joints [mm]
     dq: tuple[float, ...] | None  # Joint velocities [rad/s]; None unless exported
     ddq: tuple[float, ...] | None  # Joint accelerations [rad/s²]; None unless exported
     analog: Mapping[str, float]  # Values of analog outputs by their names
@@ -211,7 +212,9 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
     for contour, i in zip(named, table.points_at([t for t, _ in named]), strict=True):
         contours.setdefault(i, []).append(contour)
     count = len(table.t)
-    arrays = (*(table.q, np.degrees(table.q), table.dq, table.ddq),)
+    slides = np.array(table.prismatic)
+    turned, slid = np.degrees(table.q[:, ~slides]), table.q[:, slides] * 1e3
+    arrays = (table.q, turned, slid, table.dq, table.ddq)
     analog = {key: values.tolist() for key, values in table.analog.items()}
     none: list[tuple[float, ...] | None] = [None] * count
     rows = zip(
@@ -223,13 +226,16 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
             t=t,
             q=q or (),
             q_deg=degrees or (),
+            q_mm=lengths or (),
             dq=dq,
             ddq=ddq,
             analog={key: values[i] for key, values in analog.items()},
             events=tuple(events.get(i, ())),
             contours=tuple(contours.get(i, ())),
         )
-        for i, (t, (q, degrees, dq, ddq)) in enumerate(zip(table.t.tolist(), rows, strict=True))
+        for i, (t, (q, degrees, lengths, dq, ddq)) in enumerate(
+            zip(table.t.tolist(), rows, strict=True)
+        )
     )
 
 

@@ -170,6 +170,11 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
 
 def _check_table(table: SetPointTable) -> None:
     """Check that URScript can represent a table."""
+    if any(table.prismatic):
+        raise InvalidInput(
+            f"URScript has no prismatic joints, but {table.name!r} moves some. Choose another "
+            "format."
+        )
     if table.dof != JOINTS:
         raise InvalidInput(
             f"URScript requires an arm with {JOINTS} joints, but {table.name!r} has {table.dof}. "
