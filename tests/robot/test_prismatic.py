@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
-from tests.dynamics_extra import pinocchio, pinocchio_model
+from tests.dynamics_extra import needs_dynamics, pinocchio, pinocchio_model
 
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
+from armcontour.motion import LapLaw, Trajectory
 from armcontour.robot import Chain, Payload, SerialArm
+from armcontour.robot.scene import ArmShapes, LinkShape, Obstacle, Scene, Sphere
+from armcontour.verification.clearance import check_clearance
 
 ORDER = 4
 
@@ -287,3 +290,38 @@ def test_limits_hold_between_samples_by_own_kinematics(part):
         moved = plan(t + h) - plan(t - h)
         rates = plan(t - h, 1) + 4 * plan(t, 1) + plan(t + h, 1)
         np.testing.assert_allclose(moved, rates * h / 3, atol=1e-7)
+
+
+def place_of(chain, q, link, point):
+    """A point of a link in the frame of the base, (3,)."""
+    pose = np.eye(4)
+    for k in range(link):
+        pose = pose @ constant(chain.rotations[k], chain.positions[k])[0]
+        pose = pose @ joint_series(chain.axes[k], chain.prismatic[k], np.append(q[k], 0.0))[0]
+    return pose[:3] @ np.append(point, 1.0)
+
+
+@needs_dynamics
+@pytest.mark.parametrize("seed", range(30))
+def test_clearance_is_bounded_between_samples(seed):
+    rng = np.random.default_rng(seed)
+    arm, link, point = mixed(seed, dof=5), 2 + seed % 4, 0.2 * rng.normal(size=3)
+    body = LinkShape(name="body", link=link, shape=Sphere(radius=0.05), place=Frame(position=point))
+    first, last = rng.uniform(-1, 1, size=(2, arm.dof))
+    law = LapLaw(
+        breaks=np.array([0.0, 1.0]),
+        q=np.array([first, last]),
+        dq=(last - first)[None],
+        ddq=np.zeros((1, arm.dof)),
+    )
+    motion = Trajectory(laws=(law,), method="test")
+    centre = place_of(arm.chain, motion(rng.uniform()), link, point) + 0.15 * rng.normal(size=3)
+    wall = Obstacle(
+        name="wall", shape=Sphere(radius=0.02), place=Frame(position=centre), fixed_to="base"
+    )
+    arm = arm.with_shapes(ArmShapes(shapes=(body,)))
+    (pair,) = check_clearance(motion, arm, Scene(obstacles=(wall,)), resolution=1e-4).pairs
+    places = [place_of(arm.chain, x, link, point) for x in motion(np.linspace(0, 1, 2001))]
+    sampled = np.linalg.norm(np.array(places) - centre, axis=1).min() - 0.07
+    assert pair.low <= sampled + 1e-9 and pair.high <= pair.low + 1.1e-4
+    assert pair.high > sampled - 3e-3

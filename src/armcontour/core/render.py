@@ -84,8 +84,15 @@ def number_range(values: Iterable[float], unit: str = "") -> str:
 
 
 def figure(row: Row) -> str:
-    """Displayed value of a row, with its unit."""
-    return number(row.figure, row.unit)
+    """Displayed value of a row, with its unit; one value per unit if joints have different ones."""
+    units = row.unit.split(", ")
+    if len(units) == 1 or row.value is None:
+        return number(row.figure, row.unit)
+    values = row.value.values() if isinstance(row.value, Mapping) else row.value
+    largest: dict[str, float] = {}
+    for value, unit in zip(values, units, strict=True):
+        largest[unit] = max(largest.get(unit, value), value)
+    return ", ".join(number(x, unit) for unit, x in largest.items())
 
 
 def text(data: Data, level: int = TABLE) -> str:
@@ -186,7 +193,8 @@ def frame(data: Data) -> list[dict[str, Any]]:
     """Values of a result for the page of the Studio."""
     figures = []
     for row in data.shown():
-        digits_shown, unit = split(row.figure, row.unit)
+        mixed = ", " in row.unit
+        digits_shown, unit = (figure(row), "") if mixed else split(row.figure, row.unit)
         figures.append(
             {
                 "name": row.name,

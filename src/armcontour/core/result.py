@@ -24,7 +24,9 @@ class Row:
     # A number, text, True or False; numbers per joint or per name, of which the largest is shown;
     # or several texts; None if unknown.
     value: Any
-    unit: str = ""  # SI unit, "1" for a fraction, "" for a count, `JUDGED` for a verdict
+    # SI unit, "1" for a fraction, "" for a count, `JUDGED` for a verdict; one per value with ", "
+    # between if the joints have different units
+    unit: str = ""
     label: str = ""  # Displayed name; "" for a value in files only
     note: str = ""  # Further information, such as the time or the joint
     level: int = TABLE  # `VERDICT`, `FIRST`, `TABLE` or `FILE`

@@ -26,6 +26,7 @@ from armcontour.motion import Execution
 from armcontour.program import Contour, Program
 from armcontour.program.preparation import PIERCE
 from armcontour.robot import Arm
+from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
 from armcontour.simulation import RigidBodyPlant
 from armcontour.verification.evaluation import duration_row
@@ -274,7 +275,7 @@ def _executions(result: RunResult) -> Iterator[Row]:
         yield Row("speed", result.motion.tool_speed.max(), "m/s", "tool speed, largest")
     if (e := result.evaluation) is not None:
         yield from _shown(result, SERVO, [*e.to_data().rows, *_angular_rows(result.motion)])
-        yield Row("unsettled", result.motion.unsettled, "rad")
+        yield Row("unsettled", result.motion.unsettled, unit_of(result.arm, "rad"))
     yield from _torque_rows(result.arm, limit, result.torques, "planned")
     if result.failure is not None:
         label = f"{OTHERS_LABELS[BODIES]}failed"
@@ -317,15 +318,15 @@ def _torque_rows(
     if torques is None:
         return
     peak = torques.peak
-    yield Row("torque.peak", peak, "N m")
-    yield Row("torque.limit", limit, "N m")
+    yield Row("torque.peak", peak, arm.chain.unit("N m"))
+    yield Row("torque.limit", limit, arm.chain.unit("N m"))
     yield Row("torque.assumed", arm.chain.assumed or None)
     if limit is None:
         yield Row("torque_ratio", None)
         return
     share = peak / limit
     worst = int(share.argmax())
-    largest, allowed = (number(x[worst], "N m") for x in (peak, limit))
+    largest, allowed = (number(x[worst], arm.chain.unit("N m", worst)) for x in (peak, limit))
     note = f"{arm.joint_names[worst]}, {largest} of {allowed}"
     yield Row("torque_ratio", share, "1", f"drive torque, {kind}", note)
 
@@ -335,12 +336,12 @@ def _plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
     yield Row("plant", type(plant).__name__)
     yield Row("step", plant.step, "s")
     yield Row("gravity_feedforward", plant.gravity_feedforward)
-    yield Row("nominal_inertia", plant.nominal_inertia, "kg m^2")
+    yield Row("nominal_inertia", plant.nominal_inertia, plant.chain.unit("kg m^2"))
     for name, chain in ("robot", plant.chain), ("controller", plant.controller_chain):
         yield Row(f"{name}.payload", 0.0 if chain.payload is None else chain.payload.mass, "kg")
-        yield Row(f"{name}.armature", chain.armature, "kg m^2")
-        yield Row(f"{name}.viscous", chain.viscous, "N m s/rad")
-        yield Row(f"{name}.coulomb", chain.coulomb, "N m")
+        yield Row(f"{name}.armature", chain.armature, chain.unit("kg m^2"))
+        yield Row(f"{name}.viscous", chain.viscous, chain.unit("N m s/rad"))
+        yield Row(f"{name}.coulomb", chain.coulomb, chain.unit("N m"))
 
 
 # Set-points and plan.
@@ -354,7 +355,7 @@ def _set_points(result: RunResult) -> Iterator[Row]:
         return
     every = f"every {number(set_points.cycle, 's')}"
     yield Row("set_points", len(set_points.q), "", "set-points", every)
-    yield Row("truncated", set_points.truncated, "rad")
+    yield Row("truncated", set_points.truncated, unit_of(result.arm, "rad"))
     if set_points.command_limits is None:
         return
     cost, use = set_points.limit_cost, set_points.command_use
@@ -365,7 +366,8 @@ def _set_points(result: RunResult) -> Iterator[Row]:
     )
     yield Row("command_use", use, "1")
     yield Row("command_ratio", use[name].max(), "1", "set-points of the command limit", note)
-    yield Row("set_point_change", 0.0 if cost is None else cost.deviation, "rad")
+    changed = 0.0 if cost is None else cost.deviation
+    yield Row("set_point_change", changed, unit_of(result.arm, "rad"))
     yield Row("limit_contour_rms", 0.0 if cost is None else cost.contour_rms, "m")
     yield Row("limit_contour_max", 0.0 if cost is None else cost.contour_max, "m")
 
@@ -385,7 +387,8 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
     yield Row("continuity", run.continuity)
     if trajectory.arm is not None:
         names = result.arm.joint_names
-        yield Row("start", dict(zip(names, trajectory(0.0), strict=True)), "rad")
+        start = dict(zip(names, trajectory(0.0), strict=True))
+        yield Row("start", start, unit_of(result.arm, "rad"))
     yield Row("switching_points", trajectory.switching_points, "s")
     stops = full_stops(result)
     yield Row("full_stops.count", sum(stops.values()))

@@ -23,6 +23,7 @@ from armcontour.motion.set_point_check import describe_excess
 from armcontour.planning import Conventional
 from armcontour.program import Program, contour_called
 from armcontour.robot import compare_limits
+from armcontour.robot.arm import unit_of
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
 
@@ -255,11 +256,12 @@ def _changed_commands(set_points: SetPoints, servo: ServoModel | None) -> Iterat
     """Yield warnings for set-points that are truncated, changed, or beyond limits of the plan."""
     if set_points.truncated is not None and set_points.truncated.max() >= MIN_JOINT_ERROR:
         j = int(np.argmax(set_points.truncated))
+        unit = unit_of(set_points.trajectory.arm, "rad", j)
         integrates = servo is not None and servo.for_joints(set_points.q.shape[1]).ki[j] > 0
         cause = "integrator (ki)" if integrates else "velocity feed-forward"
         yield (
             f"the {cause} of the servo requires set-points long after the motion, which are "
-            f"truncated. This adds up to {number(set_points.truncated[j], 'rad')} to the error of "
+            f"truncated. This adds up to {number(set_points.truncated[j], unit)} to the error of "
             f"joint {j + 1} after the end of the plan."
         )
     if (
@@ -275,10 +277,11 @@ def _unsettled(executed: Execution) -> str:
     if executed.unsettled is None:
         return ""
     j = int(np.argmax(executed.unsettled))
+    unit = unit_of(executed.arm, "rad", j)
     waited = executed.t[-1] - executed.set_points.t[-1]
     return (
         f"joint {j + 1} is not at rest {waited:.3g} s after its last set-point; its distance from "
-        f"the set-point is {number(executed.unsettled[j], 'rad')}."
+        f"the set-point is {number(executed.unsettled[j], unit)}."
     )
 
 

@@ -17,6 +17,7 @@ from armcontour.core.render import number
 from armcontour.core.text import draw, short_repr
 from armcontour.motion.trajectory import Trajectory, to_columns
 from armcontour.robot import Arm, Limits
+from armcontour.robot.arm import unit_of
 
 # Largest distance between the end of a plant's motion and the next sample [rad].
 SAME_POSITION = 1e-9
@@ -255,16 +256,19 @@ class LimitCost(Frozen):
         contour_rms: RMS contour error that the changes cause according to the servo model, if the
             set-points without limits cause none [m]; None if the plan has no arm or no path.
         contour_max: Largest such contour error [m].
+        arm: The arm, for units; None if unknown.
     """
 
     deviation: FloatArray
     contour_rms: float | None = None
     contour_max: float | None = None
+    arm: Arm | None = None
 
     def __str__(self) -> str:
         """Summary: largest change of a set-point, and largest contour error."""
         j = int(np.argmax(self.deviation))
-        text = f"up to {number(self.deviation[j], 'rad')} at joint {j + 1}"
+        change = number(self.deviation[j], unit_of(self.arm, "rad", j))
+        text = f"up to {change} at joint {j + 1}"
         largest = self.contour_max
         return text if largest is None else f"{text}, contour error {number(largest, 'm')} at most"
 

@@ -79,7 +79,7 @@ class JointPath(Checked):
             i, j = (int(x) for x in np.unravel_index(int(np.argmax(jumps)), jumps.shape))
             s = float(self.breaks[i + 1])
             raise InvalidInput(
-                f"Joint {j + 1} jumps by {jump:.3g} rad at s = {s:g}. A joint path must be "
+                f"Joint {j + 1} jumps by {jump:.3g} rad or m at s = {s:g}. A joint path must be "
                 "continuous.",
                 s=s,
                 joint=j,

@@ -6,6 +6,7 @@ from armcontour.core.errors import CompensationError
 from armcontour.motion.execution import SetPoints
 from armcontour.motion.nearest_commands import find_range_or_speed_excess
 from armcontour.robot import Limits
+from armcontour.robot.arm import unit_of
 
 
 def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> None:
@@ -22,17 +23,19 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
         return
     joint, t = found.joint + 1, float(set_points.t[found.row])
     more = found.needed - found.allowed
+    unit = unit_of(set_points.trajectory.arm, "rad/s" if found.order else "rad", found.joint)
     if found.order:
         sentence = (
-            f"The set-points of joint {joint} move at {found.needed:.6g} rad/s from t = {t:.6g} s "
-            f"on, above its joint_velocity of {found.allowed:.6g} rad/s. Plan with a joint_velocity"
-            f" lower by {more:.2g} rad/s, with smoother accelerations, or with slower poles."
+            f"The set-points of joint {joint} move at {found.needed:.6g} {unit} from t = {t:.6g} s "
+            f"on, above its joint_velocity of {found.allowed:.6g} {unit}. Plan with a "
+            f"joint_velocity lower by {more:.2g} {unit}, with smoother accelerations, or with "
+            "slower poles."
         )
     else:
         sentence = (
-            f"The set-point of joint {joint} at t = {t:.6g} s is {found.needed:.6g} rad, beyond its"
-            f" {found.name} of {found.allowed:.6g} rad. Plan a motion that stays {abs(more):.2g} "
-            "rad away from this limit, or is slower there."
+            f"The set-point of joint {joint} at t = {t:.6g} s is {found.needed:.6g} {unit}, beyond "
+            f"its {found.name} of {found.allowed:.6g} {unit}. Plan a motion that stays "
+            f"{abs(more):.2g} {unit} away from this limit, or is slower there."
         )
     raise CompensationError(
         sentence,

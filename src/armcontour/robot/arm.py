@@ -77,6 +77,12 @@ def resolve_limits(
     return resolved
 
 
+def unit_of(arm: Arm | None, unit: str, joint: int | None = None) -> str:
+    """`Chain.unit` of an arm; the unit of revolute joints if the arm is unknown."""
+    chain: Chain | None = getattr(arm, "chain", None)
+    return unit if chain is None else chain.unit(unit, joint)
+
+
 def compare_limits(limits: Limits, arm: Arm) -> str:
     """Warning about limits (one value per joint) that exceed the arm's; empty if none does."""
     # Lifted limits are None and are skipped.
@@ -95,6 +101,7 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
         if excess[side, j] > SAME_LIMIT:
             sign = -1.0 if side or name == "joint_lower" else 1.0
             joint = "" if name in TOOL_LIMITS else f" of joint {j + 1}"
+            unit = unit_of(arm, unit, int(j)) if joint else unit
             value, arm_value = (f"{sign * x[side, j]:.6g} {unit}" for x in (requested, has))
             above.append(f"{name}{joint} is {value}, the arm's {arm_value}")
     if not above:

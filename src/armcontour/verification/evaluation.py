@@ -21,6 +21,7 @@ from armcontour.geometry import Path
 from armcontour.motion import Execution, SetPoints
 from armcontour.program import Program
 from armcontour.robot import Limits, resolve_limits
+from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of
 from armcontour.verification.contour_errors import (
     CornerDeviation,
@@ -171,13 +172,17 @@ class Evaluation(Result, Frozen):
             Row("path_velocity", self.path_velocity, "m/s", "tool speed, mean"),
             Row("time_at_limit", self.time_at_limit, "1", "some joint at a limit", self._reserved),
             Row("limit_ratios", self.limit_ratios, "1", "limit use, planned", largest),
-            Row("demand", self.demand, "rad/s^2"),
+            Row("demand", self.demand, self._unit("rad/s^2")),
             demand_row(self.demand_ratio),
-            Row("jerk", self.jerk, "rad/s^3"),
+            Row("jerk", self.jerk, self._unit("rad/s^3")),
             _of_joints("jerk_ratio", self.jerk_ratio, "1", "joint jerk"),
-            Row("command_jerk", self.command_jerk, "rad/s^3"),
+            Row("command_jerk", self.command_jerk, self._unit("rad/s^3")),
             saturated_row(self.saturated),
         )
+
+    def _unit(self, unit: str) -> str:
+        """Unit of all joints, from that of revolute joints."""
+        return unit_of(None if self.judged is None else self.judged.executed.arm, unit)
 
     @property
     def _reserved(self) -> str:

@@ -16,6 +16,7 @@ from armcontour.core.result import Data, Row
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory
 from armcontour.robot import Arm, Limits, SerialArm
+from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import STILL, States, Use, use_of
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, LIMITS
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
@@ -67,6 +68,7 @@ class Occurrence:
         s: Arc length of the nearest point on the path [m]; None without a path.
         slack: Part of `ratio` that rounding may have caused.
         certain: Smallest ratio that is possible for the rounded numbers.
+        unit: Unit of value and limit.
     """
 
     ratio: float
@@ -77,14 +79,11 @@ class Occurrence:
     s: float | None
     slack: float
     certain: float
+    unit: str
 
-    def rows(self, unit: str) -> tuple[Row, ...]:
-        """Result rows; joints are numbered from 1.
-
-        Args:
-            unit: Unit of the limit.
-        """
-        joint = None if self.joint is None else self.joint + 1
+    def rows(self) -> tuple[Row, ...]:
+        """Result rows; joints are numbered from 1."""
+        joint, unit = None if self.joint is None else self.joint + 1, self.unit
         return (
             Row("ratio", self.ratio, "1", "share"),
             Row("value", self.value, unit, "value"),
@@ -118,14 +117,9 @@ class LimitUse(Result, Occurrence):
     highest: Occurrence
     verdict: str
 
-    @property
-    def unit(self) -> str:
-        """Unit of value and limit."""
-        return UNITS.get(self.name, "")
-
     def to_data(self) -> Data:
         """Use of the limit, with time and joint."""
-        highest = self.highest.rows(self.unit)
+        highest = self.highest.rows()
         note = (
             f"as printed {number(self.highest.ratio, '1')}" if self.verdict == CANNOT_TELL else ""
         )
@@ -134,7 +128,7 @@ class LimitUse(Result, Occurrence):
             f"Use of {self.name}",
             (
                 Row("name", self.name, "", "limit"),
-                *self.rows(self.unit),
+                *self.rows(),
                 Row("verdict", self.verdict, "", "verdict", note),
                 *(replace(x, label="") for x in Data("", highest).with_prefix("highest")),
             ),
@@ -210,12 +204,15 @@ class LimitUseAccumulator:
 
         def occurrence(i: int) -> tuple[Occurrence, FloatArray]:
             index = np.unravel_index(i, value.shape)
+            joint = int(index[1]) if value.ndim == 2 else None
+            unit = UNITS.get(name, "")
             result = Occurrence(
                 ratio=float(ratio[index]),
                 value=float(value[index]),
                 limit=float(allowed[index]),
                 t=float(t[index[0]]),
-                joint=int(index[1]) if value.ndim == 2 else None,
+                joint=joint,
+                unit=unit if joint is None else unit_of(self.arm, unit, joint),
                 s=None,
                 slack=float(slack[index]),
                 certain=float(certain[index]),

@@ -24,6 +24,7 @@ from armcontour.motion import Trajectory, arm_of
 from armcontour.motion.log_checks import check_samples
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits, SerialArm, resolve_limits
+from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import Use
 from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
@@ -83,6 +84,7 @@ class Check(Result):
         end: Last time [s].
         end_speeds: Largest joint velocity at the first and the last time [rad/s]; if only positions
             are known, the smallest one that the acceleration limits allow.
+        end_units: Units of the end speeds, of the joints that have these speeds.
         path_deviation: Largest distance from the path; None without a path.
         rounding: Assumed bound on the error of "t", "q", "dq", "ddq" [SI].
     """
@@ -96,6 +98,7 @@ class Check(Result):
     start: float
     end: float
     end_speeds: tuple[float, float]
+    end_units: tuple[str, str]
     path_deviation: PathDeviation | None
     rounding: Mapping[str, float]
 
@@ -133,7 +136,7 @@ class Check(Result):
                 *distance,
                 Row("states", self.states, "", "times", times),
                 *(Row(x, getattr(self, x), "s") for x in ("start", "end")),
-                Row("end_speeds", self.end_speeds, "rad/s"),
+                Row("end_speeds", self.end_speeds, ", ".join(dict.fromkeys(self.end_units))),
                 *(Row(x, getattr(self, x)) for x in ("tolerance", "rounding")),
                 *(Row(x, getattr(self, x)) for x in ("not_judged", "missing", "reconstruction")),
             ),
@@ -159,11 +162,12 @@ class Check(Result):
         if self.not_judged:
             names = ", ".join(self.not_judged)
             yield f"Not judged, because a limit, masses or samples are missing: {names}."
-        for end, speed in zip(("start", "end"), self.end_speeds, strict=True):
+        ends = zip(("start", "end"), self.end_speeds, self.end_units, strict=True)
+        for end, speed, unit in ends:
             if speed > AT_REST:
                 yield (
                     f"The motion does not {end} at rest: at its {end} a joint moves at "
-                    f"{number(speed, 'rad/s')}, so the robot can execute it only as a part of a "
+                    f"{number(speed, unit)}, so the robot can execute it only as a part of a "
                     "longer motion."
                 )
 
@@ -375,7 +379,7 @@ def _judge_law(
         "states": count,
         "start": start,
         "end": end,
-        "end_speeds": (float(np.abs(first).max()), float(np.abs(last).max())),
+        **_fastest(tally.arm, np.abs([first[0], last[0]])),
         "rounding": {},
     }
 
@@ -393,13 +397,22 @@ def _judge_log(log: SampledMotion, tally: LimitUseAccumulator) -> dict[str, Any]
         "states": len(log.t),
         "start": float(log.t[0]),
         "end": float(log.t[-1]),
-        "end_speeds": _end_speeds(log, tally.limits),
+        **_fastest(tally.arm, _end_speeds(log, tally.limits)),
         "rounding": rounding,
     }
 
 
-def _end_speeds(log: SampledMotion, limits: Limits) -> tuple[float, float]:
-    """Largest joint velocity at both ends [rad/s], or its lower bound."""
+def _fastest(arm: Arm, speeds: FloatArray) -> dict[str, Any]:
+    """Fields of `Check` with the largest joint speeds at both ends, (2, dof), and their units."""
+    joints = np.argmax(speeds, axis=1).tolist()
+    return {
+        "end_speeds": tuple(speeds.max(axis=1).tolist()),
+        "end_units": tuple(unit_of(arm, "rad/s", j) for j in joints),
+    }
+
+
+def _end_speeds(log: SampledMotion, limits: Limits) -> FloatArray:
+    """Joint velocities at both ends [rad/s], or lower bounds, (2, dof)."""
     if log.dq is not None:
         speeds = np.abs(log.dq[[0, -1]])
     else:
@@ -409,8 +422,7 @@ def _end_speeds(log: SampledMotion, limits: Limits) -> tuple[float, float]:
         mean = (np.abs(np.diff(log.q, axis=0)[[0, -1]]) - 2 * log.errors[0]) / span
         low, high = limits.acceleration_bounds(log.q.shape[1])
         speeds = np.maximum(mean - span * np.maximum(-low, high) / 2, 0.0)
-    first, last = speeds.max(axis=1).tolist()
-    return first, last
+    return speeds
 
 
 def _check_path(

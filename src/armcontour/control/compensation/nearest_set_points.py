@@ -17,6 +17,7 @@ from armcontour.motion.nearest_commands import (
     nearest_commands,
 )
 from armcontour.robot import Arm, Limits
+from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
@@ -78,7 +79,8 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     excess = find_excess(plan.with_rests(t), cycle, bounds, share)
     if excess is None:
         return
-    name, joint, unit = excess.name, excess.joint, LIMITS[excess.name].unit
+    name, joint = excess.name, excess.joint
+    unit = unit_of(plan.arm, LIMITS[name].unit, joint)
     at, limit = float(t[excess.row]), f"{excess.allowed:.6g} {unit}"
     raise CompensationError(
         f"The plan must stay within command_limits.{name} of {limit}, but joint {joint + 1} has "
@@ -101,7 +103,7 @@ def _limit_cost(
     times = set_points.t
     paths = plan.paths_at(times)
     if arm is None or not paths:
-        return LimitCost(deviation=deviation)
+        return LimitCost(deviation=deviation, arm=arm)
     still = np.zeros(change.shape[1])
     linear = servo.replace(friction=0.0, drive_cycle=0.0)
     run = ServoSimulation(change, set_points.cycle, linear).run(0, len(change) - 1, still, still)
@@ -112,4 +114,5 @@ def _limit_cost(
         deviation=deviation,
         contour_rms=float(np.sqrt(np.mean(distances**2))),
         contour_max=float(distances.max()),
+        arm=arm,
     )

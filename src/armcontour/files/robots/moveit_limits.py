@@ -104,7 +104,7 @@ def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
         if low >= high:
             raise InvalidInput(
                 f"{source}: the lower end of the range of joint {joint} must be less than the "
-                f"upper end, but the range is from {low:g} to {high:g} rad."
+                f"upper end, but the range is from {low:g} to {high:g}."
             )
     return Limits(**{name: x for name, x in limits.items() if np.isfinite(x).any()})
 

@@ -51,6 +51,7 @@ def draw_joints(name: str, result: RunResult) -> Figure:
     limits, plots = result.run.limits, []
     bounds = limits.joint_range(n), limits.velocity_bounds(n), limits.acceleration_bounds(n)
     motions = [_motions(result, order) for order in range(3)]
+    slides = result.arm.chain.slides
     for j in range(n):
         for order, (motion, both) in enumerate(zip(motions, bounds, strict=True)):
             low, high = (float(x[j]) for x in both)
@@ -65,14 +66,15 @@ def draw_joints(name: str, result: RunResult) -> Figure:
                 Plot(
                     # The axis shows the joint number, because joint names are longer than the
                     # plot is high.
-                    label="" if order else f"joint {j + 1}",
+                    label="" if order else f"joint {j + 1}" + " (m)" * bool(slides[j]),
                     curves=tuple(curves),
                     limits=visible,
                     lines=tuple(x for x in (low, high) if visible[0] < x < visible[1]),
                     height=HEIGHT,
                 )
             )
-    return Figure(title=f"Run {name}: joints", plots=tuple(plots), columns=QUANTITIES)
+    titles = tuple(x.replace("rad", "rad, m") for x in QUANTITIES) if slides.any() else QUANTITIES
+    return Figure(title=f"Run {name}: joints", plots=tuple(plots), columns=titles)
 
 
 def _motions(
@@ -118,14 +120,21 @@ def _table(result: RunResult) -> TextTable:
     if plan is not None:
         amounts.append(("planned torque", "N m", use_of("joint_torque", limits, plan.peak)))
     columns = [Row("joint", None, "", "joint")]
+    unit_for = arm.chain.unit
+
+    def cells(label: str, unit: str, values: FloatArray) -> list[Row]:
+        """Values of all joints in their own units."""
+        return [Row(label, x, unit_for(unit, j)) for j, x in enumerate(values.tolist())]
+
     ends = (*limits.joint_range(arm.dof), done.q.min(axis=0), done.q.max(axis=0))
     values: list[Sequence[Any]] = [arm.joint_names]
     for label, values_of_joints in zip(("lower end", "upper end", "from", "to"), ends, strict=True):
         columns.append(Row(label, None, "rad", label))
-        values.append(np.where(np.isfinite(values_of_joints), values_of_joints, np.nan).tolist())
+        finite = np.where(np.isfinite(values_of_joints), values_of_joints, np.nan)
+        values.append(cells(label, "rad", finite))
     for label, unit, use in amounts:
         columns.append(Row(label, None, unit, label))
-        values.append(np.round(use.value, ROUNDED).tolist())
+        values.append(cells(label, unit, np.round(use.value, ROUNDED)))
         if (limited := np.isfinite(use.limit)).any():
             columns.append(Row(f"{label}.use", None, "1", f"of {label} limit"))
             values.append(np.where(limited, use.ratio, np.nan).tolist())
