@@ -17,6 +17,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.kernel_cache import FUSED, compiled
 
 Vector: TypeAlias = tuple[float, float, float]
+Body: TypeAlias = tuple[float, Vector, Vector, Vector, Vector]
 Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 
 # Number of states per block.
@@ -44,7 +45,7 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # of the joint (2, 3); force, and moment about the joint, for accelerations equal to the first
 # derivatives without velocity (4 to 9), and for the motion with both derivatives (10 to 15); first
 # moment of this and all later links (16 to 18); gravity along x and y (19, 20). A prismatic joint
-# has its position in row 1, and gravity along z in row 19.
+# has its position in row 0, and gravity along z in row 19.
 LINK_ROWS = 21
 # Number of rows of the motion that is propagated from link to link, three each: angular velocity,
 # velocity, angular acceleration, acceleration, gravity.
@@ -300,69 +301,117 @@ def tool_motion(
 # Inverse dynamics: the recursive Newton-Euler algorithm (Featherstone, Rigid Body Dynamics
 # Algorithms, 2008, 5.3) in the frames of the links, whose z axes are the joint axes.
 @compiled(inner=True, fastmath=FUSED)
+def put_wrenches(
+    body: Body, w: Vector, v: Vector, e: Vector, a: Vector, rows: FloatArray, i: int
+) -> None:
+    """Write the wrenches of a link for its motion at the origin of its joint."""
+    # Wrenches: mass times acceleration, and inertia about the joint times angular acceleration.
+    mass, h, i0, i1, i2 = body
+    put(rows, 16, i, h)
+    u = cross(w, h)
+    spin = add(add(add((0.0, 0.0, 0.0), w[0], i0), w[1], i1), w[2], i2)
+    put(rows, 4, i, add(u, mass, v))
+    put(rows, 7, i, add(spin, 1.0, cross(h, v)))
+    put(rows, 10, i, add(add(cross(e, h), 1.0, cross(w, u)), mass, a))
+    turned = add(add(add(cross(w, spin), e[0], i0), e[1], i1), e[2], i2)
+    put(rows, 13, i, add(turned, 1.0, cross(h, a)))
+
+
+@compiled(inner=True)
+def body_of(links: FloatArray, j: int) -> Body:
+    """Mass, first moment and columns of the inertia about the joint of link j."""
+    x = links
+    return (
+        x[j, 12],
+        (x[j, 13], x[j, 14], x[j, 15]),
+        (x[j, 16], x[j, 17], x[j, 18]),
+        (x[j, 17], x[j, 19], x[j, 20]),
+        (x[j, 18], x[j, 20], x[j, 21]),
+    )
+
+
+@compiled(inner=True, fastmath=FUSED)
 def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: FloatArray) -> None:
     """Propagate the motion of a block to link j, and write the wrenches of the link."""
-    link, r, mass = links[j], rotation_of(links, j), links[j, 12]
-    start, h = (link[9], link[10], link[11]), (link[13], link[14], link[15])
-    p, slides = start, link[DYNAMIC_SLIDES] != 0.0
-    # Columns of the inertia.
-    i0, i1, i2 = (
-        (link[16], link[17], link[18]),
-        (link[17], link[19], link[20]),
-        (link[18], link[20], link[21]),
-    )
+    r, body = rotation_of(links, j), body_of(links, j)
+    p = links[j, 9], links[j, 10], links[j, 11]
     for i in range(B):
         c, s, rate, second = rows[i], rows[B + i], rows[2 * B + i], rows[3 * B + i]
         # Motion of the origin of the joint, in the axes of the previous link.
         w, e = get(motion, 0, i), get(motion, 6, i)
-        if slides:
-            p, s = add(start, s, (r[2], r[5], r[8])), 0.0
         turned = cross(w, p)
         v = add(get(motion, 3, i), 1.0, turned)
         a = add(add(get(motion, 9, i), 1.0, cross(e, p)), 1.0, cross(w, turned))
-        w, e = into_link(r, c, s, w), into_link(r, c, s, e)
+        w = into_link(r, c, s, w)
+        w = w[0], w[1], w[2] + rate
+        e = into_link(r, c, s, e)
+        e = e[0] + w[1] * rate, e[1] - w[0] * rate, e[2] + second
         v, a = into_link(r, c, s, v), into_link(r, c, s, a)
-        if slides:
-            v = v[0], v[1], v[2] + rate
-            # The Coriolis acceleration is 2 w x (rate z).
-            a = a[0] + 2.0 * w[1] * rate, a[1] - 2.0 * w[0] * rate, a[2] + second
-        else:
-            w = w[0], w[1], w[2] + rate
-            e = e[0] + w[1] * rate, e[1] - w[0] * rate, e[2] + second
         g = into_link(r, c, s, get(motion, 12, i))
         put(motion, 0, i, w)
         put(motion, 3, i, v)
         put(motion, 6, i, e)
         put(motion, 9, i, a)
         put(motion, 12, i, g)
-        rows[19 * B + i], rows[20 * B + i] = g[2] if slides else g[0], g[1]
-        put(rows, 16, i, h)
-        # Wrenches: mass times acceleration, and inertia about the joint times angular acceleration.
-        u = cross(w, h)
-        spin = add(add(add((0.0, 0.0, 0.0), w[0], i0), w[1], i1), w[2], i2)
-        put(rows, 4, i, add(u, mass, v))
-        put(rows, 7, i, add(spin, 1.0, cross(h, v)))
-        put(rows, 10, i, add(add(cross(e, h), 1.0, cross(w, u)), mass, a))
-        turned = add(add(add(cross(w, spin), e[0], i0), e[1], i1), e[2], i2)
-        put(rows, 13, i, add(turned, 1.0, cross(h, a)))
+        rows[19 * B + i], rows[20 * B + i] = g[0], g[1]
+        put_wrenches(body, w, v, e, a, rows, i)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def propagate_sliding(links: FloatArray, j: int, motion: FloatArray, rows: FloatArray) -> None:
+    """`propagate_outward` for a prismatic joint, which does not turn its link."""
+    r, body = rotation_of(links, j), body_of(links, j)
+    start, along = (links[j, 9], links[j, 10], links[j, 11]), (r[2], r[5], r[8])
+    for i in range(B):
+        slide, rate, second = rows[i], rows[2 * B + i], rows[3 * B + i]
+        p, w, e = add(start, slide, along), get(motion, 0, i), get(motion, 6, i)
+        turned = cross(w, p)
+        v = add(get(motion, 3, i), 1.0, turned)
+        a = add(add(get(motion, 9, i), 1.0, cross(e, p)), 1.0, cross(w, turned))
+        w, e = into_link(r, 1.0, 0.0, w), into_link(r, 1.0, 0.0, e)
+        v, a = into_link(r, 1.0, 0.0, v), into_link(r, 1.0, 0.0, a)
+        g = into_link(r, 1.0, 0.0, get(motion, 12, i))
+        v = v[0], v[1], v[2] + rate
+        # The Coriolis acceleration is 2 w x (rate z).
+        a = a[0] + 2.0 * w[1] * rate, a[1] - 2.0 * w[0] * rate, a[2] + second
+        put(motion, 0, i, w)
+        put(motion, 3, i, v)
+        put(motion, 6, i, e)
+        put(motion, 9, i, a)
+        put(motion, 12, i, g)
+        rows[19 * B + i] = g[2]
+        put_wrenches(body, w, v, e, a, rows, i)
 
 
 @compiled(inner=True, fastmath=FUSED)
 def accumulate_inward(links: FloatArray, j: int, rows: FloatArray, before: FloatArray) -> None:
     """Add the wrenches and the first moment of a link to those of the previous link."""
     r, carried = rotation_of(links, j), links[j, 22]
-    p = start = links[j, 9], links[j, 10], links[j, 11]
-    slides = links[j, DYNAMIC_SLIDES] != 0.0
+    p = links[j, 9], links[j, 10], links[j, 11]
     for i in range(B):
         c, s = rows[i], rows[B + i]
-        if slides:
-            p, s = add(start, s, (r[2], r[5], r[8])), 0.0
         for k in range(4, 16, 6):
             force = out_of_link(r, c, s, get(rows, k, i))
             put(before, k, i, add(get(before, k, i), 1.0, force))
             turned = add(out_of_link(r, c, s, get(rows, k + 3, i)), 1.0, cross(p, force))
             put(before, k + 3, i, add(get(before, k + 3, i), 1.0, turned))
         moved = add(out_of_link(r, c, s, get(rows, 16, i)), carried, p)
+        put(before, 16, i, add(get(before, 16, i), 1.0, moved))
+
+
+@compiled(inner=True, fastmath=FUSED)
+def accumulate_sliding(links: FloatArray, j: int, rows: FloatArray, before: FloatArray) -> None:
+    """`accumulate_inward` for a prismatic joint."""
+    r, carried = rotation_of(links, j), links[j, 22]
+    start, along = (links[j, 9], links[j, 10], links[j, 11]), (r[2], r[5], r[8])
+    for i in range(B):
+        p = add(start, rows[i], along)
+        for k in range(4, 16, 6):
+            force = out_of_link(r, 1.0, 0.0, get(rows, k, i))
+            put(before, k, i, add(get(before, k, i), 1.0, force))
+            turned = add(out_of_link(r, 1.0, 0.0, get(rows, k + 3, i)), 1.0, cross(p, force))
+            put(before, k + 3, i, add(get(before, k + 3, i), 1.0, turned))
+        moved = add(out_of_link(r, 1.0, 0.0, get(rows, 16, i)), carried, p)
         put(before, 16, i, add(get(before, 16, i), 1.0, moved))
 
 
@@ -391,25 +440,30 @@ def path_terms(
             motion[m] = gravity[m // B - 12] if m >= 12 * B else 0.0
         for j in range(dof):
             if links[j, DYNAMIC_SLIDES] != 0.0:
-                for i in range(B):
-                    rows[j, B + i], rows[j, i] = rows[j, i], 1.0
+                propagate_sliding(links, j, motion, rows[j])
             else:
                 write_sines(rows[j])
-            propagate_outward(links, j, motion, rows[j])
+                propagate_outward(links, j, motion, rows[j])
         for j in range(dof - 1, 0, -1):
-            accumulate_inward(links, j, rows[j], rows[j - 1])
+            if links[j, DYNAMIC_SLIDES] != 0.0:
+                accumulate_sliding(links, j, rows[j], rows[j - 1])
+            else:
+                accumulate_inward(links, j, rows[j], rows[j - 1])
         for j in range(dof):
             link_rows, armature = rows[j], links[j, 23]
-            # Moments about the joint axis, or forces along it.
-            slides = links[j, DYNAMIC_SLIDES] != 0.0
-            row = 6 if slides else 9
+            if links[j, DYNAMIC_SLIDES] != 0.0:
+                for i in range(min(B, n - begin)):
+                    state = begin + i
+                    # Forces along the joint axis.
+                    a[state, j] = link_rows[6 * B + i] + armature * first[state, j]
+                    b[state, j] = link_rows[12 * B + i] + armature * second[state, j]
+                    c[state, j] = -links[j, 22] * link_rows[19 * B + i]
+                continue
             for i in range(min(B, n - begin)):
                 state = begin + i
-                a[state, j] = link_rows[row * B + i] + armature * first[state, j]
-                b[state, j] = link_rows[(row + 6) * B + i] + armature * second[state, j]
-                if slides:
-                    c[state, j] = -links[j, 22] * link_rows[19 * B + i]
-                    continue
+                # Moments about the joint axis.
+                a[state, j] = link_rows[9 * B + i] + armature * first[state, j]
+                b[state, j] = link_rows[15 * B + i] + armature * second[state, j]
                 c[state, j] = (
                     link_rows[17 * B + i] * link_rows[19 * B + i]
                     - link_rows[16 * B + i] * link_rows[20 * B + i]
