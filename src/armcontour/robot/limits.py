@@ -71,6 +71,7 @@ class Limits(Checked):
 
     Limits replace those of an arm value by value: None keeps the arm's limit, infinity lifts it,
     also for single joints. A lifted limit has the value None, too, and its name is in `lifted`.
+    Values of prismatic joints are numbers in m, m/s, m/s², m/s³ and N.
 
     >>> limits.replace(speed=0.05).speed
     0.05
