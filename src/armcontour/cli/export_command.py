@@ -21,10 +21,10 @@ from armcontour.files.exports.table import SetPointTable
 from armcontour.files.exports.template import BUILT_IN
 from armcontour.files.keys import read_keys
 from armcontour.jobs import Job, RunResult, analog_outputs
-from armcontour.jobs.analog import events_of
 from armcontour.jobs.exports import Exports, ending_of
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.motion.trajectory import COMMAND_SLACK
+from armcontour.program.moves import events_of
 from armcontour.robot.limit_use import use_of
 from armcontour.verification.evaluation import duration_row
 
@@ -48,7 +48,7 @@ def check_exports(job: Job, options: Mapping[str, object]) -> None:
             raise InvalidInput(f"{option_of(name)} requires --export.")
         return
     names = {*job.process.analog_names}
-    names |= {x.name for x in events_of(job.program)}
+    names |= {x.name for x in events_of(job.program.moves)}
     for variant in job.process.variants:
         switches = () if variant.switch is None else (variant.switch,)
         names |= {x.name for x in (*variant.events, *switches)}

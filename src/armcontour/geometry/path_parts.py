@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour.core import checks
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import IN_PLANE
 from armcontour.geometry.path import Path
@@ -87,9 +88,9 @@ def has_length_without_z(path: Path) -> bool:
     return bool(((run > REPEATED_POINT) | (path.curvatures > 0)).any())
 
 
-def arc_length_without_z(path: Path, s: float) -> float:
+def arc_lengths_without_z(path: Path, s: FloatArray) -> FloatArray:
     """Arc length on the projected path for arc length `s` on a path in space [m]."""
     run = np.linalg.norm(path.tangents[:, :2], axis=1)
-    run = np.where(path.curvatures > 0, 1.0, run)
-    run = np.where(run * path.lengths > REPEATED_POINT, run, 0.0)
-    return float(np.sum(run * np.clip(s - path.breaks[:-1], 0.0, path.lengths)))
+    run = np.where(path.curvatures > 0, 1.0, run) * path.lengths
+    ends = np.cumsum(np.where(run > REPEATED_POINT, run, 0.0))
+    return np.asarray(np.interp(s, path.breaks, np.append(0.0, ends)))

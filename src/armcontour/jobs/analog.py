@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -12,8 +12,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.geometry import ShapedPath
 from armcontour.motion import TimedEvent, Trajectory
 from armcontour.motion.trajectory import Span
-from armcontour.program import Analog, Contour, Event, Process, Program, contour_called
-from armcontour.program.moves import SPINDLE_SPEED
+from armcontour.program import Analog, Contour, Process, Program, contour_called
+from armcontour.program.moves import SPINDLE_SPEED, events_of
 from armcontour.robot import Limits
 
 Values = Callable[[FloatArray], FloatArray]
@@ -52,7 +52,7 @@ def _output(process: Process, name: str) -> Analog | None:
 
 def check_analog(program: Program, process: Process, limits: Limits) -> None:
     """Raise InvalidInput if an analog output depends on a velocity or S that is missing."""
-    events = [*events_of(program), *(x for own in process.variants for x in own.events)]
+    events = [*events_of(program.moves), *(x for own in process.variants for x in own.events)]
     s_words = [x.value for x in events if x.name == SPINDLE_SPEED]
     largest = max((float(x) for x in s_words if not isinstance(x, str)), default=None)
     for output in (x for own in process.variants for x in own.analog):
@@ -109,15 +109,6 @@ def _values(
                 active = active * states.s_words(np.clip(inside, *span.t)) / output.full_s
             values[first:last] = np.where(on, active, output.off)
     return values
-
-
-def events_of(program: Program) -> Iterator[Event]:
-    """All events of a program: along contours, and between moves."""
-    for move in program.moves:
-        if isinstance(move, Event):
-            yield move
-        elif isinstance(move, Contour):
-            yield from move.events
 
 
 def _times_on(span: Span, process: Process) -> tuple[float, float]:

@@ -21,6 +21,5 @@ from armcontour.program.process import Process as Process
 from armcontour.program.process import Switch as Switch
 from armcontour.program.process import Tabs as Tabs
 from armcontour.program.rounded_corners import draw_with_arcs as draw_with_arcs
-from armcontour.program.rounded_corners import put_on_path as put_on_path
 from armcontour.program.rounded_corners import round_corners as round_corners
 from armcontour.program.rounded_corners import smooth_curvature as smooth_curvature

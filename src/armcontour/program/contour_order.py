@@ -104,9 +104,8 @@ def order_contours(program: Program, process: Process) -> Program:
         moves = [contours[i] for i in _order_inside_first(parents)]
         return replace(program, moves=tuple(moves))
     choices = _Choices.from_contours(contours, process, free=order == "shortest")
-    if order == "nearest":
-        return replace(program, moves=choices.make_contours(*choices.nearest(parents)))
-    return replace(program, moves=choices.make_contours(*choices.shortest(parents)))
+    tour, option = (choices.nearest if order == "nearest" else choices.shortest)(parents)
+    return replace(program, moves=tuple(choices.made[option[i]]() for i in tour))
 
 
 def _add_order_note(program: Program, process: Process) -> Program:
@@ -153,7 +152,6 @@ def _order_inside_first(parents: IntArray) -> list[int]:
 class _Choices:
     """The m options of n contours: start points of closed contours, directions of open ones."""
 
-    contours: tuple[Contour, ...]  # The contours as they are drawn
     made: list[Callable[[], Contour]]  # Functions that make the contour of each option
     ends: FloatArray  # First and last points of the options [m], (m, 2, 3)
     first: IntArray  # Index of the first option of every contour, followed by m, (n + 1,)
@@ -178,7 +176,6 @@ class _Choices:
         table = np.zeros((len(ends), 2, 3))
         table[:, :, : contours[0].path.dimension] = ends
         return cls(
-            contours=contours,
             made=made,
             ends=table,
             first=np.array(first),
@@ -192,7 +189,7 @@ class _Choices:
         """
         from scipy.spatial.distance import cdist
 
-        n, (exits, entries, first) = len(self.contours), self._options
+        n, (exits, entries, first) = len(self.first) - 1, self._options
         owners = np.repeat(np.arange(n), np.diff(first))
         waits = np.bincount(parents[parents >= 0], minlength=n)
         # Entries of the contours that may be next; infinite for other contours.
@@ -216,7 +213,8 @@ class _Choices:
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
         """Order and options of a short tour: the nearest contours, improved by 2-opt."""
         best, shortest = (np.array([]), np.array([])), np.inf
-        for start in range(max(1, min(len(self.contours), MAX_WORK // len(self.contours) ** 2))):
+        n = len(self.first) - 1
+        for start in range(max(1, min(n, MAX_WORK // n**2))):
             tour, option = self.nearest(parents, start)
             length = np.inf
             while (reduced := self._length(tour, option)) < length - NO_GAIN:
@@ -287,10 +285,6 @@ class _Choices:
         """Exits and entries of all options, and the first option of every contour."""
         entries, exits = (np.ascontiguousarray(self.ends[:, k]) for k in (0, 1))
         return exits, entries, self.first
-
-    def make_contours(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:
-        """Contours of a tour in order, each made with its option."""
-        return tuple(self.made[option[i]]() for i in tour)
 
 
 def _options(contour: Contour, process: Process, count: int) -> list[Option]:

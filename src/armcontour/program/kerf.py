@@ -17,7 +17,7 @@ from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.prescribed_orientation import tangent_rates
 from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, Segments
-from armcontour.program.crossings import LENGTH, find_crossings
+from armcontour.program.crossings import LENGTH, find_crossings, turns_between
 from armcontour.program.moves import (
     Contour,
     Move,
@@ -299,10 +299,7 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
     turned = np.repeat(start[None], len(rows), axis=0)
     if orientation.follows:
         a, b = project_along_up(source.tangents[:1], up), project_along_up(rows.tangents, up)
-        angle = np.arctan2(
-            a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
-        )
-        turned = exp(angle[:, None] * up) @ start
+        turned = exp(turns_between(a, b)[:, None] * up) @ start
         rates = tangent_rates(rows)
     elif not same:
         raise InvalidInput(
@@ -322,12 +319,9 @@ def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) 
         if isinstance(move, Contour):
             result += made[number]
             number += 1
-        else:
-            result.append(
-                reroute(move, start=last_end(result))
-                if isinstance(move, Rapid) and move in away
-                else move
-            )
+            continue
+        reroutes = isinstance(move, Rapid) and move in away
+        result.append(reroute(move, start=last_end(result)) if reroutes else move)
     return result
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from functools import partial
 from typing import Annotated, Any
@@ -36,7 +36,7 @@ from armcontour.core.text import (
 )
 from armcontour.geometry import Path
 from armcontour.geometry.path_parts import (
-    arc_length_without_z,
+    arc_lengths_without_z,
     drop_z,
     has_length_without_z,
 )
@@ -154,19 +154,22 @@ class Contour(Checked):
         """Arc lengths at which the process is switched on and off [m], between the leads."""
         return (0.0, self.path.length) if self.work is None else self.work
 
+    def on_path(
+        self, path: Path, map_s: Callable[[FloatArray], FloatArray], **changes: Any
+    ) -> Contour:
+        """This contour on another path; `map_s` maps the arc lengths of events and work."""
+        work = () if self.work is None else self.work
+        s = np.minimum(map_s(np.array([*(x.s for x in self.events), *work])), path.length).tolist()
+        events = tuple(replace(x, s=at) for x, at in zip(self.events, s, strict=False))
+        return replace(
+            self, path=path, events=events, work=(s[-2], s[-1]) if work else None, **changes
+        )
+
     def without_z(self) -> tuple[Contour | Event, ...]:
         """The contour without z; if no length remains, its events as separate moves."""
-        path, work = self.path, self.work
-        if not has_length_without_z(path):
+        if not has_length_without_z(self.path):
             return tuple(replace(x, s=0.0) for x in self.events)
-        flat_s = partial(arc_length_without_z, path)
-        flat = replace(
-            self,
-            path=drop_z(path),
-            events=tuple(replace(x, s=flat_s(x.s)) for x in self.events),
-            work=None if work is None else (flat_s(work[0]), flat_s(work[1])),
-        )
-        return (flat,)
+        return (self.on_path(drop_z(self.path), partial(arc_lengths_without_z, self.path)),)
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
@@ -363,11 +366,9 @@ class Program(Checked):
             if isinstance(move, Contour):
                 path = change(move.path)
                 checks.check_type("result of change", path, Path)
-                factor = path.length / move.path.length
-                events = tuple(replace(e, s=min(e.s * factor, path.length)) for e in move.events)
-                work = None if move.work is None else (move.work[0] * factor, move.work[1] * factor)
+                scale = partial(np.multiply, path.length / move.path.length)
                 woven = move.woven and replace(move.woven, seam=change(move.woven.seam))
-                moves.append(replace(move, path=path, events=events, work=work, woven=woven))
+                moves.append(move.on_path(path, scale, woven=woven))
             elif isinstance(move, Rapid) and move.path is not None:
                 moves.append(Rapid(path=change(move.path)))
             else:
@@ -574,6 +575,15 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
     return None
 
 
+def events_of(moves: Iterable[Move]) -> Iterator[Event]:
+    """Yield all events of moves: along contours, and between moves."""
+    for move in moves:
+        if isinstance(move, Event):
+            yield move
+        elif isinstance(move, Contour):
+            yield from move.events
+
+
 def find_departing_rapids(moves: Sequence[Move]) -> set[Rapid]:
     """Rapids whose path starts at the end of the previous contour."""
     rapids = set()
@@ -610,18 +620,13 @@ def reroute(
     if (moved <= REPEATED_POINT).all():
         return rapid
     if rapid.path.curvatures.any():
-        return _extend_rapid(rapid.path, first, last)
+        gaps = ((first, vertices[0]), (vertices[-1], last))
+        before, after = (
+            [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in gaps
+        )
+        parts = [*before, replace(rapid.path, orientation=None), *after]
+        return Rapid(path=parts[0].joined(*parts[1:]))
     points = np.array([first, *vertices[1:-1], last])
     if (np.linalg.norm(points - first, axis=1) <= REPEATED_POINT).all():
         return Rapid()
     return Rapid(path=Path.polyline(points))
-
-
-def _extend_rapid(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
-    """Extend a path with arcs by lines from the new start and to the new end, as a rapid."""
-    gaps = ((first, path(0.0)), (path(path.length), last))
-    before, after = (
-        [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in gaps
-    )
-    parts = [*before, replace(path, orientation=None), *after]
-    return Rapid(path=parts[0].joined(*parts[1:]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -28,13 +28,14 @@ from armcontour.program.moves import (
     Rapid,
     Value,
     contour_called,
+    events_of,
     find_departing_rapids,
     has_intended_start,
     last_end,
     next_rapid,
     reroute,
 )
-from armcontour.program.process import MAX_TABS, Lead, Leads, Process, Switch, Tabs
+from armcontour.program.process import MAX_TABS, Leads, Process, Switch, Tabs
 
 if TYPE_CHECKING:
     from armcontour.program.kerf import LeadPlacement
@@ -97,9 +98,7 @@ def prepare(
 
         placement = LeadPlacement(drawn, process)
     program = replace(program, moves=tuple(moves))
-    program, run_in = resume_program(
-        program, process.resume_at, keeps_lead=partial(_keeps_lead, process)
-    )
+    program, run_in = resume_program(program, process)
     count = 0 if lengths is None else len(lengths)
     if count != len(program.contours) and (process.automatic or lengths is not None):
         raise InvalidInput(
@@ -134,7 +133,14 @@ def prepare(
 
 def check_process(program: Program, process: Process) -> None:
     """Raise InvalidInput for a layer that does not exist, or a vertical motion in the plane."""
-    _check_layers(program, (*process.layers, *process.by_layer))
+    available = {x.layer for x in program.contours}
+    for name in (*process.layers, *process.by_layer):
+        if name not in available:
+            listed = ", ".join(repr(x) for x in sorted(available)[:12])
+            raise InvalidInput(
+                f"{program.source or 'The program'} has no contour on a layer {name!r}, only on "
+                f"{listed}."
+            )
     pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
     if program.dimension == 2 and (process.approach or process.retract or pierces):
         raise InvalidInput(
@@ -170,13 +176,6 @@ def _repeat_open_contour(contour: Contour, passes: int) -> list[Contour]:
     suffixes = [f" ({k})" for k in range(2, passes + 1)] if contour.name else [""] * (passes - 1)
     names = [f"{shorten(contour.name, LONGEST_NAME - len(x))}{x}" for x in suffixes]
     return [contour, *(replace(contour, name=x) for x in names)]
-
-
-def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
-    """True if an event keeps its time advance when it is switched again at a resumed start."""
-    contour_process = process.of_contour(contour)
-    switched = contour_process.switch is not None and contour_process.switch.name == event.name
-    return contour_process.lead_in is not None or (switched and bool(event.value))
 
 
 def _link_moves(
@@ -217,29 +216,15 @@ def _link_moves(
 
 def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
     """Lead lengths of contour `number` [m]: those of the process, or else those in `lengths`."""
-    defaults = Leads() if lengths is None else lengths[number]
-
-    def length_of(lead: Lead | None, automatic: float) -> float:
-        if lead is None:
-            return 0.0
-        return automatic if lead.length is None else lead.length
-
-    return Leads(
-        before=length_of(process.lead_in, defaults.before),
-        after=length_of(process.lead_out, defaults.after),
+    automatic = Leads() if lengths is None else lengths[number]
+    before, after = (
+        0.0 if lead is None else length if lead.length is None else lead.length
+        for lead, length in (
+            (process.lead_in, automatic.before),
+            (process.lead_out, automatic.after),
+        )
     )
-
-
-def _check_layers(program: Program, layers: Sequence[str]) -> None:
-    """Raise InvalidInput if a layer has no contour."""
-    available = {x.layer for x in program.contours}
-    for name in layers:
-        if name not in available:
-            listed = ", ".join(repr(x) for x in sorted(available)[:12])
-            raise InvalidInput(
-                f"{program.source or 'The program'} has no contour on a layer {name!r}, only on "
-                f"{listed}."
-            )
+    return Leads(before=before, after=after)
 
 
 def set_limits(path: Path, segment_limits: SegmentLimits, *, override: bool = False) -> Path:
@@ -286,9 +271,8 @@ def _weave(contour: Contour, weave: Weave) -> Contour:
     """Weave along a contour; events stay at the same fraction of the length."""
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
         path, woven = weave_seam(contour.path, weave)
-    factor = path.length / contour.path.length
-    events = tuple(replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
-    return replace(contour, path=path, events=events, ring=contour.closed, woven=woven)
+    scale = partial(np.multiply, path.length / contour.path.length)
+    return contour.on_path(path, scale, ring=contour.closed, woven=woven)
 
 
 def _add_leads(
@@ -369,15 +353,12 @@ def _axial_line(
     return line.oriented(rotation, axis_only=orientation.axis_only)
 
 
-def resume_program(
-    program: Program, resume_at: float, *, keeps_lead: Callable[[Contour, Event], bool]
-) -> tuple[Program, Contour | None]:
+def resume_program(program: Program, process: Process) -> tuple[Program, Contour | None]:
     """The program from an arc length on, and the part of its first contour before this point."""
     # Outputs that are switched before the arc length are switched again: at the arc length if they
     # are switched on the same contour, or else before the first move.
-    # `resume_at`: arc length at which to resume, over all contours [m]; `keeps_lead`: true if an
-    # event of a contour has the same time advance when it is switched again.
     # The second result is None if the program resumes at the start of a contour.
+    resume_at = process.resume_at
     if resume_at == 0:
         return program, None
     if resume_at >= program.length - REPEATED_POINT:
@@ -390,38 +371,29 @@ def resume_program(
     # The end of a contour counts as the start of the next contour.
     index = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
     s = max(resume_at - float(program.breaks[index]), 0.0)
-    number = -1
-    switched: dict[str, Event] = {}
-    for i, move in enumerate(program.moves):
-        if isinstance(move, Event):
-            switched[move.name] = replace(move, s=0.0, lead_time=0)
-        if not isinstance(move, Contour):
-            continue
-        number += 1
-        if number < index:
-            for event in move.events:
-                switched[event.name] = replace(event, s=0.0, lead_time=0)
-            continue
-        remaining = _cut_after(move, s, keeps_lead)
-        moves = (*switched.values(), remaining, *program.moves[i + 1 :])
-        resumed = replace(program, moves=moves)
-        if s <= REPEATED_POINT:
-            return resumed, None
-        before = cut_path(move.path, 0.0, s)
-        return resumed, Contour(path=before, name=move.name, layer=move.layer)
-    raise AssertionError("the arc length is within the contours")
+    contour, moves = program.contours[index], program.moves
+    i = [k for k, x in enumerate(moves) if isinstance(x, Contour)][index]
+    switched = {x.name: replace(x, s=0.0, lead_time=0) for x in events_of(moves[:i])}
+    remaining = _cut_after(contour, s, process.of_contour(contour))
+    resumed = replace(program, moves=(*switched.values(), remaining, *moves[i + 1 :]))
+    if s <= REPEATED_POINT:
+        return resumed, None
+    before = cut_path(contour.path, 0.0, s)
+    return resumed, Contour(path=before, name=contour.name, layer=contour.layer)
 
 
-def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event], bool]) -> Contour:
+def _cut_after(contour: Contour, s: float, process: Process) -> Contour:
     """The part of a contour after arc length s, with outputs restored at its start."""
     if s <= REPEATED_POINT:
         return contour
     last: dict[str, Event] = {}
+    switch = process.switch and process.switch.name
     for event in contour.events:
         if event.s <= s + REPEATED_POINT:
             # The outputs in `last` are in the order of their last events.
             last.pop(event.name, None)
-            lead = event.lead_time if keeps_lead(contour, event) else 0.0
+            keeps_lead = process.lead_in is not None or (event.name == switch and event.value)
+            lead = event.lead_time if keeps_lead else 0.0
             last[event.name] = replace(event, s=0.0, lead_time=lead)
     later = [replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
     return replace(
@@ -440,19 +412,15 @@ class OutputStates:
         self.process = process
         # Contours of a drawing can be reordered, so outputs have no state from contour to contour.
         self.in_order = any(not isinstance(x, Contour) for x in moves)
-        self.states: dict[str, Event] = {}
         # Current values of all outputs that the program switches.
         self.values: dict[str, Value] = {}
-        names: set[str] = set()
-        for move in moves if self.in_order else ():
-            if isinstance(move, Event) and move.changes_tool:
-                continue
-            for event in move.events if isinstance(move, Contour) else [move]:
-                if isinstance(event, Event) and event.name not in names:
-                    names.add(event.name)
-                    # An output is off before the first event that switches it on.
-                    if event.value:
-                        self.states[event.name] = replace(event, value=False)
+        first: dict[str, Event] = {}
+        for event in events_of(
+            x for x in moves if self.in_order and not (isinstance(x, Event) and x.changes_tool)
+        ):
+            first.setdefault(event.name, event)
+        # An output is off before the first event that switches it on.
+        self.states = {k: replace(x, value=False) for k, x in first.items() if x.value}
 
     def record_event(self, event: Event) -> bool:
         """Record an event between contours; true if it applies from the next contour's start on."""

@@ -15,7 +15,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.fields import checked, texts_to_si
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import capitalise
-from armcontour.geometry import Path, RoundedPath, ShapedPath, round_path
+from armcontour.geometry import Path, RoundedPath, round_path
 from armcontour.geometry.rounding.rounded_path import describe_large_tolerance
 from armcontour.program.moves import Contour, Program
 
@@ -104,7 +104,8 @@ def round_corners(
         return rounded_path
     program = Program.from_path(path, "round_corners needs a Path or a Program")
     moves = [
-        put_on_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in program.moves
+        x.on_path(to := rounded(x.path), to.place) if isinstance(x, Contour) else x
+        for x in program.moves
     ]
     return replace(program, moves=tuple(moves))
 
@@ -143,7 +144,7 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
     for move in program.moves:
         if isinstance(move, Contour):
             smoothed, pairs = smooth_path(move.path, tolerance)
-            move = _move_to_path(move, smoothed, partial(_interpolate, pairs))
+            move = move.on_path(smoothed, partial(_interpolate, pairs))
         moves.append(move)
     smooth = replace(program, moves=tuple(moves))
     return smooth if program is path else smooth.path
@@ -156,32 +157,9 @@ def draw_with_arcs(contour: Contour) -> Contour:
     if not contour.path.segments.is_transition.any():
         return contour
     path, pairs = draw_path(contour.path)
-    return _move_to_path(contour, path, partial(_interpolate, pairs))
+    return contour.on_path(path, partial(_interpolate, pairs))
 
 
-def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
-    """Move a contour to another path, with events and work at the corresponding arc lengths."""
-    # `contour`: the contour along its objective path; `path`: the path that replaces it.
-    return _move_to_path(contour, path, path.place)
-
-
-def _interpolate(pairs: FloatArray, s: npt.ArrayLike) -> FloatArray:
+def _interpolate(pairs: FloatArray, s: FloatArray) -> FloatArray:
     """Arc lengths on the second path [m], interpolated between `pairs` of arc lengths, (n, 2)."""
-    return np.asarray(np.interp(np.asarray(s, dtype=np.float64), pairs[:, 0], pairs[:, 1]))
-
-
-def _move_to_path(
-    contour: Contour, path: Path, map_s: Callable[[npt.ArrayLike], FloatArray]
-) -> Contour:
-    """Move a contour to another path; `map_s` maps the arc lengths of events and work."""
-    if not contour.events and contour.work is None:
-        return replace(contour, path=path)
-    events = contour.events
-    if events:
-        event_s = map_s([x.s for x in events])
-        events = tuple(replace(x, s=float(s)) for x, s in zip(events, event_s, strict=True))
-    work = None
-    if contour.work is not None:
-        start, end = map_s(contour.work)
-        work = (float(start), float(end))
-    return replace(contour, path=path, events=events, work=work)
+    return np.interp(s, pairs[:, 0], pairs[:, 1])

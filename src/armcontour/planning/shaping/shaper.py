@@ -25,7 +25,7 @@ from armcontour.planning.program_timing import Timing, check_jerk_support, time_
 from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
 from armcontour.planning.shaping.search import explain_unshaped, make_searches
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts
-from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
+from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 from armcontour.robot.limits import reduce_limits
 
@@ -140,7 +140,8 @@ class Shaping:
         shaped_path = _shape_all([x[2] for x in tasks], progress)
         for done, (i, move, _) in enumerate(tasks):
             with error_context(contour_called(move, done)) if named else nullcontext():
-                moves[i] = put_on_path(move, shaped_path(done))
+                path = shaped_path(done)
+                moves[i] = move.on_path(path, path.place)
         shaped = replace(program, moves=tuple(moves))
         if arcs is None or seed is not None or self.arm.dimension == 2:
             return shaped
@@ -234,9 +235,8 @@ class Shaping:
                 name = ARCS if ARCS in starts else STOPS
                 path, matches = starts[name]
                 outcome = ShapingOutcome(start=name, durations={})
-                moves[i] = put_on_path(
-                    move, _shaped_path(move.path, path, matches, self.options, outcome)
-                )
+                shaped = _shaped_path(move.path, path, matches, self.options, outcome)
+                moves[i] = move.on_path(shaped, shaped.place)
         return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
