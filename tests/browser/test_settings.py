@@ -168,6 +168,22 @@ def test_settings_of_the_selected_contour(studio):
     expect(studio.slider("path.contours.CUT-1.speed").locator("input")).to_have_value("")
 
 
+def test_a_contour_is_selected_by_a_click_in_space(studio):
+    planned(studio)
+    studio.find("[data-view='Part']").click()
+    canvas = studio.find(".arm-canvas")
+    box, chosen = canvas.bounding_box(), studio.find("ol.contours [aria-pressed=true]")
+    # A line through the middle of the part crosses a contour.
+    for x in range(0, int(box["width"]), 8):
+        canvas.click(position={"x": x, "y": box["height"] / 2})
+        if chosen.count():
+            break
+    expect(studio.find("#tab-button-contours")).to_have_attribute("aria-selected", "true")
+    expect(chosen).to_have_count(1)
+    canvas.click(position={"x": 4, "y": box["height"] - 4})
+    expect(chosen).to_have_count(0)
+
+
 def test_a_refusal_offers_what_is_missing(studio):
     planned(studio)
     open_group(studio, "Process", "process.tabs")

@@ -257,6 +257,17 @@ export class Viewer {
     return this.tip.position.toArray();
   }
 
+  /** Points of the path on the canvas [px], pairs. @param {ArrayLike<number>} points (n, 3) */
+  project(points) {
+    const { clientWidth: width, clientHeight: height } = this.host;
+    const found = new Float32Array((2 * points.length) / 3);
+    for (let k = 0; 3 * k < points.length; k += 1) {
+      const { x, y } = new Vector3(...place(this.work, [points[3 * k], points[3 * k + 1], points[3 * k + 2]])).project(this.eye);
+      found.set([((1 + x) / 2) * width, ((1 - y) / 2) * height], 2 * k);
+    }
+    return found;
+  }
+
   /** Look from a side, at the part or at all of the arm. @param {string} view "" for the side from which it is */
   look(view) {
     const { controls, eye } = this;

@@ -1,11 +1,12 @@
 // 3D view of the arm in its cell at the posture of the shown time.
 
-import { heat, shadeOf, styleOf } from "./colours.js";
+import { heat, shadeOf, styleOf, themed } from "./colours.js";
 import { find, make, say } from "./dom.js";
 import { headOf } from "./figures.js";
 import { motionOf } from "./motion.js";
-import { kindAt, largest, scaleOf } from "./polylines.js";
+import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
 import { along, indexAt, oncePerFrame } from "./state.js";
+import { CLICKED } from "./view2d.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -17,6 +18,8 @@ const NOT_LOADED = "The arm could not be loaded: load the page again.";
 const VIEW_NAMES = ["Part", "Arm", "Top", "Side"];
 /** An interval of time in which the path is one piece, as a share of the duration, at least. */
 const FINEST = 1 / 4000;
+/** Within this distance a click selects a contour. */
+const NEAR = 6; // px
 
 /** @param {Store} store */
 export function init(store) {
@@ -62,12 +65,24 @@ class ArmView {
           tabindex: "0", role: "img", class: "arm-canvas",
           "aria-label": "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.",
         })) this.viewer.canvas.setAttribute(name, value);
+        this.listen(this.viewer.canvas);
       }
     } catch (error) {
       console.error(error);
       this.problem = NOT_LOADED;
     }
     this.outdate("arm");
+  }
+
+  /** A click selects the contour at the pointer. @param {HTMLElement} canvas */
+  listen(canvas) {
+    let [x, y] = [0, 0];
+    canvas.addEventListener("pointerdown", (event) => ([x, y] = [event.offsetX, event.offsetY]));
+    canvas.addEventListener("click", ({ offsetX, offsetY }) => {
+      const [picture, motion] = [this.store.latest("picture"), motionOf(this.store, "planned")];
+      if (!picture || !motion || !this.viewer || Math.hypot(offsetX - x, offsetY - y) > CLICKED) return;
+      this.store.selectAt(new PieceGrid(this.viewer.project(motion.trail), startsOf(picture)).nearest(offsetX, offsetY, NEAR));
+    });
   }
 
   tellView() {
@@ -115,7 +130,9 @@ class ArmView {
       return options.colour === "speed" ? heat(speed[k] / (fastest || 1), theme) : styleOf(kindAt(picture, k), theme).colour;
     };
     const [rapids, known] = [styleOf("rapids between contours", theme).colour, /** @type {Map<number, string>} */ (new Map())];
+    const [begin, end] = path_breaks.subarray(options.contour, options.contour < 0 ? 0 : options.contour + 2);
     const colours = (/** @type {number} */ k) => {
+      if (k >= begin && k < end && of === "planned") return themed("--accent");
       const key = Math.floor(trailTimes[k] / (FINEST * (duration || 1)));
       const found = known.get(key) ?? colourAt(trailTimes[k]);
       known.set(key, found);

@@ -16,6 +16,7 @@
 //   command                 a key such as Ctrl+Z or Ctrl+S follows: gestures end
 //   open                    a file is to be opened: listener({file, log})
 //   log                     a log of the robot is kept: listener(its name)
+//   advice                  listener(changes)         changes of the shown job that save time
 //   layout                  listener()                a region may have another size
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
@@ -204,6 +205,13 @@ export class Store {
   get place() {
     const arrays = this.latest("picture")?.arrays;
     return arrays?.path_t.length ? along(arrays.path_t, arrays.path_s, this.time)[0] : 0;
+  }
+
+  /** Select the contour of a piece of the path. @param {number} piece its first point; -1: none */
+  selectAt(piece) {
+    const breaks = this.latest("picture")?.arrays.path_breaks;
+    const contour = breaks && piece >= 0 ? indexAt(breaks, piece) : -1;
+    if (contour !== this.options.contour) this.setView({ contour, ...(contour >= 0 && { side: "contours" }) });
   }
 
   /** Change what is looked at. @param {Partial<ViewOptions>} changes */

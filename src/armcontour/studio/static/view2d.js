@@ -5,7 +5,7 @@ import { draw, find, make, mark } from "./dom.js";
 import { rowOf } from "./format.js";
 import { Layers } from "./layers.js";
 import { Painter } from "./canvas.js";
-import { indexAt, oncePerFrame } from "./state.js";
+import { oncePerFrame } from "./state.js";
 import { boxOf, Viewport } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -13,7 +13,8 @@ import { boxOf, Viewport } from "./viewport.js";
 
 const REST = 130; // ms
 // A pointer that moves less has clicked, and selects a contour within the other distance.
-const [CLICKED, NEAR] = [4, 8]; // px
+export const CLICKED = 4; // px
+const NEAR = 8; // px
 const MAX_MEASURES = 3000;
 
 export class View2d {
@@ -289,9 +290,7 @@ export class View2d {
   select(event) {
     const picture = this.store.latest("picture");
     if (!picture?.arrays.path.length) return;
-    const piece = this.layers.nearest(picture, this.view.toPlane(this.within(event)), NEAR / this.view.scale);
-    const contour = piece < 0 ? -1 : indexAt(picture.arrays.path_breaks, piece);
-    if (contour !== this.store.options.contour) this.store.setView({ contour, ...(contour >= 0 && { side: "contours" }) });
+    this.store.selectAt(this.layers.nearest(picture, this.view.toPlane(this.within(event)), NEAR / this.view.scale));
   }
 
   /** @param {PointerEvent} event */
