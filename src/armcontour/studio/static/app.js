@@ -66,7 +66,7 @@ function keepPressed({ target }) {
 makeAll([
   () => dock(store),
   () => header(store, link),
-  () => figures(store),
+  () => figures(store, link),
   () => contours(store),
   () => viewbar(store, view),
   () => pen(store, link, pointer),

@@ -31,6 +31,13 @@ export function Entry({ value, send, ...more }) {
 /** Buttons that set what a refusal says is missing. @param {{edits?: {key: (string | number)[], value: any}[], take: (edit: object) => void}} props */
 export const Remedies = ({ edits = [], take }) => edits.map((edit) => html`<button type="button" onClick=${() => take(edit)}>Set ${edit.key.join(".")}: ${edit.value}</button> `);
 
+/**
+ * Buttons for changes of the job; where they are brief, their conditions are titles.
+ * @param {{changes: {label: string, condition?: string, edits: object[]}[], brief?: boolean, link: import("./connection.js").Link}} props
+ */
+export const Changes = ({ changes, brief, link }) => changes.map(({ label, condition, edits }) =>
+  html`<button type="button" title=${condition && `If ${condition}`} onClick=${() => link.edit(edits)}>${label}${condition && !brief && `, if ${condition}`}</button>`);
+
 /** Heads of columns; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
 export function Heads({ names, words = 0 }) {
   return html`<thead><tr>${names.map((name, k) => {

@@ -1,6 +1,7 @@
 // Verdict and its figures: contour error, cycle time, clearance, saturation.
 
 import { styleOf, verdictOf } from "./colours.js";
+import { Changes } from "./components.js";
 import { find, make, mark, say } from "./dom.js";
 import { NONE } from "./format.js";
 import { largest, timeOf } from "./polylines.js";
@@ -12,6 +13,7 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {Record<"box" | "label" | "value" | "unit" | "note", HTMLElement>} Box */
 
 const SPOKEN_EVERY = 1000; // ms
+const MOST_ADVISED = 2;
 /** Names of figures in their order. */
 const FIGURES = ["kept", "off_drawing", "duration", "clearance.low", "contour_error.rms", "saturated"];
 /** From which values on a figure is an alarm. @type {Record<string, (value: any) => boolean>} */
@@ -30,8 +32,8 @@ const PLACES = {
 };
 
 class Figures {
-  /** @param {Store} store */
-  constructor(store) {
+  /** @param {Store} store @param {import("./connection.js").Link} link */
+  constructor(store, link) {
     this.store = store;
     this.region = find("#figures");
     this.row = make("div", { class: "row" });
@@ -41,7 +43,19 @@ class Figures {
     this.boxes.duration.label.after(this.state);
     this.shares = make("div", { class: "figure shares", hidden: true });
     this.boxes.duration.box.after(this.shares);
+    const advice = make("div", { class: "figure advice", hidden: true });
+    this.row.append(advice);
     this.region.append(this.row);
+    const advise = (/** @type {any[]} */ changes) => {
+      advice.hidden = !changes.length;
+      render(html`<${Changes} brief changes=${changes.slice(0, MOST_ADVISED)} link=${link} />`, advice);
+    };
+    store.on("advice", advise);
+    let rev = -1;
+    store.on("document", (/** @type {any} */ frame) => {
+      if (frame.rev !== rev) advise([]);
+      rev = frame.rev;
+    });
     this.spoken = "";
     const showEverything = () => {
       this.showAll(FIGURES);
@@ -174,7 +188,7 @@ function exactnessOf(store) {
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 
-/** @param {Store} store */
-export function init(store) {
-  new Figures(store);
+/** @param {Store} store @param {import("./connection.js").Link} link */
+export function init(store, link) {
+  new Figures(store, link);
 }

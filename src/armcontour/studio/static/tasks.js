@@ -4,7 +4,7 @@ import { find, give, say } from "./dom.js";
 import { textOf } from "./format.js";
 import { known } from "./form.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
-import { Tabular } from "./components.js";
+import { Changes, Tabular } from "./components.js";
 import { html, render, signal, useComputed, useMemo, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -89,7 +89,7 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
       <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
     <div class="task-body">
       ${sentences.map((text) => html`<p class="task-sentence">${text}</p>`)}
-      ${(frame?.head.changes ?? []).map((/** @type {any} */ { label, edits }) => html`<p class="task-file"><button type="button" onClick=${() => link.edit(edits)}>${label}</button></p>`)}
+      <p class="task-file"><${Changes} changes=${frame?.head.changes ?? []} link=${link} /></p>
       ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
       ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
         <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
@@ -178,6 +178,9 @@ export function init(store, link) {
   store.on("result", (/** @type {Frame} */ frame) => {
     const { id, kept } = frame.head;
     renew(id, { state: kept === false ? "refused" : "done", frame });
+    // The savings are those of the job that was asked about.
+    const { task, rev } = results.value.find((x) => x.id === id) ?? {};
+    if (task === "changes" && rev === store.latest("document")?.rev) store.tell("advice", frame.head.changes);
   });
   store.on("cancelled", (/** @type {Frame} */ x) => renew(x.head.id, { state: "cancelled", sentence: "Cancelled." }));
   store.on("failed", (/** @type {Frame} */ x) => renew(x.head.id, { state: "failed", sentence: x.head.sentence }));

@@ -50,7 +50,8 @@ def changes(request: Request) -> PageFrame:
     advice = advise(request.job, request.result, request.progress)
     proposals = [
         {
-            "label": f"{x.label}: {x.effect}" + (f", if {x.condition}" if x.condition else ""),
+            "label": f"{x.label}: {x.effect}",
+            "condition": x.condition,
             "edits": [_set(*y) for y in x.edits],
         }
         for x in advice.improvements
