@@ -49,7 +49,7 @@ from armcontour.program import smooth_curvature
 from armcontour.robot.scene import Box, Obstacle, Scene
 
 
-def test_what_is_no_number_is_refused(refuses):
+def test_invalid_numbers_are_refused(refuses):
     # A value that is missing must not come back as whatever stands below the mask.
     masked = np.ma.masked_array([0.1, 0.2], mask=[False, True])
     for wrong in (masked, None, "5 mm", [0.1, np.nan]):
@@ -119,7 +119,7 @@ def test_copies_equal_what_was_copied(copied, objective, arm, limits, servo, con
 KINDS = (ac.InvalidInput, ac.Unreachable, ac.NotRealizable, ac.CompensationError, ac.ExecutionError)
 
 
-def test_the_tree():
+def test_errors_have_exit_codes_and_one_base_class():
     assert [kind.exit_code for kind in (ac.ArmContourError, *KINDS)] == [1, 2, 3, 4, 5, 6]
     assert [issubclass(kind, ValueError) for kind in KINDS] == [True] + [False] * 4
     assert all(issubclass(kind, ac.ArmContourError) for kind in KINDS)
@@ -139,7 +139,7 @@ def test_errors_carry_data():
         assert {getattr(kind("No."), name) for name in (*data, "point", "allowed")} == {None}
 
 
-def test_a_sentence_writes_no_orders_to_a_terminal_and_does_not_repeat_a_file():
+def test_messages_escape_control_sequences_and_do_not_repeat_a_file():
     error = ac.InvalidInput("no key '\x1b]52;c;cHduZWQ=\x1b\\' in \u202egpj.exe\nline\x85\ud800")
     assert str(error).isprintable()
     assert "\\x1b]52;" in str(error) and "\\u202e" in str(error) and "\\n" in str(error)
@@ -233,7 +233,7 @@ def test_the_shortest_rotation_turns_one_direction_into_the_other():
         assert (np.abs(np.sum(rotation * first, axis=1)) < 1e-12).all(), turn
 
 
-def test_rotations_in_every_form():
+def test_rotations_accept_every_form():
     matrix, quaternion = TURNED.as_matrix(), TURNED.as_quat()
     for form in (
         *(TURNED, matrix, matrix.tolist(), quaternion, -quaternion),
@@ -327,7 +327,7 @@ def test_frames_are_chained_like_matrices_and_stay_rotations():
             array[0] = 5.0
 
 
-def test_a_transform_is_no_four_quaternions(refuses):
+def test_a_transform_is_not_read_as_four_quaternions(refuses):
     transform = np.eye(4)
     transform[:3, :3] = TURNED.as_matrix()
     for place in ([0, 0, 0], [0.1, 0.2, 0.3]):
@@ -340,7 +340,7 @@ def test_a_transform_is_no_four_quaternions(refuses):
             refuses(call, ac.InvalidInput, "is a 4 by 4 transform", "Use Frame")
 
 
-def test_degrees_given_for_radians_are_warned_of_with_what_was_meant():
+def test_a_warning_names_degrees_passed_as_radians():
     with pytest.warns(UserWarning, match=r"180 rad is more than a whole turn") as caught:
         Frame.rpy((0, 0, 0), (180, 0, 90))
     assert str(caught[0].message).endswith("use np.radians([180.0, 0.0, 90.0]).")

@@ -144,7 +144,7 @@ def test_a_page_is_done(page, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("page", mark_all_but(PYTHON, {*PYTHON} - NEEDING))
-def test_python_runs(page, folder):
+def test_python_blocks_run(page, folder):
     folder(page)
     names = {"__name__": page}
     printed = run_page(page, names)
@@ -179,7 +179,7 @@ def test_command_lines_parse():
 
 
 @needs_dynamics
-def test_the_first_command_of_a_page_works(folder):
+def test_the_first_command_of_a_page_succeeds(folder):
     # The page's own file is what it runs.
     for page in (f"docs/guides/{x}.md" for x in ("gcode", "waypoints", "job", "checking")):
         folder(page)
@@ -229,7 +229,7 @@ def read_yaml(block, folder_of_page):
         read_limits("limits.yaml", ac.load_arm("pmk3s"))
 
 
-def test_yaml_and_drawings_are_what_their_readers_take(folder):
+def test_yaml_blocks_and_drawings_are_accepted_by_their_readers(folder):
     for block in BLOCKS:
         # Files of a page that is done are read when it is.
         if block.language == "yaml" and not ("file" in block.marks and block.page in DONE):
@@ -239,7 +239,7 @@ def test_yaml_and_drawings_are_what_their_readers_take(folder):
             assert ac.read_path(drawing).contours, str(block)
 
 
-def test_every_block_is_run_or_read_or_has_a_reason_not_to():
+def test_every_block_is_run_or_read_or_states_a_reason():
     """Languages that nothing here runs or reads would be code that nobody has tried."""
     ways = {"python", "yaml", "text", "", "{toctree}"}
     for block in BLOCKS:

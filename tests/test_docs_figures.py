@@ -56,7 +56,7 @@ def page(name):
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def test_the_table_of_contour_errors_is_what_is_computed(plans):
+def test_the_table_of_contour_errors_is_computed_again(plans):
     slow = ac.plan(OBJECTIVE, ARM, LIMITS.replace(speed=0.04), ac.Conventional())
     with_reserve, full = plans[0.02], plans[0.0]
     rows = [
@@ -94,7 +94,7 @@ def test_the_readme_states_the_error_of_its_example_without_compensation():
     is_printed([error.rms * 1e3], printed.groups())
 
 
-def test_figures_without_a_reserve(plans):
+def test_figures_without_a_reserve_are_computed_again(plans):
     words = " ".join(page("docs/guides/compensations.md").split())
     at_full = re.search(r"error is ([\d.]+) mm RMS at the full limit", words)
     reserved = re.search(r"and ([\d.]+) mm with a reserve of 0\.5 %", words)
@@ -111,7 +111,7 @@ def test_figures_without_a_reserve(plans):
     is_printed(figures, numbers(text))
 
 
-def test_the_table_of_poles(plans):
+def test_the_table_of_poles_is_computed_again(plans):
     lines = page("docs/guides/compensations.md").splitlines()
     for line in (x for x in lines if x.startswith("| $(-")):
         pole, *printed = numbers(line.replace(")^3", ""))
@@ -139,7 +139,7 @@ BRACKET = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20), (0.40, 0.30)])
 SLOW = ARM.limits.replace(speed=0.10, centripetal_acceleration=0.09)
 
 
-def test_the_explanation_of_the_bracket():
+def test_the_explanation_of_the_bracket_is_computed_again():
     block = page("docs/guides/optimal.md").split("```text\n")[1].split("```")[0]
     plan = ac.plan(ac.round_corners(BRACKET, tolerance=2e-3), ARM, SLOW)
     text = str(ac.explain(plan, ARM, SLOW))
@@ -148,7 +148,7 @@ def test_the_explanation_of_the_bracket():
 
 
 @pytest.mark.filterwarnings("ignore:Limits of jerk add")
-def test_the_durations_of_the_guides():
+def test_the_durations_of_the_guides_are_computed_again():
     jerk = page("docs/guides/jerk.md")
     printed = re.search(r"# ([\d.]+) s", jerk), re.search(r"stops twice and takes ([\d.]+) s", jerk)
     limits = SLOW.replace(joint_jerk=7.2)
@@ -169,7 +169,7 @@ def test_the_durations_of_the_guides():
         is_printed([ac.plan(rounded, ARM, SLOW).duration], [durations[name]])
 
 
-def test_the_table_of_linuxcnc_is_that_of_the_law_of_its_drives():
+def test_the_table_of_linuxcnc_follows_from_the_law_of_its_drives():
     """That LinuxCNC follows this law is tested where it is installed."""
     assert set(paper_table.printed()) == set(paper_table.NAMES)
     assert not paper_table.differences(paper_table.figures(hal_drives.follow))

@@ -90,7 +90,7 @@ def test_every_picture_is_described_in_words():
             assert len(x.content) >= SHORTEST or page == DOCS / "paper.md", (page, x.content)
 
 
-def test_every_file_of_the_docs_is_found_from_the_first_page():
+def test_every_page_is_linked_from_the_first_page():
     visited: set[Path] = set()
     todo = [DOCS / "index.md"]
     while todo:

@@ -192,6 +192,6 @@ def test_the_repr_of_values_is_one_line():
         assert_one_line(value)
 
 
-def test_texts_of_other_people_do_not_control_the_terminal():
+def test_texts_from_files_do_not_control_the_terminal():
     text = format_table("a\x1b[2J", [("b\nc", "d\x07")])
     assert text.splitlines() == ["a\\x1b[2J", "  b\\nc  d\\x07"]

@@ -19,7 +19,7 @@ SERVO = ac.ServoModel(25.0, 150.0)
 PLANNED = ac.plan(ROUNDED, ARM, LIMITS)
 
 
-def test_paths_are_made_of_ends_centers_and_points_of_arcs() -> None:
+def test_paths_consist_of_lines_and_all_forms_of_arcs() -> None:
     line, arc = ac.Path.line((0.0, 0.0), (0.3, 0.4)), ac.Path.arc((0, 0), (2, 0), via=(1, 1))
     circle = ac.Path.circle((0.1, 0.2, 0.3), 0.05)
 
@@ -39,7 +39,7 @@ def test_a_path_of_segments_and_a_closed_polyline() -> None:
     assert ac.Path.polyline([x.start for x in lines] + [lines[1].end], closed=True).length == 1.2
 
 
-def test_quantities_are_texts_with_units_as_in_files() -> None:
+def test_quantities_may_be_texts_with_units_as_in_files() -> None:
     limits = ac.Limits(speed="100 mm/s", joint_velocity=["90 deg/s", 1.0])  # type: ignore
 
     assert limits.speed == 0.1
@@ -158,6 +158,6 @@ def test_a_path_is_certified_with_an_arm_a_servo_and_a_goal() -> None:
         ),
     ],
 )
-def test_a_value_of_an_argument_is_refused_with_its_form(call: object, form: str) -> None:
+def test_a_wrong_argument_is_refused_with_its_form(call: object, form: str) -> None:
     with pytest.raises(ac.InvalidInput, match=re.escape(form)):
         call()  # type: ignore[operator]

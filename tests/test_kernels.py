@@ -175,7 +175,7 @@ def test_without_a_writable_folder_functions_are_compiled(tmp_path, load, monkey
     assert [x.name for x in tmp_path.iterdir() if x.name != "module.py"] == ["__pycache__"]
 
 
-def test_a_full_disk_is_no_error(tmp_path, load, monkeypatch):
+def test_a_full_disk_does_not_stop_the_command(tmp_path, load, monkeypatch):
     def refuse(*_):
         raise OSError(errno.ENOSPC, "full")
 
@@ -186,7 +186,7 @@ def test_a_full_disk_is_no_error(tmp_path, load, monkeypatch):
     assert [load(), load()] == [(1, 0), (1, 1)]
 
 
-def test_what_is_kept_of_a_function_ends_with_the_files_of_those_that_it_calls(kernels):
+def test_a_cached_function_is_invalid_if_a_called_file_changes(kernels):
     """Directly or not: otherwise the old functions would go on after an update."""
 
     def callees(kernel):

@@ -52,7 +52,7 @@ def test_threads_give_results_in_order_and_their_errors(monkeypatch):
 
 
 @given(st.integers(0, 100), st.integers(1, 20))
-def test_even_parts_make_up_the_whole(count, parts):
+def test_equal_parts_cover_all_items(count, parts):
     parts_of_range = [list(range(count))[x] for x in split_evenly(count, parts)]
     assert sum(parts_of_range, []) == list(range(count))
     assert max(map(len, parts_of_range)) - min(map(len, parts_of_range)) <= 1
@@ -71,7 +71,7 @@ def eager(monkeypatch):
     monkeypatch.setattr(pool, "processors", lambda: 2)
 
 
-def test_an_error_comes_in_the_place_of_its_item(eager):
+def test_an_error_is_returned_at_the_position_of_its_item(eager):
     pids = list(map_in_order(eval, [PID] * 40))
     assert pids[0] == os.getpid() and len(set(pids)) > 1
     results = map_in_order(halve, [1.0] * 20 + [0.0] + [1.0] * 10 + ["x"])
@@ -81,7 +81,7 @@ def test_an_error_comes_in_the_place_of_its_item(eager):
     assert list(map_in_order(lambda x: x + 1, list(range(9)))) == list(range(1, 10))
 
 
-def test_a_frozen_application_does_all_itself(eager, monkeypatch):
+def test_a_frozen_application_uses_no_other_processes(eager, monkeypatch):
     # `sys.executable` is the application there, which is no Python to start.
     monkeypatch.setattr(sys, "frozen", True, raising=False)
     own_ids = [os.getpid()] * 20
@@ -159,14 +159,14 @@ def test_a_lost_item_may_have_a_result():
     assert item == 2 and error.startswith("A process ended before its work was done")
 
 
-def test_this_process_works_when_a_result_is_taken():
+def test_without_workers_an_item_is_computed_when_its_result_is_taken():
     results = run_all(halve, taken([2, 0]), None)
     assert next(results) == (2, 0.5)
     with pytest.raises(ZeroDivisionError):
         next(results)
 
 
-def test_options_that_do_not_go_together_are_refused():
+def test_options_that_exclude_each_other_are_refused():
     for arguments, words in (
         ((2, Elsewhere()), "An executor has its own workers"),
         ((-1, None), "workers must be 0 or more, but is -1"),

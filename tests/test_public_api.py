@@ -50,7 +50,7 @@ def test_stubs_have_the_names_of_the_packages():
         assert len(names) == len(set(names))
 
 
-def test_a_plan_without_limits_of_jerk_loads_nothing_of_them():
+def test_a_plan_without_jerk_limits_does_not_load_their_modules():
     code = """if True:
         import sys
         import armcontour as ac
@@ -133,7 +133,7 @@ def makers():
                     yield f"{name}.{key}", member
 
 
-def test_arguments_that_do_not_exist_are_answered_with_those_that_do(refuses):
+def test_unknown_arguments_are_refused_with_the_known_ones(refuses):
     callables = dict(makers())
     assert {"plan", "ServoModel", "ServoPlant", "Path.polyline", "load_arm"} <= set(callables)
     for key, value in callables.items():
@@ -157,7 +157,7 @@ def planned(objective, arm, limits):
     return ac.plan(ac.round_corners(objective, tolerance=5e-3), arm, limits)
 
 
-def test_orders_sides_words_and_intervals_are_refused(planned, rounded, traced, refuses):
+def test_wrong_orders_sides_words_and_intervals_are_refused(planned, rounded, traced, refuses):
     cases = [
         (lambda curve=curve, order=order: curve(0.0, order))
         for order in ("a", None, 0.5, -1, True, [1], np.zeros(2), 10**400)

@@ -68,7 +68,7 @@ def test_texts_of_options_are_read_without_pydantic(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["run", "check", "studio"])
-def test_help_of_a_command_loads_no_more_of_its_own(tmp_path, command):
+def test_help_of_a_command_loads_only_its_options(tmp_path, command):
     package_modules, _, packages = loaded(COMMAND.format(arguments=[command, "--help"]), tmp_path)
     assert len(package_modules) <= OWN_OF_COMMAND, package_modules
     assert packages <= TYPER

@@ -78,7 +78,7 @@ MISTAKES = {
 }
 
 
-def test_mistakes_of_hands_are_explained_with_their_place():
+def test_typing_errors_are_explained_with_their_line():
     refusals(lambda text: load(text, "x"), MISTAKES.items(), "x is not valid YAML: ")
 
 
@@ -147,7 +147,7 @@ def teach_with_a_dwell_of_a_day(folder):
     run(dataclasses.replace(job, runs=runs), simulate=False)
 
 
-def test_large_motions_are_refused(tmp_path):
+def test_large_numbers_of_samples_are_refused(tmp_path):
     for call in (
         lambda: run(job(limits__speed=1e-6, cycle=1e-3), simulate=False).runs,
         lambda: teach_with_a_dwell_of_a_day(tmp_path),

@@ -137,7 +137,7 @@ def test_kerf_and_lead_in_are_saved_and_undone(studio, folder):
     assert (folder / "job.yaml").read_text() == JOB
 
 
-def test_settings_of_another_layer(studio):
+def test_settings_of_a_layer_do_not_change_other_layers(studio):
     before = planned(studio)
     open_group(studio, "Layers and order", "process.by_layer", "process.by_layer.FINE")
     data, twice = change(studio, process__by_layer__FINE__passes="2")
@@ -151,7 +151,7 @@ def test_settings_of_another_layer(studio):
     assert load(studio.text, "")["path"]["layers"] == {"CUT": {}} and planned(studio) < before
 
 
-def test_settings_of_the_selected_contour(studio):
+def test_settings_change_the_selected_contour_only(studio):
     before = planned(studio)
     studio.page.get_by_role("tab", name="Contours").click()
     studio.find("ol.contours button").nth(1).click()
@@ -198,7 +198,7 @@ def test_a_refusal_offers_what_is_missing(studio):
     assert planned(studio) > 0
 
 
-def test_a_change_is_for_the_job_or_for_the_run(studio):
+def test_a_change_applies_to_the_job_or_to_the_run(studio):
     planned(studio)
     studio.tab("process")
     data, slow = change(studio, limits__speed="40 mm/s")

@@ -52,7 +52,7 @@ def folder(tmp_path, mac):
     return tmp_path
 
 
-def test_kept_limits_end_with_0(folder, check):
+def test_satisfied_limits_have_exit_code_0(folder, check):
     options = (*PLANNED, "--path", "job.yaml")
     outcome = check(folder, *options)
     assert outcome.code == 0, outcome.out + outcome.errors
@@ -70,7 +70,7 @@ def test_kept_limits_end_with_0(folder, check):
     assert data["end_speeds"] == [0, 0] and "at rest" not in outcome.out
 
 
-def test_a_violation_ends_with_1_and_its_place(folder, check):
+def test_a_violation_has_exit_code_1_and_states_its_location(folder, check):
     (folder / "limits.yaml").write_text("joint_acceleration: [0.7, 0.8]\n")
     outcome = check(folder, *PLANNED)
     assert outcome.code == 1 and "violated" in outcome.out and outcome.errors == ""
@@ -89,7 +89,7 @@ def test_a_violation_ends_with_1_and_its_place(folder, check):
     assert "rad/s³" in line and "violated" in line
 
 
-def test_the_path_and_the_limits_of_one_run(folder, check, refused):
+def test_check_uses_the_path_and_the_limits_of_one_run(folder, check, refused):
     options = (*PLANNED, "--path", "job.yaml")
     sharp = check(folder, *options, "--run", "sharp", "--json")
     assert sharp.code == 1
@@ -138,7 +138,7 @@ def test_wrong_files_and_options_are_refused(folder, refused):
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
 
 
-def test_samples_that_allow_no_verdict_end_with_7(tmp_path, check):
+def test_samples_without_a_verdict_have_exit_code_7(tmp_path, check):
     for text, ratio in ((COARSE, np.deg2rad(100) / 0.72), (JUMPS, 2e4 / 0.72)):
         (tmp_path / "log.csv").write_text(text)
         outcome = check(tmp_path, "log.csv", "--arm", "pmk3s")
@@ -154,7 +154,7 @@ def test_samples_that_allow_no_verdict_end_with_7(tmp_path, check):
         assert use["highest"]["ratio"] == pytest.approx(ratio)
 
 
-def test_a_specified_limit_that_was_not_checked_ends_with_7(tmp_path, check):
+def test_a_specified_limit_that_was_not_checked_has_exit_code_7(tmp_path, check):
     t = np.arange(11) / 10
     titles = "t [s]," + ",".join(f"q{j} [rad]" for j in range(1, 7))
     write(tmp_path / "log.csv", titles, t, np.outer(t, np.full(6, 0.01)))
@@ -165,7 +165,7 @@ def test_a_specified_limit_that_was_not_checked_ends_with_7(tmp_path, check):
     assert "cannot tell" in outcome.out and "not judged: joint_torque" in outcome.out
 
 
-def test_an_arm_from_a_description_with_its_limits(tmp_path, check):
+def test_an_arm_from_a_description_is_checked_with_its_limits(tmp_path, check):
     data = FilePath(__file__).parents[1] / "files" / "robots" / "data"
     t = np.linspace(0, 1, 51)
     q = np.outer(3 * t**2 - 2 * t**3, [1.0, 0.2, 0.2, 0.2])
@@ -181,7 +181,7 @@ def test_an_arm_from_a_description_with_its_limits(tmp_path, check):
     assert (velocity["joint"], velocity["limit"]) == (1, pytest.approx(np.pi / 2))
 
 
-def test_a_measured_motion(folder, mac, check):
+def test_undeclared_noise_of_a_log_is_motion(folder, mac, check):
     """Noise is motion unless it is declared; unknown columns are skipped."""
     samples = mac.sample(4e-3)
     noise = 2e-5 * np.random.default_rng(0).uniform(-1, 1, samples.q.shape)
@@ -213,7 +213,7 @@ SWEEP = """t,q1,q2,q3,q4,q5,q6
 
 
 @needs_dynamics
-def test_a_scene_is_checked_between_samples_too(tmp_path, check):
+def test_a_scene_is_also_checked_between_samples(tmp_path, check):
     (tmp_path / "sweep.csv").write_text(SWEEP)
     position = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
     wall = f"{{type: box, name: wall, size: [0.001, 0.3, 0.3], at: {position}}}"
@@ -239,7 +239,7 @@ def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     assert check(tmp_path, "sweep.csv", "--scene", "scene.yaml").code == 2
 
 
-def test_the_commands_of_a_controller(folder, mac, check, refused):
+def test_commands_between_the_points_are_checked(folder, mac, check, refused):
     given = (*PLANNED, "--path", "job.yaml")
     with_jtc = (*given, "--controller", "jtc", "--rate", "1000 Hz")
     done = check(folder, *with_jtc)

@@ -49,7 +49,9 @@ def result(call, folder):
 
 
 @needs_dynamics
-def test_the_plan_is_sampled_at_the_period_and_outputs_are_of_the_job(result, call, folder):
+def test_export_samples_the_plan_at_the_period_and_uses_the_outputs_of_the_job(
+    result, call, folder
+):
     exports = result / "compensated" / "export"
     reference = pd.read_csv(exports / "reference.csv")
     np.testing.assert_allclose(np.diff(reference["t [s]"])[:-1], 0.048, atol=1e-12)
@@ -110,7 +112,9 @@ def test_an_earlier_result_gives_what_the_run_exported(name, result, call, folde
 
 
 @needs_dynamics
-def test_few_points_within_a_tolerance_with_tolerances_of_the_goal(result, call, folder, refused):
+def test_few_points_stay_within_the_tolerance_and_the_goal_has_tolerances(
+    result, call, folder, refused
+):
     options = ("--points", "60", "--point-tolerance", "0.2 mrad")
     call(
         *("run", "part.ngc", "--cell", "ur5e", "--out", "few", "--export", "ros-yaml"),
@@ -174,7 +178,7 @@ runs: {compensated: {}}
 """
 
 
-def test_analog_outputs_are_columns_of_a_run_and_not_of_an_earlier_result(call, folder):
+def test_analog_outputs_are_columns_of_a_run_but_not_of_an_earlier_result(call, folder):
     (folder / "laser.yaml").write_text(LASER)
     options = ("--no-simulation", "--export", "csv", "--export", "ros-yaml", "--out", "laser")
     run_output = call("run", "laser.yaml", *options)

@@ -56,7 +56,9 @@ def written(folder, table, titles=TITLES, name="run.csv"):
     return file
 
 
-def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
+def test_learn_continues_from_the_set_points_of_an_earlier_result(
+    command, shop, tmp_path, refused, done
+):
     log, out, third = written(tmp_path, shop.table), tmp_path / "second", tmp_path / "third"
     learn = ("learn", shop.file, "--log")
     shown = done(*learn, log, "--set-points", shop.first, "--out", out)
@@ -95,7 +97,7 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
     assert refused(tmp_path, rows, codes=(2,), begin=learn) == []
 
 
-def test_options_that_do_not_go_together(shop, tmp_path, refused):
+def test_options_that_exclude_each_other_are_refused(shop, tmp_path, refused):
     log = written(tmp_path, shop.table)
     rows = [
         ("", ["--set-points and --log"]),

@@ -88,7 +88,7 @@ def test_a_motion_is_played_and_recorded(bench, tmp_path):
     ]
 
 
-def test_a_stop_waits_until_it_is_wanted(bench):
+def test_a_stop_is_not_played_before_the_request(bench):
     bench.send(*MOTION, "T 6", *rows(60, 61), "E", "G")
     bench.loop(2)
     bench.send("S")
@@ -97,7 +97,7 @@ def test_a_stop_waits_until_it_is_wanted(bench):
     assert bench.events == ["X 6", "D"]
 
 
-def test_the_earliest_stop_that_is_not_too_late_is_taken(bench):
+def test_the_earliest_stop_that_can_still_begin_is_played(bench):
     bench.send(*MOTION, *(y for k in (2, 8, 4) for y in (f"T {k}", *rows(10 * k), "E")), "G")
     bench.loop(2)  # four rows are sent: 2 is too late
     bench.send("S")
@@ -112,7 +112,7 @@ def test_without_a_stop_the_motion_is_played_to_its_end(bench):
 
 
 @pytest.mark.parametrize("how", ["sender", "reader", "quit"])
-def test_a_lost_end_takes_the_next_stop(bench, how):
+def test_a_lost_end_of_the_motion_causes_the_next_stop(bench, how):
     bench.send(*MOTION, "T 6", *rows(60), "E", "G")
     bench.loop()
     if how == "quit":
@@ -134,7 +134,7 @@ def test_rows_after_the_last_stop_in_hand_are_not_sent(bench):
     assert bench.events == ["A", "X 6", "D"]
 
 
-def test_stops_are_of_one_motion(bench):
+def test_a_stop_applies_to_one_motion_only(bench):
     bench.send(*MOTION, "T 6", *rows(60), "E", "T 10", *rows(9), "E", "G")
     bench.loop(5)
     bench.send("M", *rows(1, 2, 3), "E", "G", "S")

@@ -37,13 +37,13 @@ def limits(fr3):
 
 
 @pytest.mark.parametrize("move", [fast_line, square, joint_line])
-def test_what_the_check_accepts_the_limiter_does_not_change(fr3, limits, move):
+def test_the_limiter_changes_no_accepted_set_point(fr3, limits, move):
     q = commands_of(move(fr3, limits))
     rows = Franka("127.0.0.1").check(fr3, limits, q)
     assert max(x.value for x in rows) <= 1 and commands_changed("fr3", q) == 0
 
 
-def test_the_limiter_changes_what_the_check_refuses():
+def test_the_limiter_changes_refused_set_points():
     """Motions of one joint whose accelerations or jerks are 0.99 or 1.01 of the limit."""
     n = np.arange(400)
     for j in range(7):
@@ -59,7 +59,7 @@ def test_the_limiter_changes_what_the_check_refuses():
                 assert (changed > 0) == (share > 1), (j, frequency, share)
 
 
-def test_the_velocity_limit_falls_towards_the_ends_of_the_ranges(fr3, limits):
+def test_the_velocity_limit_decreases_towards_the_ends_of_the_ranges(fr3, limits):
     q = np.repeat(HOME[None], 2000, axis=0)
     x = np.linspace(0, 1, 1000)
     q[:1000, 0] = 1.7 + 1.02 * x**3 * (10 - x * (15 - 6 * x))
@@ -69,7 +69,7 @@ def test_the_velocity_limit_falls_towards_the_ends_of_the_ranges(fr3, limits):
     assert e.value.joint == 0 and e.value.needed > e.value.allowed > 0.3
 
 
-def test_what_the_fci_does_not_take_is_refused(fr3, limits):
+def test_motions_that_the_fci_does_not_support_are_refused(fr3, limits):
     robot = Franka("127.0.0.1")
     q = np.repeat(HOME[None], 20, axis=0)
     jump, far = q.copy(), q.copy()
@@ -166,7 +166,7 @@ def feed(device, rows, cycles):
     return samples + list(device.samples())
 
 
-def test_the_robots_clock_says_which_row_is_due(library):
+def test_the_robots_clock_determines_the_row(library):
     # Two states are lost before 7 ms, at rest no state is.
     library.control = Control([0, 1, 2, 3, 4, 7, *range(8, 40)])
     device = library.device("127.0.0.1")

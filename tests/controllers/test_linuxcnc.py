@@ -83,7 +83,7 @@ def undisturbed(play_once):
 
 
 @needs_linuxcnc
-def test_a_motion_is_that_of_our_simulation(job, planned):
+def test_the_drives_move_as_in_the_simulation(job, planned):
     u = commands(planned.set_points)
 
     def play_once():

@@ -97,7 +97,7 @@ def test_figures_are_those_of_the_log(job):
         ({"friction": 0.03}, False),
     ],
 )
-def test_a_robot_that_moves_otherwise_is_not_kept(job, robot, stops):
+def test_a_robot_that_differs_from_the_simulation_is_not_kept(job, robot, stops):
     played = run_at(job, simulated(**robot))
     assert played.kept is False
     assert (played.record.stopped is not None) == played.record.deviated == stops
@@ -131,7 +131,7 @@ def test_a_joint_that_does_not_follow_to_the_start_is_refused(job, refuses):
         assert len(robot.motions) == 1
 
 
-def test_positions_that_are_not_plausible_are_refused_in_a_dry_run(job, refuses):
+def test_implausible_positions_are_refused_in_a_dry_run(job, refuses):
     degrees = np.degrees(START)
     refuses(lambda: play(job, simulated(at=degrees)), ControllerRefused, "turn", needed=degrees[1])
     limits = job.runs[0].limits.replace(joint_lower=-3.0, joint_upper=3.0)
@@ -142,7 +142,7 @@ def test_positions_that_are_not_plausible_are_refused_in_a_dry_run(job, refuses)
     assert play(limited, simulated(at=START + [0.5, 0.0])).distance == pytest.approx(0.5, abs=1e-3)
 
 
-def test_a_stop_on_the_way_to_the_start_says_that_joints_moved(job):
+def test_a_stop_during_the_motion_to_the_start_reports_that_joints_moved(job):
     robot = simulated(at=START + 0.05)
     played = run_at(job, robot, stop_requested=lambda: bool(robot.motions))
     assert played.record is None and 0.0 < played.approach < 0.05
@@ -178,7 +178,7 @@ def test_compensated_set_points_above_the_limits_need_an_identified_servo(job, p
         (lambda: simulated(trip=0), 10, ""),
     ],
 )
-def test_exit_codes_and_logs(tmp_path, monkeypatch, robot, code, word):
+def test_play_asks_for_the_name_and_writes_a_log(tmp_path, monkeypatch, robot, code, word):
     asked = []
 
     def answer(prompt, **_):

@@ -106,7 +106,7 @@ def test_log_of_other_set_points_is_refused(job, learned):
     assert robot.motions == []
 
 
-def test_learning_goes_back_after_a_worse_run(job):
+def test_learning_returns_to_the_best_run_after_a_worse_run(job):
     # The servo of this robot does not respond as learning expects.
     robot = Simulated(ki=20.0, friction=0.03)
     result = learn_on(job, robot, reserve=0.02, execute=True, runs=8, band=0.2)
@@ -119,7 +119,7 @@ def test_learning_goes_back_after_a_worse_run(job):
     assert every[worse] > every[worse - 1] and 0 < steps[1] < 0.7 * steps[0]
 
 
-def test_stop_on_request_keeps_what_was_learned(job, learned):
+def test_a_stop_on_request_keeps_the_learned_set_points(job, learned):
     class Stopped(Simulated):
         def stream(self, motion, stop_requested=lambda: False):
             asked.append(True)

@@ -118,7 +118,7 @@ def test_a_dry_run_compares_and_sends_no_program(double):
         ("used=input_int_register_24", "input_int_register_24 is used by another client"),
     ],
 )
-def test_robots_that_cannot_play_are_refused(arm, double, word, reason):
+def test_robots_that_are_not_ready_are_refused(arm, double, word, reason):
     address, _ = double(word)
     with Ur(address) as robot, pytest.raises(ControllerRefused, match=reason):
         robot.connect(arm, START)
@@ -136,7 +136,7 @@ def test_a_protective_stop_ends_the_motion_with_its_record(arm, double):
     assert np.array_equal(record.command, part.q[: len(record.t)])
 
 
-def test_what_the_robot_cannot_do_is_refused(arm):
+def test_motions_that_the_robot_does_not_support_are_refused(arm):
     robot, q = Ur("127.0.0.1"), np.repeat(START[None], 5, axis=0)
     fast, far = q.copy(), q.copy()
     fast[3, 2] += 0.01

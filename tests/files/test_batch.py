@@ -36,7 +36,7 @@ def file(tmp_path):
     return file
 
 
-def test_a_row_is_what_run_gives_for_the_job(file):
+def test_a_row_contains_the_results_of_run(file):
     progress_log = []
     result = ac.batch(file, OVER, workers=0, progress=progress_log.append)
     assert result.counts == {"done": 2, "refused": 2}

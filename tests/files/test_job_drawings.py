@@ -43,7 +43,7 @@ def job(folder, text="{}", **changes):
     return parse_job(text, source="plate.yaml", folder=folder)
 
 
-def test_a_file_becomes_a_program_where_its_frame_lies(folder):
+def test_a_file_becomes_a_program_in_its_frame(folder):
     program = job(folder).path
     assert isinstance(program, Program) and [x.name for x in program.contours] == ["a", "b"]
     np.testing.assert_allclose(program.contours[0].path.vertices, [[0.3, 0.08], [0.36, 0.08]])
@@ -244,7 +244,7 @@ def test_refuses_in_one_sentence(folder):
     refusals(lambda path: parse_job(yaml.safe_dump({**JOB, "path": path})), table)
 
 
-def test_space_and_plane(folder):
+def test_drawings_fit_arms_in_space_and_in_the_plane(folder):
     (folder / "deep.ngc").write_text("G21 F600\nG1 X10 Y0 Z1\nG1 X20 Y10 Z0\n")
     words = "deep.ngc has z coordinates ... path.ignore_z ... --ignore-z"
     refusals(lambda x: job(folder, x), [("path: {file: deep.ngc}", words)])
@@ -284,7 +284,7 @@ def test_cells_take_a_drawing(folder):
         assert cell_job.length == pytest.approx(length)
 
 
-def test_refuses_what_is_no_cell(folder):
+def test_refuses_invalid_cells(folder):
     (folder / "list.yaml").write_text(yaml.safe_dump({**JOB, "path": [1, 2]}))
     table = [
         ("", "fr3, panda, pmk3s, ur10e, ur5e"),
@@ -294,7 +294,7 @@ def test_refuses_what_is_no_cell(folder):
     refusals(lambda cell: read_cell(cell, folder / "two.csv"), table)
 
 
-def test_files_are_looked_for_beside_the_job(folder, monkeypatch):
+def test_files_are_relative_to_the_job(folder, monkeypatch):
     (folder / "sub").mkdir()
     data = {**JOB, "path": {"file": "../two.csv"}}
     (folder / "sub" / "job.yaml").write_text(yaml.safe_dump(data))

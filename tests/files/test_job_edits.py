@@ -36,7 +36,7 @@ runs: {a: {}}
 """
 
 
-def test_keys_are_set_where_they_stand_or_last_in_their_mapping():
+def test_keys_are_set_in_place_or_last_in_their_mapping():
     patched = write_patch(TEXT, {("arm", "work"): {"position": [1.5, 0, 0]}, ("name",): "new"})
     changed = [b for a, b in zip(TEXT.splitlines(), patched.splitlines(), strict=True) if a != b]
     assert changed == ["name: new   # its name", "  work: {position: [1.5, 0, 0]}  # here"]

@@ -115,7 +115,7 @@ def test_a_bad_job_is_refused_in_one_sentence():
     refusals(parse, [(f"{x}: 1", f"unknown key {x}: ") for x in keys])
 
 
-def test_a_file_that_is_no_job(tmp_path):
+def test_files_that_are_no_jobs_are_refused(tmp_path):
     tens = zip("abcdefgh", "bcdefghi", strict=True)
     flood = "".join(f"{y}: &{y} [{', '.join(['*' + x] * 10)}]\n" for x, y in tens)
     table = [
@@ -131,7 +131,7 @@ def test_a_file_that_is_no_job(tmp_path):
     refusals(read_job, [(tmp_path / "none.yaml", "There is no job file")])
 
 
-def test_an_arm_file_is_found_beside_the_job(tmp_path):
+def test_an_arm_file_is_found_next_to_the_job(tmp_path):
     arm = (ROOT / "src/armcontour/files/robots/library/pmk3s.yaml").read_text(encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(arm.replace("PMK-3s", "mine"), encoding="utf-8")
     (tmp_path / "job.yaml").write_text(with_change("arm: mine.yaml"), encoding="utf-8")

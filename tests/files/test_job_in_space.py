@@ -68,7 +68,7 @@ arm:
     np.testing.assert_array_equal(chain.payload.center, [0, 0, 0.05])
 
 
-def test_a_description_is_found_beside_the_job(folder):
+def test_a_description_is_found_next_to_the_job(folder):
     text = """
 arm:
   file: robot.urdf
@@ -102,7 +102,7 @@ def test_a_bad_key_is_refused_in_one_sentence(folder):
     refusals(lambda x: job(x, folder), BAD, "job.yaml: ", without="more problem")
 
 
-def test_arcs_through_points_and_full_circles():
+def test_arcs_through_points_and_full_circles_are_read():
     path_read = job("""
 path:
   start: [0.4, 0, 0.2]
@@ -117,7 +117,7 @@ path:
     assert path_read.speeds[2] == 0.02
 
 
-def test_orientations():
+def test_orientations_are_read_in_all_forms():
     down = {"rpy": ["180 deg", 0, 0]}
     for way in (down, {"quaternion": [1, 0, 0, 0]}):
         orientation = oriented(way)
@@ -174,7 +174,7 @@ payload: {mass: 2 kg, center: [0, 0, 50 mm]} => {payload.mass: 2, payload.center
 """
 
 
-def test_limits_of_joints_and_experiments():
+def test_limits_of_joints_and_experiments_are_read():
     values(lambda x: job("corners: sharp", **yaml.safe_load(x)).runs[0].limits, VALUES)
     values(lambda x: job(experiment=yaml.safe_load(x)).runs[0].experiment, ROBOT)
     assert all(x.experiment is None for x in job().runs)
@@ -182,7 +182,7 @@ def test_limits_of_joints_and_experiments():
     assert all(dataclasses.asdict(x.experiment) == plain for x in job(experiment={}).runs)
 
 
-def test_corners_and_start():
+def test_corners_and_start_are_read():
     seed = ["10 deg", -1, 1, 0, 0, 0]
     parsed = job(seed=seed)
     assert parsed.runs[0].rounding.angular_tolerance == pytest.approx(np.radians(2))

@@ -73,7 +73,7 @@ OTHERS = (
 )
 
 
-def test_names_of_programs_and_controllers():
+def test_columns_of_programs_and_controllers_are_recognized():
     cases = [*((x, 0) for x in LOGS), *((x, 1) for x in FROM_ONE)]
     for (time, command, measured, *others), first in cases:
         ends = (first, first + 1)
@@ -105,7 +105,7 @@ def test_other_names_are_renamed_by_the_option_of_the_message():
         np.testing.assert_allclose(log.measured, Q, atol=1e-8)
 
 
-def test_columns_without_a_partner_are_left_out_with_a_note(tmp_path):
+def test_columns_without_a_partner_are_ignored_with_a_note(tmp_path):
     text = table(["t", "u1", "q1", "q2", "position_x", "u7"], U[:, 0], Q[:, 0], Q[:, 1])
     log = parse_log(text)
     assert log.joint_names == ("joint 1",) and len(log.notes) == 2
@@ -117,7 +117,7 @@ def test_columns_without_a_partner_are_left_out_with_a_note(tmp_path):
         read_run_log(tmp_path / "run.csv", ARM)
 
 
-def test_decimal_commas_and_units():
+def test_decimal_commas_and_units_are_read():
     degrees = [*np.degrees(U).T, *np.degrees(Q).T]
     titles = ["t[s]", "u1[deg]", "u2[deg]", "q1[°]", "q2[°]"]
     for separator in (";", "\t", " "):
@@ -132,7 +132,7 @@ def test_decimal_commas_and_units():
     np.testing.assert_allclose(parse_log("\n".join(rows)).command[:, 0], U[:, 0], atol=1e-8)
 
 
-def test_what_looks_like_another_unit_is_asked_about():
+def test_values_that_look_like_another_unit_are_refused():
     titles = ["time", "u1", "u2", "q1", "q2"]
     degrees = 120 * np.column_stack([U, Q]).T
     for time, unit in ((8 * np.arange(COUNT), "ms"), (8000 * np.arange(COUNT), "us")):
@@ -164,7 +164,7 @@ def repeated(text, rows):
     return "\n".join(lines)
 
 
-def test_repeated_and_rounded_times():
+def test_repeated_and_rounded_times_are_read():
     titles = ["t", "u1", "q1"]
     text = repeated(table(titles, U[:, 0], Q[:, 0]), (40, 20, 20))
     for read in (parse_log, parse_trajectory):
@@ -184,7 +184,7 @@ def test_bursts_are_named(tmp_path):
         assert read(table(["t", "u1", "q1"], U[:, 0], Q[:, 0])).notes[1:] == ()
 
 
-def test_rows_of_other_topics_are_left_out():
+def test_rows_of_other_topics_are_ignored():
     titles = ["__time", "/state/feedback/positions[0]", "/imu", "/state/feedback/positions[1]"]
     text = table([*titles[:2], titles[3], titles[2]], *Q.T).replace(f",{OTHER}", ",")
     lines = text.splitlines()
@@ -207,6 +207,6 @@ q1=u1 => the columns 'q1' and 'q1' ... Remove one (for example with --columns '-
 """
 
 
-def test_new_names_that_are_refused():
+def test_invalid_new_names_are_refused():
     text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0])
     refusals(lambda x: parse_log(text, columns=x), BAD)

@@ -93,7 +93,7 @@ BAD = """
 """
 
 
-def test_what_does_not_fit_is_refused_with_its_place():
+def test_wrong_values_are_refused_with_their_key():
     refusals(lambda x: read(yaml.safe_load(x)), BAD)
 
 
@@ -125,7 +125,7 @@ def texts_with_units(data):
     return [data] if word.lstrip("-").replace(".", "", 1).isdigit() else []
 
 
-def test_readers_make_the_same_of_it():
+def test_readers_return_the_same_dataclass():
     for name, text in TEXTS.items():
         data = load(text, name)
         values = in_si(data, CellModel)

@@ -176,7 +176,7 @@ def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
     assert "timing" not in JOB["runs"]["own"]
 
 
-def test_what_goes_with_another_choice_is_left_out():
+def test_keys_of_another_choice_are_removed():
     job = "runs: {a: {timing: {method: paper, knots: 50, reserve: 0.1}}, b: {}}"
     runs = read("{timing.method: optimal}", job)
     assert [x.timing.method for x in runs.values()] == ["optimal"] * 2

@@ -49,7 +49,7 @@ def duration(job):
     return ac.plan(job.path, job.arm, job.runs[0].limits).duration
 
 
-def test_the_table_has_a_row_per_place(placed):
+def test_the_table_has_a_row_per_position(placed):
     rows = list(csv.DictReader(io.StringIO(placement_csv(placed))))
     assert [(float(x["x [m]"]), float(x["yaw [rad]"])) for x in rows] == [
         (0.0, 0.0), (0.0, 0.2), (0.45, 0.0), (0.45, 0.2), (0.9, 0.0), (0.9, 0.2)

@@ -79,7 +79,7 @@ def test_a_result_of_the_same_kind_is_replaced_without_force(tmp_path):
             ResultFolder(tmp_path / "out", replaces=kind)
 
 
-def test_force_follows_no_link_and_no_name_that_leads_out(tmp_path):
+def test_force_deletes_nothing_outside_of_the_folder(tmp_path):
     """Also with a list of files as this program writes it, over files that it did not write."""
     out, outside = tmp_path / "out", tmp_path / "outside"
     outside.mkdir()
@@ -112,7 +112,7 @@ def test_force_refuses_files_that_changed_since_they_were_written(tmp_path):
     assert file.read_text() == edited
 
 
-def test_refuses_what_is_no_folder_or_cannot_be_written(tmp_path):
+def test_refuses_folders_that_cannot_be_written(tmp_path):
     (tmp_path / "out").write_text("a file")
     (tmp_path / "link").symlink_to("nowhere")
     for name, words in (

@@ -13,7 +13,7 @@ from armcontour.files.log_file import read_log
 AT_ONCE = "time_from_start: {sec: 0, nanosec: 0}}"
 
 
-def test_exports_come_back(tmp_path, mac, arm):
+def test_exported_files_are_read_again(tmp_path, mac, arm):
     t = np.arange(6) * 0.004
     q = np.column_stack([np.sin(t), np.cos(t)])
     names, file = ("shoulder", "elbow"), tmp_path / "a.yaml"
@@ -73,7 +73,7 @@ points:
 """
 
 
-def test_goals_and_messages_of_moveit_and_what_echo_prints(read):
+def test_goals_messages_of_moveit_and_echoed_messages_are_read(read):
     for text in (
         "trajectory: I",
         "goal_id: {uuid: [1, 2]}\ngoal: {trajectory: I}",
@@ -90,7 +90,7 @@ def test_goals_and_messages_of_moveit_and_what_echo_prints(read):
     assert trajectory.resolution["t"] == pytest.approx(1e-9)
 
 
-def test_names_with_a_prefix_and_new_names(tmp_path):
+def test_joints_may_have_a_prefix_or_new_names(tmp_path):
     points = f"points: [{{positions: [1, 2, 3], {AT_ONCE}]"
     (tmp_path / "a.yaml").write_text(f"joint_names: [left_b, left_a, right_a]\n{points}")
     refusals(lambda x: read_trajectory(x, ["a", "b"]), [(tmp_path / "a.yaml", "-=*right_*")])
@@ -100,7 +100,7 @@ def test_names_with_a_prefix_and_new_names(tmp_path):
     assert chosen.q.tolist() == [[3.0, 1.0]]
 
 
-def test_joints_that_the_arm_does_not_have(read, tmp_path):
+def test_joints_that_the_arm_does_not_have_are_refused(read, tmp_path):
     text = f"joint_names: [a, c]\npoints: [{{positions: [1, 2], {AT_ONCE}]"
     (tmp_path / "a.yaml").write_text(text)
     (tmp_path / "a.csv").write_text("t,q a [rad],q c [rad]\n0,1,2\n1,1,2\n")
@@ -122,7 +122,7 @@ joint_names: [a] | points: [{{positions: [x], {AT_ONCE}] => point 1: positions .
 """
 
 
-def test_yaml_of_something_else(read):
+def test_yaml_of_other_messages_is_refused(read):
     refusals(lambda x: read(x.replace(" | ", "\n")), OTHERS, "a.yaml")
 
 

@@ -61,7 +61,7 @@ def test_every_kind_of_obstacle_is_read(tmp_path):
     assert (scene.margins.environment, scene.margins.own) == (0.008, 0.002)
 
 
-def test_what_is_fixed_to_the_part_moves_with_the_drawing(tmp_path):
+def test_obstacles_fixed_to_the_part_move_with_the_drawing(tmp_path):
     (tmp_path / "line.csv").write_text("x,y,z\n0,0,0\n0.05,0,0\n")
     sheet = "{type: box, name: sheet, size: [0.1, 0.1, 0.01], at: [0.05, 0, 0], fixed_to: part}"
     text = JOB.format(arm="ur5e", scene=f"scene: {{obstacles: [{sheet}]}}")
@@ -128,7 +128,7 @@ def test_a_wrong_body_is_named_in_one_sentence():
         assert job(arm="{name: ur5e, srdf: no.srdf}").arm.shapes
 
 
-def test_built_in_cells_in_space_stand_on_a_table(tmp_path):
+def test_built_in_cells_in_space_have_a_floor(tmp_path):
     (tmp_path / "line.csv").write_text("x,y,z\n0,0,0\n0.05,0,0\n")
     for name in set(cell_names()) - {"pmk3s"}:
         cell = read_cell(name, tmp_path / "line.csv")
@@ -189,7 +189,7 @@ def test_a_box_is_read_from_every_format(tmp_path):
         assert volume == pytest.approx(0.2 * 0.3 * 0.4, rel=1e-6)
 
 
-def test_units_and_scales(tmp_path):
+def test_units_and_scales_of_meshes_are_read(tmp_path):
     large, small = tmp_path / "large.stl", tmp_path / "small.stl"
     large.write_bytes(binary(CORNERS * 1000))
     small.write_bytes(binary(CORNERS / 1000))
@@ -218,7 +218,7 @@ BAD_MESHES = [
 ]
 
 
-def test_what_is_no_mesh_is_refused_in_a_sentence(tmp_path):
+def test_invalid_meshes_are_refused_in_one_sentence(tmp_path):
     def read(row):
         (tmp_path / row[0]).write_bytes(row[1])
         return read_mesh(tmp_path / row[0])

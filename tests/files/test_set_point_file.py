@@ -62,7 +62,7 @@ def put(folder, job, set_points, lesson=None):
     return folder / "set_points.csv"
 
 
-def test_without_a_history_it_is_the_taught_data_of_the_job(job, plan, tmp_path):
+def test_without_a_history_set_points_are_those_of_the_job(job, plan, tmp_path):
     file = put(tmp_path, job, plan.set_points)
     assert read_set_points(file, job, plan) is plan.set_points
     # Degrees with few digits will do.
@@ -148,7 +148,7 @@ def same(first, second):
             assert a == b and type(a) is type(b), x.name
 
 
-def test_a_lesson_comes_back_to_the_last_bit(plan, tmp_path):
+def test_a_lesson_is_restored_exactly(plan, tmp_path):
     lesson = made(plan)
     write_lesson(tmp_path / "a.npz", lesson)
     lesson_read = read_lesson(tmp_path / "a.npz", plan.trajectory)
@@ -219,7 +219,7 @@ def study_data(study):
     return json.loads(to_json(plain(study.to_data())))
 
 
-def test_the_summary_of_a_study(study_data, study):
+def test_the_summary_states_torques_start_and_assumed_masses(study_data, study):
     arm, plain, tried = study_data["arm"], study_data["runs"]["plain"], study_data["runs"]["tried"]
     assert arm["joints"][0] == "shoulder_pan_joint" and arm["masses_known"]
     assert arm["assumed"] == load_arm("ur5e").chain.assumed

@@ -24,7 +24,7 @@ def read(tmp_path):
     return from_bytes
 
 
-def test_names_and_units_of_columns():
+def test_names_and_units_of_columns_are_read():
     for header in (
         "t,q1,q2",
         "t [s],joint 1 [rad],joint 2 [rad]",
@@ -39,7 +39,7 @@ def test_names_and_units_of_columns():
         assert not trajectory.q.flags.writeable
 
 
-def test_all_columns_in_any_order_with_comments_and_other_units():
+def test_columns_are_read_in_any_order_with_comments_and_other_units():
     text = """# from a controller
     ddq 2 [deg/s^2],dq 1 [deg/s],t [ms],q 2 [deg],q1 [deg],dq2,ddq1 [rad/s²]
     # the first sample
@@ -97,7 +97,7 @@ t,q1/1e9,1/1000000000.0000005,1/ => line 3, ... more than their rounding
 """
 
 
-def test_anything_else_is_refused_with_its_line():
+def test_invalid_rows_are_refused_with_their_line():
     def parse(text):
         return parse_trajectory(text.replace("/", "\n").replace(":", "/"), source="log.csv")
 
@@ -110,7 +110,7 @@ def test_anything_else_is_refused_with_its_line():
     refusals(parse_trajectory, [(x, "is not a finite number") for x in rows])
 
 
-def test_a_file_that_is_not_there_or_no_text(tmp_path, read):
+def test_missing_and_binary_files_are_refused(tmp_path, read):
     os.mkfifo(tmp_path / "pipe.csv")
     places = [
         ("none.csv", "There is no trajectory file ... none.csv"),
@@ -152,7 +152,7 @@ speed: 0 => speed: must be above zero
 """
 
 
-def test_limits_with_units_and_limits_that_are_none(tmp_path, arm):
+def test_limits_have_units_or_are_none(tmp_path, arm):
     def read(text):
         (tmp_path / "limits.yaml").write_text(text)
         return read_limits(tmp_path / "limits.yaml", arm)
@@ -163,7 +163,7 @@ def test_limits_with_units_and_limits_that_are_none(tmp_path, arm):
     refusals(lambda x: read_limits(x, arm), none)
 
 
-def test_columns_that_are_not_known_or_named_beside_the_file(read):
+def test_unknown_columns_are_named_by_the_option(read):
     # Logs of robots have currents, tool poses, states.
     trajectory = parse_trajectory("t,state,q1,q2,i1 [A]\n0,ready,1,2,\n1,ready,1,2,nan\n")
     np.testing.assert_array_equal(trajectory.q, [[1, 2], [1, 2]])
@@ -187,7 +187,7 @@ t,-,- => log.csv, --columns: the column q1 is missing
 """
 
 
-def test_names_that_do_not_fit():
+def test_names_that_do_not_fit_the_arm_are_refused():
     text = "0,1,2\n1,1,2\n"
     refusals(lambda x: parse_trajectory(text, source="log.csv", columns=x), BAD_NAMES)
     kinds = {"q {} [rad]": 0, "dq {} [rad/s]": 0, "ddq {} [rad/s^2]": 0}
@@ -230,7 +230,7 @@ def test_joints_with_the_names_of_the_arm_are_put_in_its_order(tmp_path):
     np.testing.assert_allclose(recording.q, Q, atol=1e-9)
 
 
-def test_logs_that_are_refused(tmp_path):
+def test_invalid_logs_are_refused(tmp_path):
     table = [
         (("t,u1,q1,q2", T, U[:, 0], Q), "'q2' ... no command column"),
         (("t,q1,q2", T[:20], Q[:20]), "20 samples"),

@@ -56,7 +56,7 @@ REFUSED = {
 }
 
 
-def test_refusals():
+def test_invalid_quantities_are_refused():
     for words, values in REFUSED.items():
         for value in values:
             with pytest.raises(ValueError, match=words) as caught:
@@ -148,5 +148,5 @@ q_deg [rad] => the column 'q_deg [rad]' has two units
 """
 
 
-def test_titles_that_are_refused():
+def test_invalid_column_titles_are_refused():
     refusals(lambda x: titles(*x.split("|")), BAD, "a.csv, line 1: ", without="m" * 300)

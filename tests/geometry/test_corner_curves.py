@@ -43,7 +43,7 @@ def test_the_arcs_follow_the_parabola(turn):
     assert far <= c.error[0] * np.cos(turn / 2) + 1e-14
 
 
-def test_planes_in_space_demands_places_and_corners_beside_arcs():
+def test_planes_speeds_and_corners_next_to_arcs_are_kept():
     flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
     basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]
     plane = round_path(ac.Path.polyline(flat), tolerance=5e-3, curve="parabola")
@@ -73,7 +73,7 @@ def test_planes_in_space_demands_places_and_corners_beside_arcs():
         assert rounding.corners.reason.tolist() == [reason] and (len(rounding) == 2) == bool(reason)
 
 
-def test_short_lines_shrink_parabolas_and_stops_are_those_of_arcs():
+def test_parabolas_shrink_on_short_lines_and_stop_like_arcs():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.01), (2, 0.01)])
     c = round_path(path, tolerance=0.1, curve="parabola").corners
     np.testing.assert_allclose(c.tangent, 0.005, rtol=1e-12)
@@ -90,7 +90,7 @@ def test_short_lines_shrink_parabolas_and_stops_are_those_of_arcs():
     assert count_full_stops(parabolas) == {"tolerance zero": 1, "turn-back": 1}
 
 
-def test_a_tool_that_turns_or_follows_the_tangent_keeps_its_angular_tolerance():
+def test_a_rotating_tool_stays_within_its_angular_tolerance():
     path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1)])
     path = path.pointing([(0, 0, -1), (0, 1, -1), (1, 0, -1), (1, 0, 0)])
     rounded = round_path(path, tolerance=0.05, angular_tolerance=0.02, curve="parabola")
@@ -107,7 +107,7 @@ def test_a_tool_that_turns_or_follows_the_tangent_keeps_its_angular_tolerance():
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]))
-def test_random_polylines_keep_both_sides_of_the_tolerance(seed, dimension):
+def test_random_polylines_stay_within_the_tolerance_in_both_directions(seed, dimension):
     rng = np.random.default_rng(seed)
     points = np.cumsum(rng.normal(size=(6, dimension)) * 10.0 ** rng.uniform(-3, 0), axis=0)
     path = ac.Path.polyline(points)

@@ -76,7 +76,7 @@ def test_a_slot_has_no_jumps_and_uses_its_tolerance(tolerance):
     dimension=st.sampled_from([2, 3]),
     seed=st.integers(0, 99),
 )
-def test_random_chains_keep_their_tolerance(turns, radii, tolerance, dimension, seed):
+def test_random_chains_stay_within_their_tolerance(turns, radii, tolerance, dimension, seed):
     path = chain(turns, radii[: len(turns)], dimension, seed)
     smooth = smooth_curvature(path, tolerance=tolerance)
     assert deviation(path, smooth) <= tolerance + 1.1e-9
@@ -85,7 +85,7 @@ def test_random_chains_keep_their_tolerance(turns, radii, tolerance, dimension, 
     assert len(smooth.stops) == 0
 
 
-def test_circles_arcs_that_bend_to_both_sides_and_no_room():
+def test_jumps_are_smoothed_only_where_there_is_room():
     path = path_of(arc((0.1, 0), (0, 0), 2 * np.pi))
     assert smooth_curvature(path, tolerance=1e-5) is path
     r = 0.01

@@ -73,7 +73,7 @@ def test_a_part_is_the_path_between_two_places(path, cut):
 
 
 @held
-def test_parts_put_together_are_the_path(path):
+def test_joined_parts_equal_the_path(path):
     cuts = np.array([0, 0.31, 0.62, 1]) * path.length
     first, *others = [cut_path(path, a, b) for a, b in zip(cuts, cuts[1:], strict=False)]
     joined = first.joined(*others)
@@ -82,7 +82,7 @@ def test_parts_put_together_are_the_path(path):
     assert path.joined() is path
 
 
-def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
+def test_invalid_cuts_joins_placements_and_projections_are_refused():
     flat, far = ac.Path.polyline([(0, 0), (1, 0)]), ac.Path.polyline([(2, 0), (3, 0)])
     one, corner = flat.lifted(), ac.Path.polyline([[0, 0], [1, 0], [1, 1]])
     other = ac.Path.polyline([(1, 0, 0), (2, 0, 0)]).oriented(Rotation.identity())
@@ -109,7 +109,7 @@ FLAT = Frame(position=[1, 2, 0], rotation=Rotation.from_rotvec([0, 0, 0.9]).as_m
 
 
 @each("path, scale", [(x, scale) for x in HELD.values() for scale in (1.0, 0.25)])
-def test_a_placed_path_is_seen_from_where_its_frame_stands(path, scale):
+def test_a_placed_path_has_the_coordinates_of_its_frame(path, scale):
     placed = path.placed(FRAME, scale=scale)
     s = SHARES * path.length
     expected = (FRAME.rotation @ (scale * path.lifted()(s)).T).T + FRAME.position
@@ -230,7 +230,7 @@ def test_a_smooth_corner_has_the_stated_curvature(turn):
     assert np.abs(bend - curvature).max() < 1e-4 / c.radius[0]
 
 
-def test_neighbours_share_their_line_as_arcs_do_and_some_corners_stay_sharp():
+def test_neighbouring_corners_share_their_line_and_some_stay_sharp():
     path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.01), (0.2, 0.01)])
     corners = ac.round_corners(path, tolerance=0.02, continuity="curvature").corners
     np.testing.assert_allclose(corners.tangent, 0.005, rtol=1e-12)
@@ -243,7 +243,7 @@ def test_neighbours_share_their_line_as_arcs_do_and_some_corners_stay_sharp():
 
 
 @each("offset", [-0.9e-9, -1e-11, 0.0, 1e-11, 0.9e-9])
-def test_a_part_that_begins_beside_a_joint_can_be_rounded_with_its_orientation(offset):
+def test_a_part_that_begins_at_a_vertex_can_be_rounded_with_its_orientation(offset):
     path = ac.Path.polyline([[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0], [0.2, 0, 0]])
     turning = path.pointing([[0, 0, -1], [0.1, 0, -1], [0, 0.1, -1], [0, 0, -1]])
     for cut in (

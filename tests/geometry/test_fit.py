@@ -89,7 +89,7 @@ def test_arcs_stay_near_the_curve_both_ways_and_are_tangent(name, tolerance):
     st.lists(st.tuples(*[st.floats(-1, 1, width=32)] * 2), min_size=3, max_size=5, unique=True),
     st.sampled_from([1e-3, 1e-5]),
 )
-def test_any_bezier_curve(points, tolerance):
+def test_arcs_approximate_random_bezier_curves(points, tolerance):
     curve = bezier(*points)
     try:
         path = fitted(curve, [0, 1], tolerance)
@@ -132,7 +132,7 @@ def rational(points, weights, knots, degree):
     return curve
 
 
-def test_corners_at_breaks_and_lines_that_go_on_as_arcs():
+def test_breaks_become_corners_or_tangent_vertices():
     def curve(t, order):
         u = t - 1
         before = [t, 0 * t] if order == 0 else [1 + 0 * t, 0 * t]
@@ -151,7 +151,7 @@ def test_corners_at_breaks_and_lines_that_go_on_as_arcs():
     np.testing.assert_allclose(path.turns, np.pi / 2)
 
 
-def test_ends_of_closed_curves_and_curves_that_stand_still():
+def test_closed_curves_and_curves_with_zero_speed_are_fitted():
     # A closed curve that is smooth where it starts is closed to the last digit.
     path = fitted(ellipse(0.05, 0.025), [0.4, 0.4 + 2 * np.pi], 1e-5)
     np.testing.assert_allclose(path(0.0), path(path.length), atol=1e-15)
@@ -169,7 +169,7 @@ def test_ends_of_closed_curves_and_curves_that_stand_still():
     assert len(fitted(ellipse(0.05, 0.025), np.arange(5) * QUARTER, 1e-5)) <= 56
 
 
-def test_what_is_no_curve_is_refused(monkeypatch):
+def test_invalid_curves_are_refused(monkeypatch):
     round_, none = ellipse(1, 1), bezier((0, 0), (0, 0), (0, 0))
     refused(
         (lambda: fitted(none, [0, 1], 1e-5), "no length", "(0.0, 0.0)"),
@@ -185,7 +185,7 @@ def test_what_is_no_curve_is_refused(monkeypatch):
 
 
 @each("seed", range(8))
-def test_rational_splines_whose_weights_differ_by_thousands(seed):
+def test_rational_splines_with_very_different_weights_are_fitted(seed):
     # Nearly all of such a curve may lie within a thousandth of its parameters.
     rng = np.random.default_rng(seed)
     weights, points = np.exp(rng.uniform(-6, 6, 8)), rng.normal(size=(8, 2))
@@ -197,7 +197,7 @@ def test_rational_splines_whose_weights_differ_by_thousands(seed):
     assert path.turns.max() < 1e-9 and len(path) < 400
 
 
-def test_many_breaks_at_one_place_and_thousands_of_intervals():
+def test_coincident_breaks_and_thousands_of_intervals_are_fitted():
     def curve(t, order):
         # It waits at (1, 0) from 1 to 2, but for steps of less than a nanometre.
         wait = np.clip(t - 1, 0, 1)

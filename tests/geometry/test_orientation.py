@@ -65,7 +65,7 @@ def test_rates_are_the_derivatives_of_the_rotations(name):
     np.testing.assert_allclose(numeric, change, atol=1e-5 * (1 + np.abs(change).max()))
 
 
-def test_waypoints_get_their_rotations_and_the_tool_turns_evenly_between():
+def test_the_tool_turns_uniformly_between_the_rotations_of_waypoints():
     rotations = turns(5)
     orientation = PATH.oriented(rotations).orientation
     np.testing.assert_allclose(orientation(PATH.breaks), rotations, atol=1e-14)
@@ -119,7 +119,7 @@ def test_a_jump_is_an_angle_and_repeated_points_take_one_orientation_each():
     np.testing.assert_allclose(by_point(path.length), rotations[3], atol=1e-14)
 
 
-def test_orientations_that_cannot_be_are_refused():
+def test_invalid_orientations_are_refused():
     flat, repeated = ac.Path.polyline(POINTS[:, :2]), ac.Path.polyline(REPEATED)
     back = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 0, 0)])
     half = np.tile(DOWN, (5, 1, 1))
@@ -170,7 +170,7 @@ def test_orientations_that_cannot_be_are_refused():
     refused(*((lambda x=x: Orientation(**fields | x), "orientation") for x in changes))
 
 
-def test_pointing_points_and_keeps_from_spinning():
+def test_pointing_sets_the_tool_axis_without_spin():
     directions = np.random.default_rng(1).normal(size=(5, 3))
     directions[:, 2] -= 3
     path = PATH.pointing(directions)
@@ -186,7 +186,7 @@ def test_pointing_points_and_keeps_from_spinning():
     assert len(one.stops) == 0
 
 
-def test_a_tool_that_follows_keeps_its_angle_to_the_tangent_and_does_not_turn_about_it():
+def test_a_tool_that_follows_the_tangent_does_not_spin_about_it():
     bend = arc((0.2, 0, 0), (0.2, 0.1, 0), 2.0, normal=(0, 0, 1))
     path = path_of(line((0, 0, 0), (0.2, 0, 0)), bend)
     tool, s = turns(1)[0], np.linspace(0, path.length, 301)

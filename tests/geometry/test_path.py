@@ -102,7 +102,7 @@ def test_arc_length_is_the_parameter_and_shapes_follow_the_argument(path):
             assert path(np.zeros(shape), order).shape == (*shape, path.dimension)
 
 
-def test_both_sides_of_a_joint_stops_turns_and_vertices():
+def test_both_sides_of_a_vertex_stops_and_turns_are_known():
     path = winding_path()
     s = path.breaks[4]  # where the circle is left for an oblique line
     leaving = np.array([0.7, 0.5]) / np.hypot(0.7, 0.5)
@@ -151,7 +151,7 @@ def test_polyline_keeps_its_points_and_lengths_and_merges_repeated_points():
     assert creep.merged == (1, 2, 4, 5, 7, 8, 10)
 
 
-def test_demands_reach_the_path():
+def test_speeds_and_tolerances_reach_the_path():
     segment_limits = {"speed": 0.1, "tolerance": 1e-3, "tag": "weld"}
     path = path_of(line((0, 0), (1, 0), **segment_limits), line((1, 0), (2, 0)))
     np.testing.assert_array_equal(path.speeds, [0.1, np.nan])
@@ -165,7 +165,7 @@ def test_demands_reach_the_path():
     assert ac.SegmentLimits(tolerance=0.0).tolerance == 0.0
 
 
-def test_points_and_places_that_make_no_sense_are_refused():
+def test_invalid_points_and_arc_lengths_are_refused():
     nan = np.nan
     polylines = (
         ([(0, 0)], "two different points", "1 point was given"),
@@ -253,14 +253,14 @@ def path_with(**columns):
     return ac.Path(segments=Segments(**COLUMNS | columns))
 
 
-def test_segments_demands_and_columns_that_do_not_fit_are_refused():
+def test_segments_and_values_of_other_sizes_are_refused():
     assert path_with().length == 1.0
     refused(*((lambda x=x: ac.SegmentLimits(**x), *more) for x, *more in DEMANDS))
     refused(*((lambda x=x: path_of(*x), *more) for x, *more in SEGMENTS))
     refused(*((lambda x=x: path_with(**x), *more) for x, *more in ODD_COLUMNS))
 
 
-def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
+def test_paths_with_gaps_are_refused():
     near, far = ac.Path(segments=gapped(0.9e-9)), Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
     assert near.placed(Frame(position=[1, 2, 3])).length == 2
     away, n = ROUNDED.placed(Frame(position=[9, 9, 0])), len(ROUNDED)
@@ -296,7 +296,7 @@ def test_the_extent_is_that_of_dense_points_and_never_inside(dimension):
     first=st.floats(0.05, 6.2),
     share=st.floats(0.05, 0.95),
 )
-def test_an_arc_through_three_points(seed, dimension, first, share):
+def test_an_arc_passes_through_three_points(seed, dimension, first, share):
     rng = np.random.default_rng(seed)
     radius, side = 10.0 ** rng.uniform(-2, 1), rng.choice([-1.0, 1.0])
     phases = rng.uniform(0, 2 * np.pi) + side * np.array([0.0, share * first, first])
@@ -337,7 +337,7 @@ def test_three_points_on_a_line_and_circles_without_a_plane_make_no_arc():
     )
 
 
-def test_full_circles():
+def test_full_circles_close_in_the_plane_and_in_space():
     through = path_of(ac.Arc.through((0, 0), (2, 0), (0, 0)))
     flat = path_of(ac.Arc.circle((1, 0), (0, 0)))
     upright = path_of(ac.Arc.circle((1, 0, 5), (0, 0, 5), normal=(0, -2, 0)))

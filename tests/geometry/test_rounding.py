@@ -72,7 +72,7 @@ def test_values_of_joints_and_segments_cap_the_corners():
     np.testing.assert_array_equal(rounded.speeds, [0.2, 0.1, 0.1, 0.1, np.nan])
 
 
-def test_zero_tolerance_straight_paths_and_turning_back():
+def test_zero_tolerance_straight_vertices_and_turn_backs_stay_sharp():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
     before = path.starts.copy(), path.lengths.copy()
     rounded = ac.round_corners(path, tolerance=0.0)
@@ -100,7 +100,7 @@ def bridge():
     return path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -np.pi), line((3, 0), (4, 0)))
 
 
-def test_a_corner_beside_an_arc_becomes_two_tangent_arcs():
+def test_a_corner_next_to_an_arc_becomes_two_tangent_arcs():
     path, tolerance = bridge(), 0.05
     rounded = ac.round_corners(path, tolerance=tolerance, acceleration=0.09)
     corners = rounded.corners
@@ -116,7 +116,7 @@ def test_a_corner_beside_an_arc_becomes_two_tangent_arcs():
     np.testing.assert_allclose(rounded(rounded.length / 2), (2, 1), atol=1e-9)
 
 
-def test_beside_an_arc_a_corner_is_that_between_lines_or_the_smallest_blend():
+def test_next_to_an_arc_a_corner_is_that_between_lines_or_the_smallest_blend():
     turn, big = 1.2, 1e7
     normal = np.array([-np.sin(turn), np.cos(turn)])
     bent = path_of(line((-1, 0), (0, 0)), arc((0, 0), big * normal, 1 / big))
@@ -135,7 +135,7 @@ def test_beside_an_arc_a_corner_is_that_between_lines_or_the_smallest_blend():
     assert (capped.error <= 1e-4).all() and (capped.speed < v).all()
 
 
-def test_why_the_tool_stops_and_how_often():
+def test_reasons_and_number_of_stops_are_reported():
     path = path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -0.2))
     corners = ac.round_corners(path, tolerance=0.0).corners
     assert corners.stopped.all() and corners.reason.tolist() == ["tolerance zero"]
@@ -152,7 +152,7 @@ def test_why_the_tool_stops_and_how_often():
     assert count_full_stops(bridge()) == {"rounding off": 2}
 
 
-def test_a_tool_that_follows_the_tangent_keeps_to_it_over_corners_beside_arcs():
+def test_a_tool_follows_the_tangent_over_corners_next_to_arcs():
     path = ac.Path(segments=bridge().segments.lift()).following_tangent((0, 0, 1))
     rounded = ac.round_corners(path, tolerance=0.05, angular_tolerance=1e-3)
     s = np.linspace(0, rounded.length, 999)
@@ -162,7 +162,7 @@ def test_a_tool_that_follows_the_tangent_keeps_to_it_over_corners_beside_arcs():
 
 
 @each("axis_only", [False, True])
-def test_the_orientation_is_rounded_over_corners_beside_arcs(axis_only):
+def test_the_orientation_is_rounded_over_corners_next_to_arcs(axis_only):
     held = [(0, 0, 0), (0.1, 0.2, 0), (0.3, -0.1, 0.2), (0.2, 0.1, 0)]
     turned = Rotation.from_euler("xyz", held).as_matrix()
     path = ac.Path(segments=bridge().segments.lift()).oriented(turned, axis_only=axis_only)
@@ -183,7 +183,7 @@ def test_the_orientation_is_rounded_over_corners_beside_arcs(axis_only):
         np.testing.assert_allclose(rounded.corners.angular_error, angle, atol=1e-7)
 
 
-def test_arcs_that_leave_the_plane_are_rounded_too():
+def test_corners_next_to_arcs_of_other_planes_are_rounded():
     first = arc((1, 0, 0), (1, 0, 0.5), 1.5, normal=(0, -1, 0))
     after = path_of(first)
     end, ahead = after.vertices[-1], after(after.length, 1, side="left")
@@ -199,7 +199,7 @@ def test_arcs_that_leave_the_plane_are_rounded_too():
     assert stopped.reason.tolist() == ["tangent followed out of its plane"]
 
 
-def test_round_corners_refuses_and_questions_large_tolerances():
+def test_round_corners_refuses_wrong_values_and_warns_of_large_tolerances():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1)])
     options = (
         ({}, "tolerance (case II)", "speed and an acceleration (case I)"),

@@ -37,7 +37,7 @@ def off_place(path, objective, places, n=3001):
 
 
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_random_places_keep_the_tolerance_without_stops(seed, axis_only):
+def test_random_shaped_paths_stay_within_the_tolerance_without_stops(seed, axis_only):
     rng = np.random.default_rng(seed)
     points = np.cumsum(rng.normal(size=(5, 3)), axis=0)
     objective = ac.Path.polyline(points).oriented(

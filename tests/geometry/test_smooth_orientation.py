@@ -41,7 +41,7 @@ def test_the_derivative_of_the_angular_rate_does_not_jump(smooth):
 
 @each("allowed", [0.02, 0.1])
 @each("kind", ["turns", "axis"])
-def test_the_angular_tolerance_is_kept_and_used(kind, allowed):
+def test_the_angular_error_reaches_but_does_not_exceed_its_tolerance(kind, allowed):
     path = oriented(kind)
     rounded = ac.round_corners(
         path, tolerance=0.04, continuity="curvature", angular_tolerance=allowed

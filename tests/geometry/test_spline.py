@@ -51,7 +51,7 @@ def test_paths_stay_within_their_tolerance_of_the_spline(name, tolerance):
     np.testing.assert_allclose(ends, np.array(points)[[0, -1]], atol=1e-12)
 
 
-def test_a_closed_spline_goes_on_smoothly_where_it_began():
+def test_a_closed_spline_is_smooth_at_its_start():
     points, _ = CURVES["square"]
     closed = ac.Path.spline(points, closed=True)
     np.testing.assert_allclose(closed(0.0, 1), closed(closed.length, 1), atol=1e-12)
@@ -97,7 +97,7 @@ def test_a_tool_that_follows_a_spline_in_space_never_has_to_stop():
     assert len(ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.1).stops) == 0
 
 
-def test_repeated_points_are_merged_and_demands_and_points_on_a_line_are_kept():
+def test_repeated_points_are_merged_and_speeds_and_collinear_points_kept():
     segment_limits = ac.SegmentLimits(speed=0.1, tolerance=1e-3, tag="seam")
     path = ac.Path.spline([(0, 0), (1, 0), (1, 0), (2, 1)], segment_limits=segment_limits)
     assert path.merged == (2,)
@@ -109,7 +109,7 @@ def test_repeated_points_are_merged_and_demands_and_points_on_a_line_are_kept():
     np.testing.assert_allclose(path.vertices[path.waypoints], flat)
 
 
-def test_what_makes_no_spline_is_refused():
+def test_invalid_splines_are_refused():
     options = (
         ([(0, 0)], {}, "at least two different points"),
         ([(0, 0), (0, 0)], {}, "at least two different points"),

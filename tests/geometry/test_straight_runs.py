@@ -81,7 +81,7 @@ def test_moves_with_few_decimals_stay_within_the_tolerance(decimals, step):
         assert max(there, back) <= rounded.deviation * (1 + 1e-9)
 
 
-def test_a_tool_that_follows_the_tangent_and_one_that_turns():
+def test_divided_lines_are_joined_for_each_kind_of_orientation():
     limits = {"tolerance": 1e-3, "angular_tolerance": 0.1}
     rotations = np.array([np.eye(3), ac.Frame.rpy((0, 0, 0), (0.1, 0.2, 0.3)).rotation])
 
@@ -113,7 +113,7 @@ def test_a_tool_that_follows_the_tangent_and_one_that_turns():
     assert not corners.shrunk.any()
 
 
-def test_what_is_no_divided_line():
+def test_reversals_and_different_moves_are_not_joined():
     allowed = {"tolerance": 1e-3}
     # Back along the same line.
     back = ac.Path.polyline([(0, 0), (0.05, 0), (0.1, 0), (0.05, 0), (0, 0), (0, 0.1)])

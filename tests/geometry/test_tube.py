@@ -71,7 +71,7 @@ def test_stopping_at_every_vertex_keeps_tolerance_zero():
 
 @each("turn", [0.3, np.pi / 2, 3.0])
 @each("shape", ["arc", "parabola"])
-def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
+def test_the_corner_limits_a_rounded_path(turn, shape):
     path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
     rounded = round_path(path, tolerance=5e-3, curve=shape)
     just, less = (
@@ -115,7 +115,7 @@ def test_the_vertices_are_those_of_a_dense_sample():
         assert proof.vertices[i] == pytest.approx(gaps.min() - 0.1, abs=1e-7)
 
 
-def test_what_is_refused():
+def test_invalid_tubes_and_paths_are_refused():
     path, space = ac.Path.polyline(CORNER), ac.Path.polyline([(0, 0, 0), (0.2, 0, 0)])
     bent = ac.round_corners(path, tolerance=1e-3, continuity="curvature")
     prove = Tube.around(path, 1e-3).prove
@@ -193,7 +193,7 @@ def test_a_printed_rounded_rectangle_is_tangent_again(decimals):
     assert repair.after[-1] == pytest.approx(repair.path.length, rel=1e-14)
 
 
-def test_exact_paths_are_left_alone_and_corners_stay_exactly():
+def test_exact_paths_and_corners_do_not_change():
     assert repair_tangents(rounded_rectangle(1e-15), PRINTED) is None
     # A corner of 1° is far above what three decimals hold over centimetres.
     bend = np.radians(1.0)
@@ -256,7 +256,7 @@ def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
     assert largest(proof) <= proof.slack
 
 
-def test_a_hop_to_the_neighbouring_pass_is_no_way():
+def test_a_jump_to_the_neighbouring_pass_is_outside_of_the_tube():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.004), (0, 0.004)])
     short = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, 0.004), (0, 0.004)])
     assert path.project(short(np.linspace(0, short.length, 1001))).distance.max() < 0.0021
@@ -269,7 +269,7 @@ def test_a_hop_to_the_neighbouring_pass_is_no_way():
     assert jump.segments.max() < 0
 
 
-def test_a_crossing_is_not_a_way_to_turn_off():
+def test_a_crossing_does_not_permit_another_branch():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, -1)])
     # At the crossing (0.5, 0) it takes the other line.
     turned = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, -1)])

@@ -105,7 +105,7 @@ def waves(path, woven, offset):
 
 @each("spacing", [0.2e-3, 1e-3, 4e-3, 20e-3])
 @each("radius", [50e-3, 200e-3, 500e-3, np.inf])
-def test_waypoints_are_woven_as_the_curve_that_they_stand_for(radius, spacing):
+def test_waypoints_are_woven_as_the_curve_through_them(radius, spacing):
     s = np.linspace(0, 0.1, round(0.1 / spacing) + 1)
     if np.isinf(radius):
         points = np.column_stack([s, np.zeros_like(s)])
@@ -162,7 +162,7 @@ def test_the_tool_stays_at_the_edges_for_the_dwell():
     np.testing.assert_allclose(woven.speeds[at_edge], 0.005, rtol=1e-3)
 
 
-def test_refuses_weaves_that_cannot_be():
+def test_refuses_invalid_weaves():
     def woven(path=LINE, **values):
         return lambda: weave_path(path, **{"width": WIDTH, "pitch": PITCH, **values})
 

@@ -108,7 +108,7 @@ def parameters():
 
 
 @pytest.mark.parametrize("figure", list(parameters()))
-def test_figure(bench, figure):
+def test_a_published_figure_is_reproduced_within_its_tolerance(bench, figure):
     value = bench.measure(figure["quantity"])
     if figure.get("relation", "equal") == "at_most":
         assert value <= figure["value"], figure["why_this_tolerance"]

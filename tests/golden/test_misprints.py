@@ -51,13 +51,13 @@ class TestArm:
         assert_allclose(forward(*arm.joint_position(above)), above, atol=1e-12)
         assert_allclose(forward(*arm.joint_position(below)), below, atol=1e-12)
 
-    def test_eq3_printed_arctangent_is_undefined_beside_the_base(self, arm):
+    def test_eq3_printed_arctangent_is_undefined_next_to_the_base(self, arm):
         beside = np.float64(0.30), np.float64(0.0)
         with np.errstate(all="raise"), pytest.raises((FloatingPointError, ZeroDivisionError)):
             printed_inverse(*beside)
         assert_allclose(forward(*arm.joint_position(beside)), beside, atol=1e-12)
 
-    def test_eq4_printed_form_knows_one_elbow_of_two(self, arm):
+    def test_eq4_printed_form_has_one_elbow_of_two(self, arm):
         point = (0.30, 0.20)
         theta1, theta2 = printed_inverse(*point)
         other = arm.joint_position(point, configuration="negative")
@@ -191,7 +191,7 @@ class TestLaps:
         assert (laps_done, joint) == (0, 0)
         assert_allclose(needed, 1.8, rtol=1e-12)
 
-    def test_eq19_line_on_which_a_joint_turns_round_is_refused(self, arm):
+    def test_eq19_line_on_which_a_joint_reverses_is_refused(self, arm):
         line = ac.Path.polyline([(-0.065, 0.300), (0.335, 0.300)])
         limits = arm.limits.replace(speed=0.3)
         with pytest.raises(ac.NotRealizable) as caught:
@@ -248,7 +248,7 @@ class TestLaps:
         assert zigzag(plain) > 0.05
         assert zigzag(shipped) < 1e-3
 
-    def test_eq21_plain_hand_over_never_forgets_an_error(self, arm, rounded):
+    def test_eq21_plain_hand_over_propagates_an_error_undamped(self, arm, rounded):
         knots = arm.joint_position(rounded(np.linspace(0, rounded.breaks[1], 201)))
         error = 1e-5
         exact, _ = plain_laps(knots, np.array([0.0, 0.0]))
@@ -344,7 +344,7 @@ def printed_compensator(m1, m2, g):
 class TestCompensator:
     poles = (-150.0, -150.0, -150.0)
 
-    def test_eq26_printed_minus_turns_the_motion_round(self):
+    def test_eq26_printed_minus_reverses_the_motion(self):
         numerator, denominator = printed_compensator(*self.poles)
         assert_allclose(numerator[-1] / denominator[-1], -1.0, rtol=1e-12)
         assert_allclose(-numerator[-1] / denominator[-1], 1.0, rtol=1e-12)
@@ -357,7 +357,7 @@ class TestCompensator:
         # No zero cancels a pole, so that the order is three and not two.
         assert np.abs(zeros[:, None] - np.array(poles)[None]).min() > 1
 
-    def test_eq26_without_the_minus_is_what_the_library_does(self, planned):
+    def test_eq26_without_the_minus_is_that_of_the_library(self, planned):
         servo = ac.ServoModel(kp=KP, kv=KV)
         set_points = ac.compensate(planned, servo, ac.PolePlacement(poles=self.poles), cycle=4e-3)
         t = np.arange(0, set_points.t[-1], 1e-4)
@@ -372,7 +372,7 @@ class TestCompensator:
             assert np.abs(printed_q - ours).max() > 0.1
 
     @pytest.mark.parametrize("poles", [(-150.0, -150.0, -150.0), (-60.0, -100.0, -40.0)])
-    def test_eq26_mended_numerator_factors(self, poles):
+    def test_eq26_corrected_numerator_has_the_factor_of_the_servo(self, poles):
         m1, m2, g = poles
         numerator, _ = printed_compensator(*poles)
         x = (KV + g) * (m1 + m2) + KV**2 + m1 * m2 + KV * g

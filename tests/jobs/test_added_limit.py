@@ -26,36 +26,36 @@ def facts():
     return json.loads(done.stdout)
 
 
-def test_plans_stops_and_certificates_satisfy_it(facts):
+def test_plans_stops_and_certificates_satisfy_the_added_limit(facts):
     along = facts["along"]
     assert along.pop("free") > 1.5 * LIMIT
     for name in ("planned", "certified", "jerk", "stopped"):
         assert 0.98 * LIMIT < along[name] < LIMIT * (1 + ROUNDING), name
 
 
-def test_check_and_evaluation_judge_it(facts):
+def test_check_and_evaluation_rate_the_added_limit(facts):
     kept = {"planned": "kept", "free": "violated", "samples": "violated"}
     assert facts["checked"] == {**kept, "positions": "cannot tell"}
     assert facts["violations"] == facts["not judged"] == [NAME]
     assert facts["ratio"] == pytest.approx(1, rel=1e-3)
 
 
-def test_explanation_and_certificate_name_it(facts):
+def test_explanation_and_certificate_name_the_added_limit(facts):
     assert max(facts["explained"], key=facts["explained"].get) == "path acceleration"
     assert "path acceleration" in facts["certificate"]
 
 
-def test_the_player_scales_it_and_refuses_a_plan_that_exceeds_it(facts):
+def test_the_player_scales_the_added_limit_and_refuses_a_plan_that_exceeds_it(facts):
     assert facts["played"] == pytest.approx(LIMIT / 4)
     assert facts["refused"] == [NAME, LIMIT]
 
 
-def test_job_files_and_the_form_have_it(facts):
+def test_job_files_and_the_form_have_the_added_limit(facts):
     assert facts["read"] == LIMIT
     assert facts["form"] == ["m/s²", "Largest acceleration of the tool along the path."]
 
 
-def test_every_limit_has_a_constraint_or_its_own_place():
+def test_every_limit_has_a_constraint_or_its_own_check():
     # The ranges belong to tracing, the jerk to a planner of its own.
     served = [*JOINT_RANGE, "joint_jerk", *(x for kind in CONSTRAINTS for x in kind.serves)]
     assert sorted(served) == sorted(LIMITS)

@@ -117,7 +117,7 @@ def plain_edits(edits):
 
 
 @needs_dynamics
-def test_a_smaller_reserve_is_offered_where_it_saves_more_than_a_better_drive(tmp_path):
+def test_a_smaller_reserve_is_suggested_if_it_saves_more_than_a_better_drive(tmp_path):
     job = parse_job(drawing_text("ur5e", DRAWINGS / "gasket.dxf", tmp_path), folder=tmp_path)
     (result,) = ac.run(job).runs.values()
     edits = {key: value for x in advise(job, result).improvements for key, value in x.edits}

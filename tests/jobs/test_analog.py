@@ -111,7 +111,7 @@ def test_layers_have_outputs_of_their_own():
     np.testing.assert_array_equal(values, [1.0, 3.0, 1.0])
 
 
-def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_path):
+def test_exports_have_a_column_at_the_times_of_the_plan(plan, tmp_path):
     program, trajectory = plan
     analog = analog_outputs(program, trajectory, PROCESS, LIMITS)
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
@@ -133,7 +133,7 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
     refused((lambda: ac.export(set_points, tmp_path / "b.csv", form), "shape"))
 
 
-def test_refuses_outputs_without_a_full_speed_and_odd_ones(plan):
+def test_refuses_outputs_without_a_full_speed_and_invalid_outputs(plan):
     lifted, process = LIMITS.replace(speed=np.inf), dataclasses.replace(PROCESS, analog=(FLOW,))
     assert list(analog_outputs(*plan, process, lifted)) == ["flow"]
     refused(
@@ -144,7 +144,7 @@ def test_refuses_outputs_without_a_full_speed_and_odd_ones(plan):
     )
 
 
-def test_values_are_off_where_the_file_is_off():
+def test_values_are_zero_where_the_file_switches_off():
     text = b"G1 X310 Y200 F1200\nM8\nM3\nG1 X320\nM9\nM5\nG1 X340\nM3\nG1 X360\n"
     travels = [(320, 340)]
     program = read_gcode(b"G21 G90\nG0 X300 Y200\n" + text, source="a", options=ReadOptions())

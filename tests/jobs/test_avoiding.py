@@ -103,7 +103,7 @@ def test_a_rapid_goes_around_a_wall(job, free):
 
 
 @needs_dynamics
-def test_collisions_are_refused_with_pair_place_and_time(job):
+def test_collisions_are_refused_with_pair_position_and_time(job):
     blocked = dataclasses.replace(job, scene=wall(0.50, width=0.02))
     with pytest.raises(Collision, match="contour seam 1: torch and wall touch, first at t = ") as e:
         run(blocked, simulate=False)
@@ -124,7 +124,7 @@ def test_contours_are_followed_in_another_configuration(job, free, monkeypatch):
     assert job.arm.tool_position(plan.trajectory(0.0)) == pytest.approx([0.4, -0.02, 0.1], abs=1e-9)
 
 
-def test_shapes_that_are_not_known_or_cannot_be_read(job):
+def test_unknown_and_unreadable_shapes_are_reported(job):
     def lacking():
         raise ac.InvalidInput("The mesh is not there.")
 
@@ -148,7 +148,7 @@ def test_without_its_library_no_clearance_is_a_warning(job, monkeypatch):
 
 
 @needs_dynamics
-def test_the_executed_motion_is_looked_at_too(job):
+def test_the_executed_motion_is_also_checked(job):
     study = ac.run(job)
     result = study.runs["compensated"]
     planned, executed = result.clearance, result.executed_clearance
@@ -161,7 +161,7 @@ def test_the_executed_motion_is_looked_at_too(job):
 
 
 @needs_dynamics
-def test_obstacles_of_an_arm_in_the_plane_stand_where_its_paths_are():
+def test_obstacles_of_a_planar_arm_are_in_the_plane_of_its_paths():
     arm = ac.load_arm("pmk3s")
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
     planar = parse_job(JOB.replace("ur5e", "pmk3s").replace(", 0.1]", "]"), source="test")

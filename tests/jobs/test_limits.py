@@ -85,7 +85,7 @@ def test_a_job_and_python_have_the_same_limits_whichever_is_left_out(name):
 
 
 @pytest.mark.parametrize("lift", ["inf", ".inf", "none"])
-def test_infinity_lifts_a_limit_in_jobs_and_in_python(lift):
+def test_infinity_removes_a_limit_in_jobs_and_in_python(lift):
     arm = ac.load_arm("panda")
     for name in sorted({*JOINT_LIMITS, *JOINT_RANGE, *TOOL_LIMITS}):
         (of_job,) = (x.limits for x in job_of("panda", {name: lift}).runs)
@@ -94,7 +94,7 @@ def test_infinity_lifts_a_limit_in_jobs_and_in_python(lift):
             assert getattr(limits, name) is None and limits.lifted == {name}
 
 
-def test_null_is_not_given_and_a_run_replaces_limits_of_its_job():
+def test_null_means_not_specified_and_a_run_replaces_limits_of_its_job():
     runs = "{one: {limits: {speed: null, joint_torque: inf}}, two: {limits: {joint_velocity: 0.5}}}"
     specified = {"speed": "null", "joint_velocity": "inf", "joint_jerk": 9.0}
     one, two = (x.limits for x in job_of("ur5e", specified, runs).runs)
@@ -105,7 +105,7 @@ def test_null_is_not_given_and_a_run_replaces_limits_of_its_job():
     np.testing.assert_array_equal(two.joint_torque, arm.limits.joint_torque)
 
 
-def test_lifted_limits_stay_lifted_and_are_shown_and_given_ones_are_not_lifted():
+def test_removed_limits_are_shown_and_specified_limits_are_not_removed():
     limits = ac.Limits(speed=math.inf, joint_velocity=[math.inf] * 6, joint_acceleration=2.0)
     assert limits.lifted == {"speed", "joint_velocity"}
     assert str(limits).count("none") == 2 and "speed" in repr(limits)
@@ -132,7 +132,7 @@ def test_lifted_limits_stay_lifted_and_are_shown_and_given_ones_are_not_lifted()
         resolve_limits("a test", arm, ac.Limits(joint_lower=9.0))
 
 
-def test_limits_above_those_of_the_arm_are_taken_with_one_warning_that_names_both_values():
+def test_limits_above_those_of_the_arm_cause_one_warning():
     arm = ac.load_arm("ur5e")
     path = ac.Path.polyline(points_of(arm)).pointing([0, 0, -1])
     above = ac.Limits(joint_velocity=[3.0, 3.0, 3.0, 3.0, 3.5, 3.0], joint_upper=6.4)
@@ -161,7 +161,7 @@ def test_limits_above_those_of_the_arm_are_taken_with_one_warning_that_names_bot
     )
 
 
-def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
+def test_later_steps_use_the_limits_of_the_plan():
     arm = ac.load_arm("pmk3s")
     corner = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
     path = ac.round_corners(corner, tolerance=2e-3)

@@ -82,7 +82,7 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
 
 
 @pytest.mark.parametrize("shape", ["line", "arc"])
-def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape):
+def test_automatic_leads_have_the_length_for_the_assigned_velocity(shape):
     lead = Lead(shape=shape)
     case = job(Process(lead_in=lead, lead_out=lead))
     program, trajectory, speeds = planned(case)
@@ -96,7 +96,7 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape):
         assert (planned(dataclasses.replace(case, process=shorter))[2][i] < 0.05 * (1 - 1e-4)).all()
 
 
-def test_automatic_leads_go_as_far_as_the_arm_reaches_and_one_may_be_given():
+def test_automatic_leads_end_at_the_reach_and_specified_lengths_are_kept():
     # Outward, to 10 mm before the end of what the arm reaches, 0.465 m from its base at 0.135 m.
     path = Path.polyline([[0.4, 0.0], [0.59, 0.0]])
     case = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=path, name="ray"))
@@ -109,7 +109,7 @@ def test_automatic_leads_go_as_far_as_the_arm_reaches_and_one_may_be_given():
     assert on == pytest.approx(0.05, rel=1e-3) and work_end < 0.049
 
 
-def test_what_makes_no_job_is_refused():
+def test_invalid_jobs_are_refused():
     auto = Process(lead_in=Lead())
     far = Contour(path=Path.polyline([[0.5, 0.1], [0.6, 0.1]]), name="E7")
     led = Process(lead_in=Lead(length=0.01))
@@ -122,7 +122,7 @@ def test_what_makes_no_job_is_refused():
     )
 
 
-def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there():
+def test_warns_only_of_leads_that_are_too_short():
     def warnings(path, shape="line", **leads):
         process = Process(**{k: Lead(shape=shape, length=x) for k, x in leads.items()})
         return run(job(process, Contour(path=path))).runs["compensated"].warnings
@@ -226,7 +226,7 @@ def test_stops_at_ends_of_arcs_are_reported_once_and_counted_by_contour():
     assert "2 full stops, the first at s = 60 mm (360 mm, 200 mm) of contour B" in warning
 
 
-def test_transitions_spare_the_stops_within_their_tolerance():
+def test_transitions_avoid_stops_within_their_tolerance():
     coarse = Rounding(tolerance=2e-6)
     results = plans(BENT, {}, {"rounding": coarse}, {"rounding": ARCS})
     times = {}
@@ -240,7 +240,7 @@ def test_transitions_spare_the_stops_within_their_tolerance():
 
 
 @needs_dynamics
-def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
+def test_set_points_of_a_drawing_stay_within_the_joint_velocities():
     """An ellipse of 37 arcs on the UR5e, with acceleration and jerk of a joint_limits.yaml."""
     one = {("path", "names"): ["CUT-6"]}
     drawn = read_cell(DRAWINGS / "gentle.yaml", DRAWINGS / "gasket.dxf", patch=one)

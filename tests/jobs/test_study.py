@@ -55,7 +55,7 @@ def changed(run, **values):
     return dataclasses.replace(run, **values)
 
 
-def test_run_is_all_arrows_one_by_one(job, study):
+def test_run_equals_its_steps_one_by_one(job, study):
     assert list(study.runs) == ["proposed", "conventional"] and study.job is job
     for job_run in job.runs:
         path, result = job.path, study.runs[job_run.name]
@@ -82,7 +82,7 @@ def test_run_is_all_arrows_one_by_one(job, study):
         np.testing.assert_array_equal(result.evaluation.saturated, evaluation.saturated)
 
 
-def test_the_branch_reaches_the_tracer(job):
+def test_the_ik_branch_reaches_the_tracer(job):
     other = with_runs(job, job.runs[1], configuration="negative")
     assert run(other, simulate=False).runs["conventional"].trajectory(0.0)[1] < 0
 
@@ -123,7 +123,7 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
     assert not rigid.gravity_feedforward
 
 
-def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
+def test_invalid_jobs_runs_and_experiments_are_refused(job, in_space):
     first, second = job.runs
     fast = changed(first, limits=first.limits.replace(speed=np.inf))
     refused(
@@ -134,7 +134,7 @@ def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
     )
 
 
-def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_space, monkeypatch):
+def test_invalid_runs_are_refused_by_name_before_any_run_starts(job, in_space, monkeypatch):
     started = []
 
     def work(job, **values):
@@ -175,7 +175,7 @@ def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypa
     assert results["conventional"].failure is None
 
 
-def test_warnings_of_demands_and_set_points(study):
+def test_warnings_name_demands_and_set_points_above_limits(study):
     result = study.runs["proposed"]
     # The plant's gains are others, so the demand is far above the limit.
     (overload,) = result.warnings
@@ -195,7 +195,7 @@ def in_space():
     return ac.Job(name="line", title="A line", arm=arm, path=path, servo=servo, runs=(line_run,))
 
 
-def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
+def test_runs_that_differ_only_after_planning_share_their_plan(in_space):
     (only_run,) = in_space.runs
     grid = ac.Optimal(intervals=100)
     others = {
@@ -290,7 +290,7 @@ def in_place(points, *position, **more):
     return {"points": points, "frame": {"position": [float(x) for x in position]}, **more}
 
 
-def test_the_worst_place_is_reported_in_the_coordinates_of_the_drawing():
+def test_the_worst_point_is_reported_in_the_coordinates_of_the_drawing():
     error, message = refusal(PLANE, path=in_place(SQUARE, 0.6, 0.0, 0.0))
     # The corner that is farthest from the base, at (135, 0) mm, and nothing before it.
     far = np.hypot(0.64 - 0.135, 0.04)
@@ -313,7 +313,7 @@ def test_contours_are_refused_before_the_rapids_to_them():
     assert "Rapid to contour 1 is out of reach" in message and "use a smaller approach" in message
 
 
-def test_of_very_many_contours_the_worst_is_found():
+def test_the_worst_of_very_many_contours_is_found():
     near, far = (ac.Path.polyline([(x, 0.2), (x + 0.01, 0.2)]) for x in (0.3, 0.8))
     moves = (*[ac.Contour(path=near)] * 299, ac.Contour(path=far), *[ac.Contour(path=near)] * 100)
     job = parse_job(yaml.safe_dump(PLANE | {"corners": "sharp"}))

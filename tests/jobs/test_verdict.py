@@ -51,7 +51,7 @@ def distance_to_lines(points, corners):
 
 
 @pytest.mark.parametrize("name", ["late", "shaped", "sharp"])
-def test_the_tool_is_nowhere_farther_off_the_drawing_than_stated(runs, name):
+def test_the_distance_from_the_drawing_never_exceeds_the_stated_one(runs, name):
     run = runs[name]
     stated = plain(run.to_data())["off_drawing"]
     deviations = distance_to_lines(run.execution.tool, np.array(JOB["path"]["points"]))
@@ -100,7 +100,7 @@ def test_wide_corners_of_a_drawing_are_not_kept():
     assert rapids["time"] == pytest.approx(plain(data)["rapid_time"], rel=1e-12)
 
 
-def test_the_limit_that_binds_for_the_longest_time_is_named(runs):
+def test_the_limit_that_is_active_longest_is_named(runs):
     why = runs["late"].explanation
     times = {}
     for x in why.bindings:

@@ -63,7 +63,7 @@ def test_limits_that_change_nothing_are_not_reported():
     assert warnings_of(job(path_of(first, line((0.34, 0.2), (0.34, 0.24), tolerance=1e-4)))) == ()
 
 
-def test_a_demand_far_above_the_limit_is_warned_of_with_its_cause():
+def test_a_warning_states_the_cause_of_a_demand_far_above_the_limit():
     slow_job = job(drawn())
     assert only(slow_job).warnings == ()
     result = only(dataclasses.replace(slow_job, servo=ac.ServoModel(kp=15.0, kv=40.0)))
@@ -76,7 +76,7 @@ def test_a_demand_far_above_the_limit_is_warned_of_with_its_cause():
     assert f"{result.evaluation.contour_error.max * 1e3:.3g} mm." in warning
 
 
-def test_a_truncated_transient_is_warned_of_with_its_cause():
+def test_a_warning_states_the_cause_of_a_truncated_transient():
     feeds = ac.ServoModel(kp=1.0, kv=150.0, velocity_feedforward=0.5)
     integrates = ac.ServoModel(kp=25.0, kv=150.0, ki=0.5, velocity_feedforward=0.5)
     for servo, cause, other in ((feeds, "feed-forward", "ki"), (integrates, "ki", "feed-forward")):
@@ -93,7 +93,7 @@ def test_a_duration_is_kept():
     assert plan.trajectory.duration == pytest.approx(4.0, rel=1e-12)
 
 
-def test_who_judges_set_points_that_are_for_the_bodies():
+def test_the_experiment_judges_set_points_of_inverse_dynamics():
     options = {"compensation": ac.InverseDynamics(), "limits": LIMITS.replace(joint_jerk=20.0)}
     straight = ac.Path.polyline(LINES[:2])
     bare = only(job(straight, **options))
@@ -109,7 +109,7 @@ def test_who_judges_set_points_that_are_for_the_bodies():
     assert result.warnings == () and result.judged is result.experiment.evaluation
 
 
-def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
+def test_a_warning_names_a_compensation_that_is_worse_than_none_on_bodies():
     experiment = Experiment(payload=ac.Payload(mass=0.1))
     result = only(job(ac.Path.polyline(LINES), compensation=ac.Inverse(), experiment=experiment))
     judged, plain = result.experiment.evaluation, result.experiment.uncompensated
@@ -132,7 +132,7 @@ def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
     )
 
 
-def test_a_corner_tolerance_larger_than_the_path_is_questioned():
+def test_a_corner_tolerance_larger_than_the_path_causes_a_warning():
     def doubts(tolerance):
         warnings = warnings_of(job(ac.Path.polyline(LINES), rounding=Rounding(tolerance=tolerance)))
         return [x for x in warnings if "larger than the path" in x]
@@ -168,7 +168,7 @@ def slow(path, **values):
     return [x for x in warnings if "mm/s on average" in x]
 
 
-def test_contours_far_slower_than_assigned_are_warned_of_with_the_slowest():
+def test_a_warning_names_the_slowest_of_the_slow_contours():
     (warning,) = slow(measured(6e-3))
     assert "instead of 150 mm/s" in warning
     a, b = (Contour(path=measured(x), name=name) for x, name in ((4e-3, "a"), (6e-3, "b")))

@@ -21,7 +21,7 @@ runs:
 """
 
 
-def test_a_run_reports_what_its_plan_makes_of_the_weave():
+def test_a_run_reports_the_planned_weave():
     job = parse_job(JOB)
     plan = run(job, simulate=False).runs["only"]
     (weave,) = plan.weaves
@@ -39,7 +39,7 @@ ODD = (
 
 
 @each("old, new, word", ODD)
-def test_it_warns_of_a_weave_that_is_not_as_asked(old, new, word):
+def test_a_warning_reports_a_weave_that_differs_from_the_requested_one(old, new, word):
     text = JOB.replace(old, new).replace("0.1 mm", "0.2 mm")
     assert text != JOB
     plan = run(parse_job(text), simulate=False).runs["only"]
@@ -48,7 +48,7 @@ def test_it_warns_of_a_weave_that_is_not_as_asked(old, new, word):
     assert not any(weave.sentence in x for x in plan.remarks)
 
 
-def test_the_travel_speed_that_limits_the_time_is_named_and_offered():
+def test_a_limiting_travel_speed_is_named_and_its_change_suggested():
     job = parse_job(JOB)
     result = run(job).runs["only"]
     limit = result.to_data()["time_limit"]

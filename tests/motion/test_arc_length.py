@@ -65,7 +65,7 @@ def case(request):
     return request.param, plan(request.param)
 
 
-def test_s_is_how_far_the_tool_has_gone(case):
+def test_s_is_the_length_of_the_path_of_the_tool(case):
     """By quadrature of the speed on contours, between times so near that it is exact."""
     name, trajectory = case
     breaks = trajectory.breaks
@@ -89,7 +89,7 @@ def test_s_is_how_far_the_tool_has_gone(case):
     assert (trajectory.s(t, 1) >= -1e-12).all()
 
 
-def test_the_time_at_a_place_is_when_the_motion_is_there(case):
+def test_time_at_is_the_inverse_of_s(case):
     name, trajectory = case
     s = places_of(name)
     sides = []
@@ -115,7 +115,7 @@ def test_the_time_at_a_place_is_when_the_motion_is_there(case):
 
 
 @pytest.mark.parametrize("kind", ["optimal", "paper"])
-def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
+def test_the_tool_is_at_the_point_at_that_time_and_rests_at_corners(kind):
     for name in (kind, f"{kind}, sharp"):
         path, trajectory = path_of(name), plan(name)
         s = places_of(name)
@@ -137,7 +137,7 @@ def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_program_counts_on_where_its_contours_do_and_stands_still_between_them(method):
+def test_s_of_a_program_increases_on_contours_only(method):
     trajectory = plan(f"program, {method}")
     first, second = trajectory.contour_spans
     assert [x.kind for x in trajectory.spans] == ["contour", "dwell", "rapid", "contour"]
@@ -157,7 +157,7 @@ def test_a_program_counts_on_where_its_contours_do_and_stands_still_between_them
         np.testing.assert_allclose(trajectory.speed_at(span.s[0] + s), speed, rtol=1e-9)
 
 
-def test_refusals(refuses):
+def test_invalid_times_and_arc_lengths_are_refused(refuses):
     one, mac, program = plan("optimal"), plan("paper"), plan("program, optimal")
     (law,), dwell = one.laws, Span(move=0, kind="dwell", t=(0.0, 1.0))
     still = ac.Trajectory(laws=(law, dwell_law(np.zeros(2), 1.0)), method="by hand")

@@ -35,7 +35,7 @@ LAWS = [
 
 
 @pytest.mark.parametrize(("controller", "given", "law", "expected"), LAWS)
-def test_joint_trajectory_controller(controller, given, law, expected):
+def test_joint_trajectory_controller_interpolates_by_its_law(controller, given, law, expected):
     curve = interpolate_points(given, controller)
     inside = np.linspace(0, T[-1] - T[0], 997)
     assert curve.law == law
@@ -50,7 +50,7 @@ def test_joint_trajectory_controller(controller, given, law, expected):
     assert commands[0] == pytest.approx(Q[0]) and commands[-2] == pytest.approx(Q[-1])
 
 
-def test_linuxcnc():
+def test_linuxcnc_interpolates_by_a_uniform_b_spline():
     # Its queue starts with the first point, and is filled with the last one.
     control = np.concatenate([Q[:1]] * 3 + [Q] + [Q[-1:]] * 3)
     spline = BSpline(0.01 * (np.arange(len(control) + 4) - 5), control, 3)
@@ -67,7 +67,7 @@ def test_linuxcnc():
         interpolate_points(points(), "linuxcnc")
 
 
-def test_points_that_are_not_joined():
+def test_held_points_are_not_interpolated():
     for name, first in (("hold", 0), ("jtc_none", 1)):
         t, commands = interpolate_points(points(REGULAR), name).commands(200.0)
         expected = np.minimum(np.repeat(np.arange(first, COUNT), 2), COUNT - 1)
@@ -76,7 +76,7 @@ def test_points_that_are_not_joined():
         assert commands[0] == pytest.approx(Q[0]) and commands[-1] == pytest.approx(Q[-1])
 
 
-def test_points_that_no_controller_takes():
+def test_invalid_points_are_refused():
     assert set(CONTROLLERS) == {"jtc", "jtc_spline", "jtc_none", "linuxcnc", "hold"}
     with pytest.raises(ac.InvalidInput, match="at least two points"):
         interpolate_points(SimpleNamespace(t=[0.0], q=[[1.0]]), "jtc")

@@ -157,7 +157,7 @@ def test_spline_is_scipys():
     np.testing.assert_allclose(line(1.0, 1), (0.6, 0.8))
 
 
-def test_refusals(refuses):
+def test_invalid_joint_paths_are_refused(refuses):
     two = [(0.0, 1.0), (1.0, 1.0)]
     for points, s in (
         ([(0.0, 1.0)], None),
@@ -243,7 +243,7 @@ def limits_of(law):
     return sign * np.maximum(sign * ends, 1e-4), np.tile([ds, 2 * ds], (pieces, 1))
 
 
-def test_what_is_taken_in_full_is_proven_up_to_what_a_dense_look_misses(case):
+def test_proven_shares_are_not_exceeded_at_random_times(case):
     law, limits, speeds = case
     shares = largest_shares(law, limits, speeds, 1 + NEAR)
     assert (shares <= 1 + NEAR).all()
@@ -278,7 +278,7 @@ def test_long_intervals_lose_no_peak(jerk):
         assert shares[4] > 1 - 1e-7, k
 
 
-def test_short_intervals_far_along_a_path_do_not_bend_by_rounding():
+def test_rounding_does_not_bend_short_intervals_far_along_a_path():
     # Lengths are exact, but the breaks are their sums, rounded to about 1e-14 m at 50 m.
     exact = np.concatenate([[0.0], np.cumsum(np.tile([5e-4, 2e-9, 5e-4, 3e-11], 50))])
     s, values = 50.0 + exact, (np.sin(exact), np.cos(exact), -np.sin(exact))

@@ -14,7 +14,7 @@ def _log(**changes):
     return Log(**({"t": T, "command": U, "measured": U} | changes))
 
 
-def test_logs_are_cut():
+def test_a_log_is_cut_to_a_time_interval():
     log = _log()
     assert log.command.shape == (100, 1) and not log.t.flags.writeable
     assert log.joint_names == ("joint 1",) and log.dof == 1
@@ -22,7 +22,7 @@ def test_logs_are_cut():
     np.testing.assert_allclose([log.interval, *part.t[[0, -1]]], [1e-3, 0.02, 0.08])
 
 
-def test_refusals(refuses):
+def test_invalid_logs_are_refused(refuses):
     for changes, *words in (
         ({"t": T[:20], "command": U[:20], "measured": U[:20]}, "20 samples"),
         ({"t": T[::-1]}, "sample 2"),

@@ -85,7 +85,7 @@ def test_nothing_jumps_where_the_series_ends(sign):
 
 
 @pytest.mark.parametrize("ends", [False, True])
-def test_uniform_jerk_from_rest_and_to_rest(ends):
+def test_the_jerk_is_uniform_from_rest_and_to_rest(ends):
     # Closed form: s = j t³ / 6 from rest, and its mirror image to rest.
     jerk, duration = 3.0, 0.8
     length = jerk * duration**3 / 6

@@ -28,7 +28,7 @@ def bent():
     return ac.Trajectory(laws=laws, method="hand")
 
 
-def test_values_by_hand_on_both_sides_of_breaks(bent):
+def test_values_on_both_sides_of_breaks_are_those_computed_by_hand(bent):
     assert bent.duration == 3.0 and bent.dof == 2
     np.testing.assert_allclose(bent([0.0, 1.0, 2.0, 3.0]), [(0, 0), (0.5, 1), (2, 2), (2, 1)])
     for t, order, side, value in (
@@ -70,7 +70,7 @@ def test_sample_ends_at_the_end(bent):
     np.testing.assert_allclose(bent.sample(10.0).t, [0, 3.0])
 
 
-def test_refusals(bent, refuses):
+def test_invalid_trajectories_and_set_points_are_refused(bent, refuses):
     for t in (-1e-6, 3.001, np.nan):
         refuses(lambda t=t: bent([1.0, t]), ac.InvalidInput, "3 s", t=t, allowed=3.0)
     good = {"cycle": 0.1, "q": np.zeros((4, 2)), "trajectory": bent, "method": "none"}
@@ -129,7 +129,7 @@ def _follow(u, lag=0.05, delay=0.02):
 
 
 @pytest.mark.parametrize("delay", [None, 0.25])
-def test_what_is_wrong(delay):
+def test_misread_columns_are_named(delay):
     q = WANTED if delay is None else _follow(WANTED) + [0.01, 0.0, -0.02]
     for words, change in CHANGES.items():
         assert words in find_misreading(T, change(q), WANTED, names="abc", longest_delay=delay)
@@ -146,7 +146,7 @@ def test_exchanged_columns_are_found_and_delays_are_no_turned_signs():
     assert not find_misreading(T, delayed, u, longest_delay=0.25)
 
 
-def test_both_sides_of_every_break_of_a_law_that_starts_late():
+def test_both_sides_of_breaks_of_a_law_that_starts_late_are_known():
     # The sum of start and break, less the start, is the break on few of them: it is rounded up on
     # some, and down on others.
     random = np.random.default_rng(0)

@@ -108,7 +108,7 @@ def test_the_limiter_changes_no_command_of_the_recipe(name, move):
     assert commands_changed(name, commands_of(planned)) == 0
 
 
-def test_the_limiter_changes_commands_at_the_limits_of_the_data_sheet_and_they_hold():
+def test_the_limiter_changes_commands_at_the_limits_of_the_data_sheet():
     arm = ac.load_arm("panda")
     sheet = arm.limits.replace(joint_jerk=JERK["panda"] + EPS)
     assert commands_changed("panda", commands_of(joint_line(arm, sheet))) > 100

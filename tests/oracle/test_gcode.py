@@ -88,7 +88,7 @@ def compare_helix(path, i, segment, chord_tolerance):
     return n
 
 
-def test_corpus_is_read_as_the_oracle_reads_it():
+def test_the_corpus_is_read_as_by_the_oracle():
     programs = {x: x.read_bytes() for x in sorted(CORPUS.rglob("*.ngc"))}
     accepted = {x: y for x, y in programs.items() if b"refused in line" not in y[:400]}
     assert len(accepted) > 35
@@ -249,7 +249,7 @@ class Author:
         self.write(words)
 
 
-def test_random_programs_are_read_as_the_oracle_reads_them():
+def test_random_programs_are_read_as_by_the_oracle():
     for seed in range(PROGRAMS):
         text = Author(seed).text()
         print(f"seed {seed}:\n{text}")  # pytest shows it of a failure

@@ -46,7 +46,7 @@ def test_a_plan_is_as_fast_as_the_oracle():
     assert -NEAR < ac.plan(path, limits=limits).duration / oracle - 1 < NEAR
 
 
-def test_splines_and_the_paper_s_job_are_as_fast_as_the_kept_oracle():
+def test_splines_and_the_papers_job_are_as_fast_as_the_stored_oracle():
     """It finds the same again: `python -m soak jerk-oracle` takes minutes."""
     for name, path, limits in splines():
         duration = ac.plan(path, limits=limits).duration
@@ -58,7 +58,7 @@ def test_splines_and_the_paper_s_job_are_as_fast_as_the_kept_oracle():
         assert -NEAR < duration / KEPT[name] - 1 <= NEAR, name
 
 
-def test_the_kept_oracle_is_found_again():
+def test_the_stored_oracle_is_reproduced():
     pytest.importorskip("casadi")
     name, path, limits = next(splines())
     again = solve(path, Bounds.of(limits, path.dof), (100,)).duration

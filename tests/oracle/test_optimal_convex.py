@@ -118,7 +118,7 @@ def first_pass(joint_path, s, arm, limits):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_random_splines(seed, worst_ratios):
+def test_random_splines_are_as_fast_as_the_convex_program(seed, worst_ratios):
     rng = np.random.default_rng(seed)
     dof = int(rng.integers(2, 5))
     joint_path = ac.JointPath.spline(rng.uniform(-2, 2, (int(rng.integers(3, 6)), dof)))
@@ -142,7 +142,7 @@ def test_random_splines(seed, worst_ratios):
 
 
 @pytest.mark.parametrize("radius", [0.03, 0.1])
-def test_tool_acceleration_on_an_arc(arm, radius):
+def test_tool_acceleration_on_an_arc_is_as_fast_as_the_convex_program(arm, radius):
     arc = ac.Arc(start=(0.35 + radius, 0.2), center=(0.35, 0.2), angle=np.pi / 2)
     path = ac.Path(segments=[arc])
     joint_path = ac.trace(path, arm)

@@ -11,7 +11,7 @@ pytest.importorskip("casadi")
 PAPER = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 
 
-def test_with_room_to_all_sides_it_is_the_slower_joint_alone(arm):
+def test_with_room_to_all_sides_the_slower_joint_determines_the_time(arm):
     points = np.array([(0.30, 0.20), (0.34, 0.22)])
     step = np.abs(np.diff(arm.joint_position(points), axis=0)).max()
     optimum = solve(Job(points=points, tolerance=0.05, speed=10.0), 40, ["stops"])
@@ -19,7 +19,7 @@ def test_with_room_to_all_sides_it_is_the_slower_joint_alone(arm):
 
 
 @pytest.mark.parametrize(("line", "tolerance", "rel"), [(0, 1e-4, 1e-5), (1, 3e-5, 3e-3)])
-def test_without_room_it_is_the_fastest_timing_of_the_line(arm, line, tolerance, rel):
+def test_without_room_the_shape_has_the_fastest_timing_of_the_line(arm, line, tolerance, rel):
     job = Job(points=PAPER[line : line + 2], tolerance=tolerance)
     planned = ac.plan(
         ac.Path.polyline(job.points), arm, job.limits, ac.Optimal(configuration="positive")
@@ -28,7 +28,7 @@ def test_without_room_it_is_the_fastest_timing_of_the_line(arm, line, tolerance,
 
 
 @pytest.mark.parametrize(("tolerance", "duration"), [(5e-3, 4.4070), (1e-3, 4.8696)])
-def test_the_paper_s_job(tolerance, duration):
+def test_the_papers_job_is_as_fast_as_the_oracle(tolerance, duration):
     """Durations of 300 steps a line."""
     optimum = solve(Job(points=PAPER, tolerance=tolerance), 40, [0.7])
     assert optimum == pytest.approx(duration, rel=3e-4)
@@ -37,7 +37,7 @@ def test_the_paper_s_job(tolerance, duration):
 @pytest.mark.parametrize(
     ("seed", "start", "recorded"), [(0, "stops", 5.189342), (3, 0.7, 3.933336)]
 )
-def test_shaped_paths_are_near_it(seed, start, recorded):
+def test_shaped_paths_are_nearly_as_fast_as_the_oracle(seed, start, recorded):
     """Durations of 180 steps a line; `python -m soak shaping-oracle` compares many jobs."""
     # Fewer steps are slower, most of all with a centripetal limit, which holds at all nodes.
     again = solve(draw(seed), 40, [start]) / recorded

@@ -164,7 +164,7 @@ def test_references_are_what_toppra_finds(seed):
 
 
 @pytest.mark.parametrize(("intervals", "seed"), REFERENCES[:8] + REFERENCES[-2:])
-def test_as_fast_as_a_fine_reference_and_within_torque(intervals, seed):
+def test_plans_are_as_fast_as_a_fine_reference_and_within_torque(intervals, seed):
     ratio, ratios = compare(seed, recorded_duration(intervals, seed))
     assert 1 - OWN_ERROR < ratio < 1 + ALLOWED
     assert 0.999 < max(ratios.values()) <= 1 + 1e-9
@@ -177,7 +177,7 @@ def with_friction(seed):
     return Problem(arm, case.points, case.limits)
 
 
-def test_viscous_friction_is_kept_and_costs_what_it_must():
+def test_viscous_friction_is_respected_at_the_smallest_cost():
     seed = 1
     case = with_friction(seed)
     path = ac.JointPath.spline(case.points)

@@ -44,7 +44,7 @@ def largest(trajectory, order):
 
 
 @pytest.mark.parametrize(("lead", "acceleration"), [(3, 0.5), (30, 0.05)])
-def test_a_velocity_limit_holds_beside_a_kink(lead, acceleration):
+def test_a_velocity_limit_is_satisfied_next_to_a_kink(lead, acceleration):
     limits = ac.Limits.only(joint_velocity=[1.0, 1.0], joint_acceleration=[acceleration, 50.0])
     path = bent_path(1.0, 2.0, lead, 0.2)
     for intervals in (20, 40, 400, 4000):
@@ -157,7 +157,7 @@ def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, constant):
     assert size.max() > 0.99
 
 
-def test_refusals(refuses):
+def test_wrong_planning_options_are_refused(refuses):
     path, limits = (
         ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)]),
         ac.Limits.only(joint_acceleration=1.0),
@@ -177,7 +177,7 @@ def test_refusals(refuses):
     refuses(lambda: plan_optimal(path, TwoJoints(), ac.Limits.only(), more), ac.InvalidInput, words)
 
 
-def test_the_tool_acceleration_holds_where_the_curvature_varies_along_a_piece(arm):
+def test_the_tool_acceleration_is_satisfied_where_the_curvature_varies(arm):
     limits = arm.limits.replace(tool_acceleration=0.3)
     objective = ac.Path.polyline([(0.3, 0.15), (0.4, 0.15), (0.4, 0.25)])
     path = ac.shape(objective, arm, limits, ac.Shaped(tolerance=5e-3, iterations=5))

@@ -77,7 +77,7 @@ def way(robot):
     return ac.trace(ac.round_corners(held, tolerance=0.01), robot)
 
 
-def test_kept_between_the_points(way, robot):
+def test_angular_limits_are_satisfied_between_the_points(way, robot):
     limits = robot.limits.replace(
         speed=0.5, angular_speed=0.6, angular_acceleration=2.0, joint_acceleration=None
     )
@@ -91,7 +91,7 @@ def test_kept_between_the_points(way, robot):
         assert {"angular speed", "angular acceleration"} <= names
 
 
-def test_an_even_turn_takes_the_time_it_must(robot):
+def test_a_uniform_turn_takes_the_time_of_its_closed_form(robot):
     """Rest to rest by 2 sqrt(angle / limit); the polygon costs 0.06 % of it at most."""
     angle, down = 0.6, Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
     turned = Rotation.from_rotvec([0.0, angle * 0.6, angle * 0.8]) * down
@@ -113,7 +113,7 @@ def test_a_tool_that_keeps_its_direction_is_not_limited(robot):
     assert ac.plan(held, robot, slow).duration == pytest.approx(free.duration, rel=1e-6)
 
 
-def test_refused_without_an_orientation(arm, rounded, limits, robot, refuses):
+def test_angular_limits_require_an_orientation(arm, rounded, limits, robot, refuses):
     joints = ac.JointPath.spline([np.zeros(6), np.ones(6)])
     for path, moving_arm, bare in ((rounded, arm, limits), (joints, robot, robot.limits)):
         for name in ("angular_speed", "angular_acceleration"):
@@ -125,7 +125,9 @@ def test_refused_without_an_orientation(arm, rounded, limits, robot, refuses):
 SPLINE = ac.JointPath.spline(np.random.default_rng(11).uniform(-2, 2, (5, 6)))
 
 
-def test_a_path(rounded, arm, limits, worst_ratios, refuses):
+def test_a_path_takes_the_specified_duration_within_its_limits(
+    rounded, arm, limits, worst_ratios, refuses
+):
     fastest = ac.plan(rounded, arm, limits).duration
     for slower in (1.0, 1.37, 40.0):
         planned = ac.plan(rounded, arm, limits, ac.Optimal(duration=slower * fastest))
@@ -155,14 +157,14 @@ def test_a_path(rounded, arm, limits, worst_ratios, refuses):
     assert named.duration == pytest.approx(fastest, rel=2e-9)
 
 
-def test_refused(refuses):
+def test_invalid_durations_are_refused(refuses):
     for options in (*({"duration": x} for x in (0.0, np.nan, 2e6)), {"start_speed": 0.01}):
         case = {"duration": 9.0} | options
         refuses(lambda x=case: ac.Optimal(**x), ac.InvalidInput)
     refuses(lambda: ac.Paper(duration=9.0), ac.InvalidInput, "duration")
 
 
-def test_a_joint_path_that_stands_still_somewhere(worst_ratios):
+def test_a_joint_path_with_a_point_at_rest_takes_the_specified_duration(worst_ratios):
     path = ac.JointPath.spline([(0.0, 0.0), (0.6, 1.1), (0.0, 0.0)], ends="clamped")
     limits = ac.Limits.only(joint_acceleration=[5.0, 8.0])
     planned = ac.plan(path, limits=limits, options=ac.Optimal(duration=3.0))
@@ -187,7 +189,7 @@ def test_all_contours_of_a_program_share_one_factor(arm, limits):
     assert not ac.check(planned, arm, limits, path=program).violated
 
 
-def test_gravity_and_friction():
+def test_durations_respect_gravity_and_friction():
     """Viscous friction helps to brake; a slower motion is within the limits, too."""
     ur5e = ac.load_arm("ur5e")
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
@@ -215,7 +217,7 @@ def about_joint(arm, joint):
     return States(arm, (np.zeros((3, arm.dof)), *rates))
 
 
-def test_a_tool_on_a_circle(arm):
+def test_limit_use_of_a_tool_on_a_circle_has_the_closed_form(arm):
     for name, expected in (
         ("speed", REACH * np.abs(DQ)),
         # At rest there is no direction for a part of the acceleration to be at right angles to.
@@ -229,7 +231,7 @@ def test_a_tool_on_a_circle(arm):
         np.testing.assert_allclose(states.measure(name)[0], np.abs(expected), rtol=1e-12)
 
 
-def test_refusals(arm, refuses):
+def test_missing_columns_and_unknown_limits_are_refused(arm, refuses):
     states = about_joint(arm, 1)
     ratios = states.use("joint_jerk", ac.Limits.only(joint_jerk=[np.inf, 10.0])).ratio
     np.testing.assert_allclose(ratios, [[0, 0.7], [0, 0], [0, 0.3]], rtol=1e-12)
@@ -251,7 +253,7 @@ def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm
         assert not states.use(name, ac.Limits.only()).ratio.any()
 
 
-def test_dry_friction_at_rest_is_the_one_that_helps(arm):
+def test_dry_friction_at_rest_has_the_most_favourable_value(arm):
     rough = arm.with_dynamics(coulomb=[3.0, 0.5])
     still, slow = np.zeros((1, 2)), np.full((1, 2), 1.01 * STILL)
     q, ddq = np.zeros((1, 2)), np.array([[10.0, -10.0]])

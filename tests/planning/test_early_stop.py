@@ -26,7 +26,7 @@ def _plan(method: str) -> ac.Trajectory:
 
 
 @pytest.mark.parametrize("method", ["optimal", "tool", "jerk", "paper"])
-def test_a_stop_keeps_path_and_limits_and_ends_at_rest(method: str) -> None:
+def test_a_stop_stays_on_the_path_within_the_limits_and_ends_at_rest(method: str) -> None:
     """At 17 times of the plan, by `check`, which shares no code with the planner."""
     plan = _plan(method)
     assert plan.arm is not None and plan.limits is not None and plan.path is not None
@@ -77,7 +77,7 @@ def test_a_stop_with_jerk_limits_takes_at_most_twice_the_fastest_time() -> None:
         assert max(x.ratio for x in result.uses) < 1 + ROUNDING
 
 
-def test_rests_and_ends_of_a_program() -> None:
+def test_a_stop_at_a_rest_or_end_of_a_program_takes_no_time() -> None:
     """Rapids and dwells stop like contours; a stop at rest is no motion."""
     arm = ac.load_arm("pmk3s")
     contours = [

@@ -44,7 +44,7 @@ def idle(explanation):
     return sum(x.t[1] - x.t[0] for x in explanation.bindings if x.name == "nothing")
 
 
-def test_a_trapezoid_of_one_joint():
+def test_a_trapezoid_of_one_joint_is_explained():
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 1.0]], joint_velocity=[[-9.0, 0.5]])
     planned, explanation = explained(ac.JointPath.spline([(0.0,), (2.0,)]), robot(1), limits)
     assert names(explanation) == [
@@ -104,7 +104,7 @@ def smooth_law(points):
     return PathLaw(joint_path=path, breaks=breaks, s=s, rates=Rates(*np.transpose(rates) * 1.0))
 
 
-def test_jerk_is_named_where_it_binds():
+def test_jerk_is_named_where_it_is_active():
     planned = ac.Trajectory(laws=(smooth_law([(0.0, 0.0), (1.0, -2.0)]),), method=Method.OPTIMAL)
     # In the middle of the wave, ds² = ds1² + dds1² / slope; both joints move evenly along s.
     middle = SLOPE * np.sqrt((JERK * RAMP**2 / 2) ** 2 + (JERK * RAMP) ** 2 / SLOPE)
@@ -120,7 +120,7 @@ def test_jerk_is_named_where_it_binds():
     assert shares == pytest.approx([JERK / middle, 1], abs=1e-12)
 
 
-def test_plans_with_limits_of_jerk_are_covered():
+def test_plans_with_jerk_limits_are_explained():
     path = ac.JointPath.spline(np.random.default_rng(1).uniform(-1.5, 1.5, (5, 2)))
     for factor in (3, 50):
         limits = ac.Limits.only(joint_velocity=1.5, joint_acceleration=5.0, joint_jerk=5.0 * factor)
@@ -136,7 +136,7 @@ def line(length):
     return ac.Path.polyline([(0.3, 0.2), (0.3 + length, 0.2)])
 
 
-def test_a_line_in_closed_form_and_one_too_short_for_its_speed(arm):
+def test_lines_that_reach_their_speed_or_do_not_are_explained(arm):
     only = ac.Limits.only(speed=SPEED, tool_acceleration=ACCELERATION)
     explanation = explained(line(0.1), arm, only)[1]
     assert names(explanation) == ["tool acceleration", "assigned velocity", "tool acceleration"]
@@ -160,7 +160,7 @@ def test_a_line_in_closed_form_and_one_too_short_for_its_speed(arm):
     assert explanation.assigned_length is None
 
 
-def test_the_papers_job(traced, rounded, arm, limits):
+def test_the_papers_job_is_explained(traced, rounded, arm, limits):
     planned, explanation = explained(traced, arm, limits)
     half = ["joint 2 acceleration", "joint 2 acceleration", "centripetal acceleration"]
     middle = ["joint 1 acceleration", "assigned velocity", "joint 1 acceleration"]
@@ -208,7 +208,7 @@ def test_only_optimal_plans_can_be_explained(mac, arm, limits, refuses):
 
 
 @pytest.mark.filterwarnings("ignore:Limits of jerk add")
-def test_stops_that_limits_of_jerk_force_are_named(arm):
+def test_stops_caused_by_jerk_limits_are_named(arm):
     objective = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
     limits = arm.limits.replace(speed=0.15, joint_jerk=36.0)
     arcs = ac.round_corners(objective, tolerance=5e-3)
@@ -219,7 +219,7 @@ def test_stops_that_limits_of_jerk_force_are_named(arm):
     assert ac.explain(ac.plan(arcs, arm, free), arm, free).jerk_stops == ()
 
 
-def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
+def test_plan_traces_a_path(arm, rounded, traced, limits):
     direct = ac.plan(rounded, arm, limits, ac.Paper(knots=50))
     by_hand = ac.plan(traced, arm, limits, ac.Paper(knots=50))
     assert direct.duration == by_hand.duration
@@ -230,7 +230,7 @@ def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
     assert rounded.project(arm.tool_position(other(t))).distance.max() < 1e-6
 
 
-def test_refusals(arm, rounded, traced, objective, limits, refuses):
+def test_wrong_options_of_methods_are_refused(arm, rounded, traced, objective, limits, refuses):
     spline = ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)])
     for call in (
         lambda: ac.Paper(intervals=50),
@@ -260,7 +260,7 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
         refuses(lambda x=path, y=changed_limits, z=options: ac.plan(x, arm, y, z), kind, **data)
 
 
-def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
+def test_an_infinite_jerk_limit_is_no_limit(arm, traced, limits):
     slow = limits.replace(speed=0.04)
     endless = slow.replace(joint_jerk=[np.inf, np.inf])
     assert not endless.limits_jerk

@@ -51,7 +51,7 @@ def test_no_plan_is_shorter_than_its_bound_and_all_come_the_fastest_first(traced
     assert bound_duration(candidates[0], slow) == pytest.approx(path.length / 0.01, rel=1e-2)
 
 
-def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypatch):
+def test_rounding_errors_do_not_select_among_equally_fast_configurations(monkeypatch):
     # The speed of the tool bounds all of the path, whichever way the arm reaches it.
     arm, path = ac.load_arm("ur5e"), ac.Path.polyline(CORNERS[:2]).oriented(DOWN)
     slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=np.inf)
@@ -69,7 +69,7 @@ def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypa
         assert [x(0.0).tolist() for x in candidates] == [x(0.0).tolist() for x in usual]
 
 
-def test_bounds_in_closed_form():
+def test_bounds_have_the_closed_form():
     # One joint, 2 rad: up to speed within 0.5 rad, on for 1 rad, down within 0.5 rad.
     line = JointPath.spline([[0.0], [2.0]])
     limits = ac.Limits.only(joint_velocity=[2.0], joint_acceleration=[4.0])

@@ -44,7 +44,7 @@ def planned(traced, arm, limits):
     return ac.plan(traced, arm, limits)
 
 
-def test_the_papers_job_with_these_and_other_limits(
+def test_the_papers_job_satisfies_these_and_other_limits(
     planned, rounded, arm, limits, mac, assert_within_limits, traced
 ):
     # The true optimum is 5.32606 s; shorter means a leak.
@@ -83,7 +83,7 @@ def test_the_tool_stays_on_the_path_and_goes_one_way(planned, rounded, arm):
         )
 
 
-def test_the_line_on_which_the_papers_method_breaks_its_limit(arm, assert_within_limits):
+def test_optimal_plans_the_line_on_which_the_papers_method_fails(arm, assert_within_limits):
     fast = arm.limits.replace(speed=0.3)
     path = ac.Path.polyline(LINE)
     with pytest.raises(ac.NotRealizable):
@@ -127,7 +127,7 @@ WAYS = {
 
 
 @pytest.mark.parametrize("top", [None, 0.5])
-def test_a_straight_way_in_joint_space(top, assert_within_limits):
+def test_a_straight_joint_path_has_the_closed_form(top, assert_within_limits):
     for way, (direction, acceleration, deceleration) in WAYS.items():
         limits = {"joint_acceleration": np.stack([-np.array(deceleration), acceleration], axis=1)}
         length, speed = np.linalg.norm(direction), np.inf
@@ -143,7 +143,7 @@ def test_a_straight_way_in_joint_space(top, assert_within_limits):
         assert planned.duration == pytest.approx(expected, rel=1e-6), way
 
 
-def test_start_and_end_speeds(assert_within_limits, refuses):
+def test_start_and_end_speeds_are_respected(assert_within_limits, refuses):
     # 2 rad at 1.0 rad/s² up and down: from 2 rad/s the arm can just stop.
     limits = {"joint_acceleration": [1.0]}
     for begin, end in ((0.3, 0.0), (0.0, 0.7), (0.4, 0.9), (1.0, 1.0), (2.0, 0.0)):
@@ -176,7 +176,7 @@ def circle():
 LEMNISCATE = gamma(0.25) ** 2 / (2 * np.sqrt(2 * np.pi))
 
 
-def test_tool_acceleration_on_a_line_and_a_circle(arm, assert_within_limits):
+def test_tool_acceleration_is_reached_on_a_line_and_a_circle(arm, assert_within_limits):
     only, line = ac.Limits.only(tool_acceleration=ACCELERATION), [(0.3, 0.2), (0.4, 0.25)]
     path = ac.Path.polyline(line)
     trajectory = assert_within_limits(ac.plan(path, arm, only), only, arm).duration
@@ -201,7 +201,9 @@ def test_tool_acceleration_on_a_line_and_a_circle(arm, assert_within_limits):
     assert trajectory == pytest.approx(expected, rel=1e-5)
 
 
-def test_circles_and_rounded_corners_at_their_accelerations(arm, assert_within_limits, rounded):
+def test_circles_and_rounded_corners_reach_their_centripetal_acceleration(
+    arm, assert_within_limits, rounded
+):
     both = ac.Limits.only(centripetal_acceleration=0.2, joint_acceleration=100.0)
     planned = assert_within_limits(ac.plan(circle(), arm, both), both, arm)
     middle = planned(planned.duration / 2), planned(planned.duration / 2, 1)
@@ -224,7 +226,7 @@ STOPPING = {
 
 
 @pytest.mark.parametrize("name", STOPPING)
-def test_it_rests_at_sharp_corners(arm, limits, name, assert_within_limits):
+def test_the_tool_rests_at_sharp_corners(arm, limits, name, assert_within_limits):
     points = STOPPING[name]
     planned = ac.plan(ac.Path.polyline(points), arm, limits)
     assert_within_limits(planned, limits.replace(centripetal_acceleration=np.inf), arm)
@@ -259,7 +261,9 @@ def test_segments_have_their_own_speeds(arm, objective, limits, assert_within_li
     assert 0.06 < top[4] <= 0.15
 
 
-def test_joint_acceleration_in_the_general_form(traced, arm, limits, planned, assert_within_limits):
+def test_joint_acceleration_is_the_same_in_the_general_form(
+    traced, arm, limits, planned, assert_within_limits
+):
     def coefficients(s, side):
         first, second = traced(s, 1, side=side), traced(s, 2, side=side)
         return first, second, np.zeros_like(first)
@@ -272,7 +276,7 @@ def test_joint_acceleration_in_the_general_form(traced, arm, limits, planned, as
     assert again.duration == pytest.approx(planned.duration, rel=1e-5)
 
 
-def test_gravity_helps_one_way_hinders_the_other_and_may_be_too_much(refuses):
+def test_gravity_helps_one_direction_and_may_exceed_a_limit(refuses):
     def gravity(weight):
         """A joint that has to hold its weight."""
 
@@ -289,7 +293,7 @@ def test_gravity_helps_one_way_hinders_the_other_and_may_be_too_much(refuses):
         refuses(lambda x=weight: gravity(x), ac.NotRealizable, "even at rest", s=0.0, **data)
 
 
-def test_refusals(rounded, traced, arm, limits, refuses):
+def test_unsupported_limits_and_paths_are_refused(rounded, traced, arm, limits, refuses):
     only = ac.Limits.only(speed=0.1, centripetal_acceleration=0.1)
     refuses(lambda: ac.plan(rounded, arm, only), ac.InvalidInput, "joint_acceleration")
     spline = ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)])
@@ -325,7 +329,7 @@ def collocated(path, any_arm, limits, intervals=None):
 # Keeping the limits between the points may cost this much; so it does on the default grid.
 # A coarse grid pays more where a joint with next to no inertia sets the pace.
 @pytest.mark.parametrize(("intervals", "cost"), [(4000, 1e-4), (1000, 1e-3)])
-def test_the_guarantee_costs_little(traced, arm, limits, intervals, cost):
+def test_margins_between_grid_points_cost_little_time(traced, arm, limits, intervals, cost):
     jobs = [(traced, arm, limits)] if intervals == 4000 else []
     for k, job in enumerate([*jobs, *(random_spline(seed) for seed in range(60))]):
         bare = collocated(*job, intervals)
@@ -333,7 +337,7 @@ def test_the_guarantee_costs_little(traced, arm, limits, intervals, cost):
 
 
 @pytest.mark.parametrize("jerk", [None, 20.0])
-def test_bounds_by_direction_change_sides_in_the_mirror(assert_within_limits, jerk):
+def test_mirrored_paths_exchange_the_bounds_by_direction(assert_within_limits, jerk):
     rng = np.random.default_rng(700036000)
     points = np.cumsum(rng.normal(size=(6, 3)), axis=0)
     bounds = {"joint_velocity": (0.3, 2), "joint_acceleration": (0.5, 5)}

@@ -35,7 +35,7 @@ def kinds(planned):
 
 
 @pytest.mark.parametrize("outward", [True, False])
-def test_a_triangle_in_closed_form(scissors, outward):
+def test_a_short_line_has_the_triangle_in_closed_form(scissors, outward):
     ends = [(0, NEAR), (0, FAR)]
     path = ac.Path.polyline(ends if outward else ends[::-1])
     planned = ac.plan(path, scissors, scissors.limits.replace(speed=9.0), ac.Paper(knots=600))
@@ -49,7 +49,7 @@ def test_a_triangle_in_closed_form(scissors, outward):
 
 
 @pytest.mark.parametrize("speed", [0.03, 0.06, 0.1])
-def test_a_trapezoid_in_closed_form(scissors, speed):
+def test_a_long_line_has_the_trapezoid_in_closed_form(scissors, speed):
     path, knots = ac.Path.polyline([(0, NEAR), (0, FAR)]), 2000
     limits = scissors.limits.replace(speed=speed)
     planned = ac.plan(path, scissors, limits, ac.Paper(knots=knots))
@@ -72,7 +72,9 @@ def test_a_trapezoid_in_closed_form(scissors, speed):
     assert below <= tool_speed(planned, scissors, planned.duration / 2) <= speed * (1 + 1e-6)
 
 
-def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(arm, rounded, limits, mac):
+def test_the_papers_job_satisfies_every_limit_and_one_joint_is_at_its_limit(
+    arm, rounded, limits, mac
+):
     for knots in (8, 50, 600, None):
         planned = ac.plan(rounded, arm, limits, ac.Paper(knots=knots))
         t = np.linspace(0, planned.duration, 20001)
@@ -141,7 +143,7 @@ def test_a_sharp_corner_is_a_stop_and_a_straight_joint_is_passed_at_speed(arm, o
     assert tool_speed(two, arm, passing) > 0.05
 
 
-def test_a_short_line_lowers_its_corners_speed(arm, limits):
+def test_a_short_line_reduces_the_speed_of_its_corner(arm, limits):
     # A right angle with a corner error of 5 mm takes 12.07 mm of each line.
     ell = [(0.36 - 0.0123, 0.2), (0.36, 0.2), (0.36, 0.26)]
     steps = [(0.30, 0.2), (0.36, 0.2), (0.36, 0.2135), (0.30, 0.2135)]
@@ -165,7 +167,7 @@ def test_a_short_line_lowers_its_corners_speed(arm, limits):
         assert np.abs(planned(breaks, 1) - planned(breaks, 1, side="left")).max() < 2e-3, points
 
 
-def test_a_meeting_next_to_a_knot_keeps_the_limit(arm, limits):
+def test_an_intersection_next_to_a_knot_satisfies_the_limit(arm, limits):
     # The end is moved by less than a lap, so that the passes meet anywhere between two knots.
     for seed in range(30):
         path = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15 + 1e-4 * seed)])
@@ -193,7 +195,7 @@ def test_segments_have_their_own_speeds(arm, objective, limits):
     assert 0.06 < top["line 3"] <= 0.15
 
 
-def test_a_joint_that_turns_round_too_late_is_not_realizable(arm, limits):
+def test_a_joint_that_reverses_too_late_is_not_realizable(arm, limits):
     path = ac.Path.polyline([(-0.065, 0.300), (0.335, 0.300)])
     with pytest.raises(
         ac.NotRealizable, match="line 1 at 0.1329 m .* does not look ahead"
@@ -211,7 +213,7 @@ def test_a_joint_that_turns_round_too_late_is_not_realizable(arm, limits):
     assert np.ptp(np.sign(planned(t, 1)[:, 1])) == 2  # joint 2 does turn round
 
 
-def test_corners_a_joint_cannot_take_and_arcs_at_the_ends_are_not_realizable(arm, limits, rounded):
+def test_corners_above_a_joint_limit_and_arcs_at_the_ends_are_not_realizable(arm, limits, rounded):
     arc = ac.Arc(start=(0.4, 0.2), center=(0.4, 0.25), angle=np.pi / 2)
     before = ac.Line(start=(0.35, 0.2), end=(0.4, 0.2))
     after = ac.Line(start=(0.45, 0.25), end=(0.45, 0.28))
@@ -256,7 +258,7 @@ def path(points=POINTS):
 
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "panda"])
-def test_six_and_seven_joints(name):
+def test_arms_with_six_and_seven_joints_are_planned(name):
     robot = ac.load_arm(name)
     limits = robot.limits.replace(speed=0.2, centripetal_acceleration=0.5, joint_jerk=np.inf)
     way = ac.trace(path(), robot)

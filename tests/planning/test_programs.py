@@ -105,7 +105,7 @@ def judged(program, arm, limits, trajectory):
         np.testing.assert_allclose(positions, event.point, atol=1e-9)
 
 
-def test_keeps_all_that_holds_of_programs_in_the_plane():
+def test_programs_in_the_plane_have_all_their_properties():
     start, stop = Event(name="spindle", value="forward"), Event(name="spindle", value=False)
     over = Rapid(path=Path.polyline([[0.3, 0.1], [0.32, 0.17], [0.3, 0.2]]))
     moves = start, Dwell(duration=0.5), Contour(path=SQUARE, name="square"), Event(name="coolant")
@@ -124,7 +124,7 @@ def test_keeps_all_that_holds_of_programs_in_the_plane():
     assert (last.name, last.t) == ("spindle", pytest.approx(trajectory.duration))
 
 
-def test_keeps_all_that_holds_of_programs_in_space():
+def test_programs_in_space_have_all_their_properties():
     process = dataclasses.replace(AROUND, approach=0.02, retract=0.03)
     program = ac.prepare(program_of(in_space(SQUARE), in_space(BEND)), process)
     program = ac.round_corners(program, tolerance=5e-4, angular_tolerance=0.1)
@@ -138,7 +138,7 @@ def test_keeps_all_that_holds_of_programs_in_space():
 
 
 @pytest.mark.parametrize("method", ["paper", "conventional"])
-def test_the_other_methods_plan_programs_too(method):
+def test_the_other_methods_also_plan_programs(method):
     events = Event(name="a", s=0.013), Event(name="b", s=0.06, lead_time=0.05)
     program = plane(SQUARE, Contour(path=BEND, events=events), process=Process(switch=Switch()))
     trajectory = ac.plan(program, PMK3S, IN_PLANE.replace(speed=0.05), METHODS[method]())
@@ -235,7 +235,7 @@ def test_free_rapids_are_bang_bang_at_the_limits_of_the_joints(arm):
 
 
 @pytest.mark.parametrize("jerk", [None, 500.0])
-def test_rapids_and_approaches_keep_their_speeds_at_all_times(jerk):
+def test_rapids_and_approaches_never_exceed_their_speeds(jerk):
     moves = [in_space(Path.polyline([[x, 0.1], [x, 0.14]])) for x in (0.3, 0.45)]
     between = Path.polyline([[0.35, -0.16, 0.1], [0.4, -0.16, 0.25], [0.5, -0.2, 0.1]])
     limits = UR5E.limits if jerk is None else UR5E.limits.replace(joint_jerk=jerk)
@@ -261,7 +261,7 @@ def test_rapids_and_approaches_keep_their_speeds_at_all_times(jerk):
         assert short == pytest.approx([0.1] * len(short), rel=1e-6) and max(short) <= 0.1 + 1e-12
 
 
-def test_contours_take_their_time_alone_and_leave_a_reserve_on_rapids_too():
+def test_the_reserve_also_applies_to_rapids():
     second = Path.polyline([[0.35, 0.25], [0.3, 0.25]])
     spans = ac.plan(program_of(BEND, Rapid(), second), PMK3S, IN_PLANE).spans
     assert [x.kind for x in spans] == ["contour", "contour"]  # they meet
@@ -333,7 +333,7 @@ def test_a_rapid_turns_the_tool_by_half_a_turn_unless_it_is_free_to_turn(axis_on
     assert (turned.max() < 0.2) == axis_only
 
 
-def test_of_configurations_as_fast_for_a_contour_that_for_the_next_ones_is_chosen():
+def test_later_contours_select_among_equally_fast_configurations():
     # The speed of the tool bounds both contours; the way between them depends on the posture.
     program = ac.round_corners(program_of(in_space(SQUARE), in_space(BEND, 0.3)), tolerance=1e-3)
     limits = IN_SPACE.replace(speed=0.02, joint_torque=np.inf)
@@ -392,7 +392,7 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
 
 
 @pytest.mark.parametrize("method", ["optimal", "paper", "conventional"])
-def test_a_path_a_program_of_it_and_its_joint_path_have_one_plan(method):
+def test_a_path_its_program_and_its_joint_path_have_the_same_plan(method):
     path = ac.round_corners(BEND, tolerance=1e-3)
     program = program_of(path)
     motions = (

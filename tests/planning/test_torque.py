@@ -30,7 +30,7 @@ def judged(planned, arm, limits):
     return check
 
 
-def test_friction_is_kept_where_joints_turn_round():
+def test_friction_is_respected_where_joints_reverse():
     path = ac.JointPath.spline(POINTS)
     for viscous, coulomb in itertools.product((0, 1), repeat=2):
         arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
@@ -47,7 +47,7 @@ def test_friction_is_kept_where_joints_turn_round():
         )
 
 
-def test_stops_and_speeds_at_the_ends():
+def test_torque_is_respected_at_stops_and_end_speeds():
     arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
     steps = np.diff(POINTS, axis=0)
     breaks = np.concatenate([[0], np.cumsum(np.linalg.norm(steps, axis=1))])
@@ -70,7 +70,7 @@ def test_dry_friction_may_be_nearly_all_that_gravity_leaves():
     judged(ac.plan(path, arm, limits), arm, limits)
 
 
-def test_refusals(refuses):
+def test_torque_limits_exceeded_at_rest_are_refused(refuses):
     loaded, stiff = ur5e(payload=Payload(mass=15.0)), ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
     path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
     for arm, words, data in (

@@ -44,7 +44,7 @@ def from_rest_to_rest(way, velocity, acceleration):
 
 
 @pytest.mark.parametrize("name", SUITE)
-def test_toppras_robustness_suite(name, worst_ratios):
+def test_the_robustness_suite_of_toppra_is_planned(name, worst_ratios):
     points, velocity, acceleration = SUITE[name]
     path = ac.JointPath.spline(points, np.linspace(0, 1, len(points)), ends="clamped")
     limits = ac.Limits.only(joint_velocity=velocity, joint_acceleration=acceleration)
@@ -63,7 +63,7 @@ def test_toppras_robustness_suite(name, worst_ratios):
 WAY = np.array([0.3, -1.1, 0.7])
 
 
-def test_a_cubic_that_does_not_move_at_a_place_is_refused(refuses):
+def test_a_cubic_that_rests_at_a_point_is_refused(refuses):
     coefficients = np.zeros((2, 6, 3))
     coefficients[0, :4] = np.array([-1.0, 3.0, -3.0, 1.0])[:, None] * WAY
     coefficients[1, 3] = WAY
@@ -100,7 +100,7 @@ def hermite(breaks, q, dq_ds, d2q_ds2):
     return ac.JointPath.hermite(np.array(breaks), begin, end)
 
 
-def test_a_path_that_turns_back_at_a_break_with_a_limit_of_jerk(recwarn, worst_ratios):
+def test_a_reversal_at_a_break_is_planned_with_a_jerk_limit(recwarn, worst_ratios):
     s = np.linspace(0, 1, 8)
     v, jerk = s[3], 50.0
     path = hermite(s, -0.4 * (s - v) ** 2, -0.8 * (s - v), np.full(8, -0.8))

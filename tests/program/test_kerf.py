@@ -42,7 +42,7 @@ def area(path):
     return abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))) / 2
 
 
-def test_lines_and_corners_outside_and_inside_of_the_kerf():
+def test_lines_and_corners_are_offset_outside_and_inside():
     d = 1e-4
     for drawn in (SQUARE, SQUARE.reversed()):
         (offset_contour,) = cut(drawn, kerf=2 * d).contours
@@ -63,7 +63,7 @@ def test_lines_and_corners_outside_and_inside_of_the_kerf():
     np.testing.assert_allclose(center, [0, 0], atol=1e-15)
 
 
-def test_what_a_kerf_parts_becomes_several_contours_with_names_of_their_own():
+def test_a_contour_that_the_kerf_divides_becomes_several_named_contours():
     drawn = circle(0.05, 0.02, 0.2, name="outline"), Contour(path=DUMBBELL, name="slot")
     cut_program = cut(*drawn, kerf=0.005)
     assert names(cut_program) == ["slot/1", "slot/2", "outline"]
@@ -141,7 +141,7 @@ def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given():
     np.testing.assert_allclose(right([0, right.length]), [[0, -1e-3], [0.051, 0.05]], atol=1e-15)
 
 
-def test_random_cuts_beside_open_contours_keep_their_distance_or_are_refused():
+def test_random_cuts_next_to_open_contours_have_their_distance_or_are_refused():
     rng = np.random.default_rng(3)
     refusals = 0
     for _ in range(80):
@@ -161,7 +161,7 @@ def test_random_cuts_beside_open_contours_keep_their_distance_or_are_refused():
 
 
 @each("held", ["pointing", "following"])
-def test_in_space_the_cut_lies_in_the_plane_of_the_contour_and_the_tool_keeps_its_way(held):
+def test_in_space_the_cut_is_in_the_plane_of_the_contour(held):
     frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
     up = frame.rotation[:, 2]
     placed = Program.from_path(SQUARE).placed(frame).path
@@ -177,7 +177,7 @@ def test_in_space_the_cut_lies_in_the_plane_of_the_contour_and_the_tool_keeps_it
         np.testing.assert_allclose(axes[:, :, 0], offset_path(places, 1), atol=1e-9)
 
 
-def test_events_rapids_and_leads_come_along():
+def test_events_rapids_and_leads_are_moved_with_the_cut():
     corner = (0.1, 0.06)
     first = line((0, 0), (0.1, 0), speed=0.02, tolerance=1e-3)
     path = path_of(first, line((0.1, 0), corner), line(corner, (0, 0)))

@@ -33,7 +33,7 @@ def contour(path=LINE, **values):
     return Contour(path=path, **values)
 
 
-def test_refuses_what_makes_no_program():
+def test_refuses_invalid_programs():
     nan = float("nan")
     drawn = program(contour(name="1", layer="a"), contour(name="2", layer="b"), source="x.dxf")
     events_beyond = (Event(name="laser", s=0.2),)
@@ -76,7 +76,7 @@ def test_refuses_what_makes_no_program():
     refused(*((lambda x=x: Event(name="gas", value=x), "gas") for x in (None, nan, [1], 1j)))
 
 
-def test_events_stand_in_the_order_of_their_places_and_keep_their_order_at_one_place():
+def test_events_are_ordered_by_arc_length_and_keep_their_order_at_one_point():
     events = (Event(name="b", s=0.05), Event(name="a", s=0.01), Event(name="c", s=0.01))
     assert [x.name for x in contour(events=events).events] == ["a", "c", "b"]
     # They may come one by one.

@@ -52,7 +52,7 @@ PARTS = (
 )
 
 
-def test_what_lies_inside_comes_first_and_part_after_part():
+def test_inner_contours_come_first_part_by_part():
     for process in ({"lead_in": WASTE}, {"order": "inside_first"}):
         arranged = ordered(PARTS, **process)
         assert names(arranged) == ["island", "window", "mark", "outline", "hole", "second"]
@@ -96,7 +96,7 @@ def test_inner_contours_are_cut_first_in_any_order(order, seed):
 # ------------------------------------------------------------------------------------- shortest
 
 
-def test_closed_contours_begin_where_the_way_is_short():
+def test_closed_contours_begin_where_the_rapid_is_short():
     rings = [circle(0.1 * i, 0, 0.04, str(i)) for i in (0, 2, 1, 3)]
     arranged = ordered(rings, order="shortest")
     assert names(arranged) in (["0", "1", "2", "3"], ["3", "2", "1", "0"])

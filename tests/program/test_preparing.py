@@ -94,7 +94,7 @@ def test_leads_in_a_tilted_plane_are_tangent_and_stay_in_it(yaw, tilt, shape, si
         assert beside == pytest.approx(sign * length / (np.pi / 2), abs=1e-12)
 
 
-def test_the_tool_is_held_along_leads_as_at_the_ends_and_follows_where_it_follows():
+def test_the_tool_has_the_orientation_of_the_ends_along_leads():
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1], [0.45, 0.05, 0.1]])
     lead = Lead(length=0.02, shape="arc")
     ends = Process(lead_in=lead, lead_out=lead)
@@ -160,7 +160,7 @@ BEGINS = [
 
 
 @each("begin, start", BEGINS)
-def test_a_closed_contour_begins_where_it_is_asked_to(begin, start):
+def test_a_closed_contour_begins_at_the_requested_point(begin, start):
     path = only(SQUARE, Process(begin=begin)).path
     np.testing.assert_allclose(ends_of(path), [start, start], atol=1e-12)
     assert path.length == pytest.approx(0.2, abs=1e-12)
@@ -175,7 +175,7 @@ def test_overlap_goes_on_along_the_contour_by_its_length(overlap):
     assert only(BEND, Process(overlap=overlap)).path.length == BEND.length
 
 
-def test_a_beginning_is_left_where_the_program_leads_to_it():
+def test_the_start_of_a_contour_after_a_rapid_of_the_program_does_not_move():
     corner = [0.3, 0.1]
     to = Rapid(path=Path.polyline([[0.35, 0.25], corner]))
     on, rest = Event(name="spindle"), Dwell(duration=0.1)
@@ -190,7 +190,7 @@ def test_a_beginning_is_left_where_the_program_leads_to_it():
     np.testing.assert_allclose(begun.path(0.0), [0.33, 0.1], atol=1e-15)
 
 
-def test_a_closed_contour_whose_tool_ends_otherwise_stays_as_drawn():
+def test_a_closed_contour_with_different_end_orientations_stays_as_drawn():
     square = in_space(SQUARE)
     tilts = np.column_stack([np.linspace(0, 0.2, 5), np.zeros(5), -np.ones(5)])
     tilting, alike = square.pointing(tilts), square.pointing([*tilts[:4], tilts[0]])
@@ -222,9 +222,7 @@ SWITCHED = [
 
 
 @each("switched, is_unchanged", SWITCHED)
-def test_a_contour_does_not_begin_where_something_would_not_be_switched_as_drawn(
-    switched, is_unchanged
-):
+def test_a_moved_start_does_not_change_switching(switched, is_unchanged):
     events = tuple(Event(name="laser", value=value, s=s) for value, s in switched)
     square, process = Contour(path=SQUARE, name="E7", events=events), Process(begin=0.05)
     if is_unchanged:
@@ -259,7 +257,7 @@ def test_a_moved_start_keeps_the_values_that_the_program_has_set_before():
     st.floats(0, 0.19),
     st.sampled_from([0.0, 1e-3]),
 )
-def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
+def test_events_keep_their_points_when_their_contour_changes(
     places, begin, overlap, lead, shape, resume_at, tolerance
 ):
     events = tuple(Event(name=f"e{i}", s=s) for i, s in enumerate(places))
@@ -341,7 +339,7 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before():
     assert c.path is BEND
 
 
-def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
+def test_resumes_at_an_end_within_a_contour_and_at_an_event():
     drawn = program(BEND, Contour(path=SQUARE, name="b"))
     prepared_contour = only(drawn, Process(resume_at=BEND.length))
     assert prepared_contour.name == "b" and prepared_contour.path.length == pytest.approx(
@@ -394,7 +392,7 @@ def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends()
         np.testing.assert_allclose(rapid_path.vertices, points, atol=1e-15)
 
 
-def test_goes_down_and_up_where_no_rapid_of_the_program_links():
+def test_approaches_and_retracts_where_the_program_has_no_rapid():
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([[0, 0, -1.0], [0, 0.6, -0.8]])
     tilt = np.array([0.0, 0.6, 0.8])
     process = Process(approach=0.03, retract=0.02, up=tilt, approach_speed=0.1)
@@ -431,7 +429,7 @@ def test_a_tool_change_is_a_stop_with_an_event_and_a_note():
     assert all([y.value for y in x.events] == [True, False] for x in switched.contours)
 
 
-def test_rapids_get_the_speed_that_nothing_else_gives_them():
+def test_rapids_without_a_speed_get_the_rapid_speed():
     path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
     moves = path, Rapid(path=Path.polyline([[0.45, 0, 0.1], [0.4, 0.1, 0.1]])), other
     prepared_program = prepare(
@@ -447,7 +445,7 @@ def test_rapids_get_the_speed_that_nothing_else_gives_them():
 # --------------------------------------------------------------------------------- layers, orders
 
 
-def test_layers_demand_where_segments_do_not():
+def test_values_of_layers_apply_where_segments_have_none():
     first = line([0.3, 0], [0.4, 0], speed=0.05)
     path = path_of(first, line([0.4, 0], [0.4, 0.1], tolerance=1e-4))
     two = program(*(Contour(path=path, layer=x) for x in ("cut", "mark")))
@@ -460,7 +458,7 @@ def test_layers_demand_where_segments_do_not():
     refused((lambda: prepare(two, other), "'engrave'", "'cut', 'mark'"))
 
 
-def test_refuses_values_that_make_no_process():
+def test_refuses_invalid_values_of_a_process():
     nan, inf = float("nan"), float("inf")
     processes = [
         ({"overlap": -1.0}, "overlap"),

@@ -194,7 +194,7 @@ def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direc
     assert [turns_left(x.path, up) for x in prepared_contours[:3]] == turning_left
 
 
-def test_a_layer_has_its_own_direction_and_events_on_the_way_keep_the_drawn_one():
+def test_a_layer_has_its_own_direction_unless_events_fix_the_drawn_one():
     moves = [*contours(OUTLINE), *contours(HOLE, layer="HOLES")]
     by_layer = {"HOLES": {"direction": "clockwise"}}
     prepared_contours = prepared(

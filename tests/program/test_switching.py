@@ -38,7 +38,7 @@ def contours(path, *events, **process):
     return ac.prepare(drawn, ac.Process(switch=SWITCH, **process)).contours
 
 
-def test_what_is_on_over_rapids_is_off_between_them():
+def test_outputs_that_are_on_during_rapids_are_switched_off():
     drawn, separated = laser(), laser(off_between=("spindle",))
     assert [states(x) for x in drawn.contours] == [[], [(False, 0.03)], []]
     first, second, third = map(states, separated.contours)

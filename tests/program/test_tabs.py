@@ -63,7 +63,7 @@ def test_tabs_keep_a_width_from_corners_starts_and_each_other(count, width, smoo
         assert after - before >= width - 1e-12
 
 
-def test_tabs_of_laps_polylines_and_resumed_programs():
+def test_laps_polylines_and_resumed_programs_have_tabs():
     plain = gaps(cut(CIRCLE, TWO))
     lap = CIRCLE.length
     # The overlap ends within the first tab of the fourth lap.

@@ -43,7 +43,7 @@ TURNS = np.array([[-0.1], [-0.4], [0.0], [0.2], [0.3], [0.6], [0.1]])
 
 @example(problem=(TURNS, ac.Limits.only(joint_acceleration=np.array([2.0]))), intervals=10)
 @given(problem=problems(), intervals=st.sampled_from([10, 60, 300, 1500]))
-def test_the_motion_goes_forward_and_keeps_its_limits(problem, intervals, worst_ratios):
+def test_the_motion_moves_forward_within_its_limits(problem, intervals, worst_ratios):
     points, limits = problem
     planned = plan(points, limits, intervals)
     law = planned.laws[0]
@@ -75,7 +75,7 @@ def turning_line(arm, rng):
             return ac.Path.polyline(ends)
 
 
-def test_lines_on_which_a_joint_turns_round(arm, worst_ratios):
+def test_lines_on_which_a_joint_reverses_are_planned_within_their_limits(arm, worst_ratios):
     """Planned, limits kept."""
     rng = np.random.default_rng(0)
     for _ in range(200):
@@ -103,7 +103,7 @@ def random_job(rng):
 
 
 @pytest.mark.parametrize("batch", range(2))
-def test_random_polylines(arm, batch):
+def test_random_polylines_are_planned_within_their_limits_or_refused(arm, batch):
     rng = np.random.default_rng(batch)
     planned_ones = refused_ones = 0
     for _ in range(40):
@@ -169,7 +169,9 @@ def run(arm, q, cycle, kp, kv, limit, interpolation="linear"):
     st.sampled_from([0.0, 1e-16, 3e-16, 1e-15, 1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-3]),
     st.sampled_from(["linear", "step"]),
 )
-def test_a_limit_that_the_demand_just_touches(arm, q, cycle, gain, below, interpolation):
+def test_a_limit_equal_to_the_peak_demand_is_simulated_exactly(
+    arm, q, cycle, gain, below, interpolation
+):
     # The demand's largest value without a limit, taken as the limit: it touches and turns round.
     kp, kv = gain
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)

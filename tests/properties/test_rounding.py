@@ -24,7 +24,7 @@ def gentle(path):
 
 
 @given(polylines, tolerances)
-def test_every_corner_gets_what_it_asks_for_or_half_of_a_line(points, tolerance):
+def test_every_corner_uses_its_tolerance_or_half_of_a_line(points, tolerance):
     path = ac.Path.polyline(points)
     if not gentle(path):
         return
@@ -70,7 +70,7 @@ def axis_angles(first, second):
 
 
 @given(seed=SEEDS, axis_only=st.booleans())
-def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only):
+def test_position_and_orientation_stay_within_their_tolerances_together(seed, axis_only):
     rng = np.random.default_rng(seed)
     path, rotations, scale = random_path(rng)
     path = path.oriented(rotations, axis_only=axis_only)
@@ -104,7 +104,7 @@ def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only
 
 
 @given(seed=SEEDS)
-def test_what_follows_the_tangent_leaves_it_by_no_more_than_its_tolerance(seed):
+def test_a_tool_that_follows_the_tangent_stays_within_its_tolerance(seed):
     rng = np.random.default_rng(seed)
     path, _, scale = random_path(rng)
     path = path.following_tangent(rng.normal(size=3), tool=Rotation.random(None, rng))
@@ -156,7 +156,7 @@ def distances(points, starts, tangents, lengths):
     return np.sqrt((((to - along[..., None] * tangents) ** 2).sum(axis=2)).min(axis=1))
 
 
-def test_random_polylines():
+def test_random_polylines_are_rounded_within_their_tolerance():
     """Judge tolerance, tangents, ends and overlap."""
     rng = np.random.default_rng(1000)
     rounded_ones = stopped_ones = shrunk_ones = merged_ones = 0

@@ -18,7 +18,7 @@ def test_random_problems_are_planned_within_their_limits(first, monkeypatch):
     assert sum(x.result == "planned" for x in outcomes.values()) > 0.9 * BATCH
 
 
-def test_random_corners_beside_arcs_keep_their_tolerance_and_are_tangent():
+def test_random_corners_next_to_arcs_are_tangent_and_within_their_tolerance():
     wrong, kinds = [], Counter()
     for seed in range(CORNERS):
         case = corners.draw(seed)
@@ -33,7 +33,7 @@ def test_random_corners_beside_arcs_keep_their_tolerance_and_are_tangent():
 
 
 @pytest.mark.parametrize("violating", [True, False])
-def test_no_verdict_on_printed_trajectories_contradicts_what_the_samples_prove(violating):
+def test_no_verdict_on_printed_trajectories_contradicts_the_samples(violating):
     outcomes = [check.judge(check.draw(seed, violating)) for seed in range(CHECKS)]
     assert [(x.case.seed, x.case.kind, x.said, x.proof) for x in outcomes if x.wrong] == []
     # Most are decided, so that "cannot tell" is no way out.

@@ -15,11 +15,11 @@ def few_samples(monkeypatch):
 
 @pytest.mark.filterwarnings("ignore:Limits of jerk add")
 @pytest.mark.parametrize(("judged", "seeds"), [(run, SEEDS), (run_tool, TOOL_SEEDS)])
-def test_random_plans_keep_their_limits(judged, seeds):
+def test_random_plans_satisfy_their_limits(judged, seeds):
     outcomes = {seed: judged(seed) for seed in seeds}
     assert {seed: x.notes for seed, x in outcomes.items() if x.notes} == {}
 
 
-def test_searches_that_end_early_keep_all_limits():
+def test_searches_that_end_early_satisfy_all_limits():
     for seed in (5, 48):
         assert early(seed) == [], seed

@@ -39,7 +39,7 @@ def page(study):
     return render_report(study)
 
 
-def test_the_page(study, page, in_order):
+def test_the_report_shows_the_figures_of_every_run(study, page, in_order):
     for result in study.runs.values():
         e = result.judged
         rms, largest = (number(x, "m") for x in (e.contour_error.rms, e.contour_error.max))
@@ -77,7 +77,7 @@ def test_the_report_begins_with_a_run_that_is_not_kept(study):
     assert '<p class="verdict not-kept">' in first_screen(render_report(run(strict)))
 
 
-def test_writes_whole_or_not_at_all(study, tmp_path):
+def test_the_report_is_written_completely_or_not_at_all(study, tmp_path):
     write_report(study, tmp_path / "report.html")
     assert (tmp_path / "report.html").read_text(encoding="utf-8").endswith("</html>")
     with pytest.raises(InvalidInput):
@@ -106,7 +106,7 @@ def unpacked(page, name):
     return gzip.decompress(base64.b64decode(text))
 
 
-def test_a_page_has_its_figures_and_what_draws_them(page, study):
+def test_a_page_contains_its_figures_and_their_script(page, study):
     figures = json.loads(unpacked(page, "figures"))
     assert set(figures) == set(re.findall(r'<div id="([^"]*)" class="plots"', page))
     speed, limits, error = figures["figure-time-1"]["plots"]
@@ -162,7 +162,7 @@ def test_figures_of_a_result_are_pages(study, tmp_path):
         assert "<iframe" in result.figure(kind)._repr_html_()
 
 
-def test_values_of_figures_are_plain(study):
+def test_values_of_figures_are_plain_types(study):
     x = np.array([0.0, 0.5, 1.0])
     y = np.array([1 / 3, np.nan, np.inf])
     curves = tuple(Curve(x=x, y=z, name="</script>", colour="#000") for z in (y, 2 * y))

@@ -38,14 +38,14 @@ def page(study):
     return render_report(study)
 
 
-def test_the_page(page, in_order):
+def test_the_report_in_space_has_its_sections_in_order(page, in_order):
     in_order(page, "notes figures time paths joints")
     for key in ("contours", "shaping"):
         assert f'<details id="{key}">' not in page
     assert len(page) < 0.95e6
 
 
-def test_executed_paths_are_where_the_tool_was(study):
+def test_executed_paths_are_those_of_the_tool(study):
     section = sections.paths(study)
     names = [x for x, _ in section.choices]
     assert set(names) == {x + y for x in study.runs for y in ("", ", experiment")}

@@ -207,7 +207,7 @@ def test_links_lead_to_where_the_values_occur(study, result):
         assert np.linalg.norm(away) < 1.0, row
 
 
-def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):
+def test_a_drawing_of_many_contours_is_small_and_exact(tmp_path):
     lines = ["G21 G90"]
     for k in range(100):
         x, y = 6 * (k % 10), 6 * (k // 10)

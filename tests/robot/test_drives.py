@@ -73,7 +73,7 @@ def test_nominal_inertia_is_that_of_the_plant():
 
 @pytest.mark.parametrize("gravity", [True, False])
 @pytest.mark.parametrize("servo", [SERVO, CASCADE])
-def test_the_command_makes_the_plant_move_as_asked(arm, gravity, servo):
+def test_the_command_moves_the_plant_along_the_plan(arm, gravity, servo):
     """All errors left come from the set-points' lines and the drives' cycle: quadratic, linear."""
     drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
     q = drives.command(*(swing(T, order) for order in range(3)), CYCLE)
@@ -100,7 +100,7 @@ def test_the_response_is_that_of_the_plant(arm, gravity, servo):
     assert np.abs(change - expected).max() < 3e-3 * np.abs(change).max()
 
 
-def test_a_payload_that_the_controller_does_not_know(arm):
+def test_command_and_response_include_a_payload_unknown_to_the_controller(arm):
     """Command and response of a loaded arm, whose controller holds and scales for the bare one."""
     loaded = ac.load_arm("ur5e", payload=ac.Payload(mass=2.0))
     drives = Drives(arm=loaded, servo=SERVO, controller=arm)
@@ -164,7 +164,7 @@ def test_drives_need_a_velocity_loop_and_masses(arm):
         Drives(arm=rods(), servo=SERVO)
 
 
-def test_rounding_errors_of_a_resting_joint_are_no_friction(arm):
+def test_rounding_errors_of_a_joint_at_rest_cause_no_friction(arm):
     """A joint at rest has velocities of 1e-16 rad/s of either sign; a moving one has friction."""
     rubbing = arm.with_dynamics(coulomb=np.full(6, 5.0), viscous=np.full(6, 2.0))
     speed, still = np.array([[0.5, -0.5, 1e-16, -1e-16, 0.0, 5e-4]]), np.zeros((1, 6))

@@ -35,7 +35,7 @@ def states():
     return np.random.default_rng(0).normal(size=(3, 100, 3))
 
 
-def test_drives_pay_for_friction(states):
+def test_friction_adds_to_the_torque_of_drives(states):
     q, dq, ddq = states
     arm = SerialArm(name="three", chain=chain(), limits=ac.Limits())
     dq[0] = 0
@@ -45,7 +45,7 @@ def test_drives_pay_for_friction(states):
     assert (drive_torque[0] == 0).all()
 
 
-def test_two_links_in_the_plane_by_the_textbook():
+def test_two_planar_links_have_the_torques_of_the_textbook():
     tubes = tuple(LinkTube(outer_diameter=0.08, wall=0.005, density=2700) for _ in range(2))
     links = {"base": 0.1, "links": (0.3, 0.2), "limits": ac.Limits()}
     arm = PlanarTwoLink(name="plane", **links, tubes=tubes, payload=Payload(mass=2.0))
@@ -65,7 +65,7 @@ def test_two_links_in_the_plane_by_the_textbook():
     np.testing.assert_allclose(arm.torque(q, dq, ddq), expected, atol=1e-12)
 
 
-def test_what_has_no_torques_is_refused(monkeypatch, states):
+def test_arms_without_masses_have_no_torques(monkeypatch, states):
     arm = PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
     dynamics, p, q = Dynamics(chain()), np.zeros((4, 2)), np.zeros((4, 3))
     monkeypatch.setitem(sys.modules, "pinocchio", None)

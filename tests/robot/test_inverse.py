@@ -44,7 +44,7 @@ def poses_of(arm, q):
 
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "wrist"])
-def test_it_finds_what_the_search_finds(arms, name):
+def test_the_closed_form_finds_the_solutions_of_the_search(arms, name):
     arm = arms[name]
     assert arm.closed_form is not None and arm.closed_form.wrist == (name == "wrist")
     rng = np.random.default_rng(2)

@@ -33,7 +33,7 @@ def random_joints(n=200, seed=1):
     return np.stack([rng.uniform(-3, 3, n), q2], axis=1)
 
 
-def test_forward_as_printed_1_and_2(arm):
+def test_forward_kinematics_are_1_and_2_as_printed(arm):
     q = random_joints(20)
     t1, t12 = q[:, 0], q.sum(axis=1)
     x, y = L0 + L1 * np.sin(t1) + L2 * np.sin(t12), L1 * np.cos(t1) + L2 * np.cos(t12)
@@ -44,7 +44,7 @@ def test_forward_as_printed_1_and_2(arm):
 
 
 @each("configuration", BRANCHES)
-def test_round_trips_from_the_tool_and_from_the_joints(arm, configuration):
+def test_forward_and_inverse_kinematics_are_inverse_to_each_other(arm, configuration):
     points, sign = random_points(), BRANCHES[configuration]
     q = arm.joint_position(points, configuration)
     np.testing.assert_allclose(arm.tool_position(q), points, atol=2e-15)
@@ -97,7 +97,7 @@ OUT_OF_REACH = [
 
 
 @each("point, words, needed, allowed", OUT_OF_REACH)
-def test_out_of_reach(arm, point, words, needed, allowed):
+def test_points_out_of_reach_are_refused_with_their_data(arm, point, words, needed, allowed):
     points = [(0.35, 0.1), (0.41, 0.15), point, (9.0, 9.0)]
     data = {"point": point, "index": 2, "needed": needed, "allowed": allowed}
     for configuration in BRANCHES:
@@ -105,7 +105,7 @@ def test_out_of_reach(arm, point, words, needed, allowed):
         refused((call, "PMK-3s", *words, data), kind=ac.Unreachable)
 
 
-def test_no_number_a_singular_arm_and_an_unknown_branch_are_refused(arm):
+def test_invalid_points_singular_arms_and_unknown_branches_are_refused(arm):
     refused(
         (lambda: arm.joint_position([(np.nan, 0.1)]), {"index": 0}),
         (lambda: arm.joint_velocity([[0.0, 0.0]], [[1.0, 0.0]]), "PMK-3s", "singular"),
@@ -114,7 +114,7 @@ def test_no_number_a_singular_arm_and_an_unknown_branch_are_refused(arm):
     refused((lambda: arm.joint_position([0.35, 0.1], "left"), "positive, negative", "'left'"))
 
 
-def test_the_plane_arm_in_space_is_the_same_arm(arm):
+def test_the_planar_arm_equals_its_model_in_space(arm):
     space = SerialArm(name="space", chain=arm.chain, limits=arm.limits)
     q, dq, ddq = np.random.default_rng(4).normal(size=(3, 50, 2))
     np.testing.assert_allclose(space.tool_position(q)[:, :2], arm.tool_position(q), atol=1e-15)
@@ -147,7 +147,7 @@ def test_another_arm_is_made_with_other_limits(made):
     assert made.with_limits(made.limits.replace(joint_velocity=0.4)).dynamics is dynamics
 
 
-def test_another_load_and_other_drives_change_the_torques_and_nothing_else(made):
+def test_payload_and_drives_change_only_the_torques(made):
     q = np.full((1, made.dof), 0.3)
     # Torques of the arm are computed before: the other arm must not have them.
     before = made.torque(q, 0 * q, q)

@@ -43,7 +43,7 @@ def test_poses_and_jacobians_are_those_of_pinocchio(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_inverse_leads_back_to_near_joint_positions(name):
+def test_the_inverse_returns_nearby_joint_positions(name):
     arm = ac.load_arm(name)
     lower, upper = arm.limits.joint_range(arm.dof)
     for q in inside(arm, 2):
@@ -112,7 +112,7 @@ def test_poses_out_of_reach_or_range_are_refused(refuses):
     refuses(lambda: held.inverse(turned), ac.Unreachable, index=0, limit="range")
 
 
-def test_ranges_of_two_turns_give_the_turn_that_is_near():
+def test_the_nearest_of_two_turns_is_returned():
     arm = ac.load_arm("ur5e")
     q = inside(arm, 6, 1)[0]
     q[5] = 4.0

@@ -98,7 +98,7 @@ def test_work_frame_and_tool_only_define_the_two_ends_of_the_pose(arm3, states):
     np.testing.assert_allclose(equipped.torque(q, dq, ddq), expected, rtol=1e-12)
 
 
-def test_one_state_and_any_shape_of_states():
+def test_states_may_have_any_shape():
     arm = crooked(dof=4)
     q = np.random.default_rng(3).normal(size=(2, 5, 4))
     for method, count, shape in (
@@ -180,7 +180,7 @@ ODD_TUBES = (
 )
 
 
-def test_limits_chains_payloads_and_arms_that_cannot_be_are_refused():
+def test_invalid_limits_chains_payloads_and_arms_are_refused():
     assert ac.PlanarTwoLink(**PLANE).link2 == 0.3
     for kind, good, rows in (
         (ac.Limits, {}, ODD_LIMITS),
@@ -199,7 +199,7 @@ def test_limits_chains_payloads_and_arms_that_cannot_be_are_refused():
     )
 
 
-def test_limits_are_replaced_added_lifted_and_spread_over_joints():
+def test_limits_are_replaced_added_removed_and_broadcast_to_joints():
     assert {*UNITS, "lifted"} == {x.name for x in dataclasses.fields(ac.Limits)}
     values = np.array([1.0, 2.0])
     limits = ac.Limits(joint_acceleration=values, speed=0.1)
@@ -235,7 +235,7 @@ def test_jerk_is_limited_where_it_is_finite():
     np.testing.assert_array_equal(some.for_joints(2).joint_jerk, [np.inf, 5.0])
 
 
-def test_a_chain_of_defaults_and_one_of_denavit_hartenberg_parameters():
+def test_chains_have_defaults_or_denavit_hartenberg_parameters():
     chain = Chain(**GOOD)
     assert len(chain) == 2
     for name in ("armature", "viscous", "coulomb"):

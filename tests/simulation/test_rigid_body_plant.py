@@ -115,7 +115,7 @@ def test_one_joint_converges_to_the_servo_plant(interpolation):
     assert ratios[0] > 3.9 and errors[2] < (5e-6 if interpolation == "linear" else 2e-4)
 
 
-def test_it_starts_and_stays_in_equilibrium_and_sags_as_predicted():
+def test_an_execution_starts_in_equilibrium_and_sags_as_predicted():
     held = run(pendulum(), [[0.3]])
     np.testing.assert_allclose(held.q, 0.3, atol=1e-12)
     np.testing.assert_allclose(held.torque, WEIGHT * np.cos(0.3), rtol=1e-9)
@@ -132,7 +132,7 @@ def test_it_starts_and_stays_in_equilibrium_and_sags_as_predicted():
     assert run(pendulum(), swing(0.8)).q[-1, 0] == pytest.approx(0.8, abs=1e-7)
 
 
-def test_an_integrator_holds_the_weight_and_leaves_no_sag():
+def test_an_integrator_compensates_gravity_without_sag():
     servo = ac.ServoModel(kp=KP, kv=KV, ki=8.0)
     sagging = {"gravity_feedforward": False}
     set_points = taught_data(swing(1.2))
@@ -144,7 +144,7 @@ def test_an_integrator_holds_the_weight_and_leaves_no_sag():
     np.testing.assert_allclose(still.torque, WEIGHT * np.cos(still.q), rtol=1e-9)
 
 
-def test_coulomb_friction_leaves_its_dead_band():
+def test_coulomb_friction_leaves_an_error_within_its_dead_band():
     coulomb = 4.0
     band = coulomb / (INERTIA * KV * KP)
     arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
@@ -160,7 +160,7 @@ def test_coulomb_friction_leaves_its_dead_band():
         assert (np.ptp(pushed.q) > 0.1 * band) == moves
 
 
-def test_torque_saturation_in_closed_form_and_with_gravity():
+def test_torque_saturation_has_the_closed_form():
     limit = 3.0
     arm = pendulum(gravity=WEIGHTLESS)
     q = [[0.0]] + [[2.0]] * 300
@@ -206,7 +206,7 @@ LOAD = Payload(mass=3.0, center=np.array([LENGTH, 0.0, 0.0]))
 LOAD_WEIGHT = 3.0 * G * LENGTH
 
 
-def test_a_payload_that_the_controller_does_not_know_lets_the_arm_sag():
+def test_a_payload_unknown_to_the_controller_causes_sag():
     loaded = pendulum(payload=LOAD)
     held = run(loaded, [[0.3]], controller=pendulum())
     rest_angle = held.q[0, 0]
@@ -260,7 +260,7 @@ def test_noise_is_seeded():
 
 
 @pytest.mark.parametrize("name", ["pmk3s", "ur5e", "panda"])
-def test_arms_of_the_library(name):
+def test_arms_of_the_library_are_simulated(name):
     arm = ac.load_arm(name).with_dynamics(coulomb=0.0, viscous=0.0)
     low, high = arm.limits.joint_range(arm.dof)
     middle = plant(arm).reference
@@ -307,7 +307,7 @@ def test_a_step_too_long_for_the_gains_is_an_error(fails):
     assert run(two_link(), folding, kv=1500.0, step=2e-4).q[-1, 1] == pytest.approx(3.0, abs=1e-6)
 
 
-def test_joints_that_run_away_or_do_not_settle_are_errors(fails, monkeypatch):
+def test_joints_that_diverge_or_do_not_settle_are_errors(fails, monkeypatch):
     # The plant looks at no pose before it runs.
     monkeypatch.setattr(mujoco_model, "MAX_CHECKS", 0)
     fails(partial(run, pendulum(), swing(), kv=1000.0, step=4e-3), "runs away")
@@ -338,7 +338,7 @@ def test_drives_that_are_too_weak_are_errors(fails):
     fails(partial(run, pendulum(viscous=[5.0]), falling, weak), "rests ", limit="joint_torque")
 
 
-def test_refused(refuses, monkeypatch):
+def test_invalid_arms_servos_and_limits_are_refused(refuses, monkeypatch):
     bare = ac.PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
     one_way = ac.Limits.only(joint_acceleration=[[-2.0, 1.0]])
     light = pendulum(centers=[[0.0, 0.0, 0.0]], armature=[0.0])
@@ -376,7 +376,7 @@ def test_refused(refuses, monkeypatch):
     refuses(partial(plant, pendulum()), ac.InvalidInput, "armcontour[experiment]")
 
 
-def test_late_and_cubic_commands_are_those_of_the_servo_plant():
+def test_delayed_and_cubic_commands_are_those_of_the_servo_plant():
     # Drives so heavy that the joints hardly know of each other, as in the plant of servos.
     arm = two_link(centers=np.zeros((2, 3)), positions=np.zeros((2, 3)), armature=[10.0, 10.0])
     t = np.linspace(0, 1, 26)[:, None]

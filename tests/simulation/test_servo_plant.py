@@ -30,7 +30,7 @@ LAG = ac.ServoModel(kp=25.0, order="first")
 RANDOM = 0.1 * np.random.default_rng(0).normal(size=(30, 2))
 
 
-def test_it_starts_and_ends_at_rest_and_keeps_still_at_a_single_set_point(arm):
+def test_an_execution_starts_and_ends_at_rest(arm):
     execution = ac.simulate(taught_data(RANDOM), plant(arm, limit=0.72))
     np.testing.assert_array_equal(execution.q[0], RANDOM[0])
     np.testing.assert_array_equal(execution.dq[0], 0)
@@ -43,7 +43,7 @@ def test_it_starts_and_ends_at_rest_and_keeps_still_at_a_single_set_point(arm):
     np.testing.assert_array_equal(execution.saturated_time, 0)
 
 
-def test_the_resolution_is_kept_and_changes_nothing(arm):
+def test_the_resolution_sets_the_sample_interval_only(arm):
     delayed = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=[0.0123, 0.0567])
     uneven = ac.Limits.only(joint_acceleration=[[-1.0, 3.0], [-2.0, 0.5]])
     plants = [
@@ -65,7 +65,7 @@ def test_the_resolution_is_kept_and_changes_nothing(arm):
         assert np.abs(np.mod(0.02 / execution.t[1] + 0.5, 1) - 0.5) < 1e-9, resolution
 
 
-def test_saturated_time_peak_demand_and_accelerations(arm):
+def test_saturated_time_and_peak_demand_are_those_of_the_demand(arm):
     execution = ac.simulate(
         taught_data(RANDOM, 0.05), plant(arm, limit=[2.0, 5.0]), resolution=1e-5
     )
@@ -85,7 +85,7 @@ def test_saturated_time_peak_demand_and_accelerations(arm):
     np.testing.assert_allclose(execution.dq[1:], moved, atol=2e-2)
 
 
-def test_what_does_not_saturate(arm, servo):
+def test_without_limits_the_servo_does_not_saturate(arm, servo):
     execution = ac.simulate(taught_data(1e3 * RANDOM), plant(arm))
     np.testing.assert_array_equal(execution.saturated_time, 0)
     np.testing.assert_array_equal(execution.ddq, execution.demand)
@@ -99,7 +99,7 @@ def test_what_does_not_saturate(arm, servo):
     np.testing.assert_array_equal(free.acceleration, [np.inf, np.inf])
 
 
-def test_a_late_command_and_a_late_beginning(arm):
+def test_dead_time_and_start_time_delay_the_command(arm):
     # A motion that is over before the first joint begins: rest is when the last set-point arrived.
     q = np.linspace((0.0, 0.0), (0.01, 0.02), 5)
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=[0.5, 0.25])
@@ -151,7 +151,7 @@ def pendulum(viscous, gravity=0.0):
     return SerialArm(name="pendulum", chain=chain, limits=ac.Limits())
 
 
-def test_saturation_by_default_is_in_what_is_limited():
+def test_saturation_is_by_default_that_of_the_limited_quantity():
     torque = ac.Limits.only(joint_torque=30.0)
     both = torque.replace(joint_acceleration=1.0)
     hung = pendulum(0.0)
@@ -183,7 +183,7 @@ def test_the_range_of_the_demand_has_both_directions(arm):
         )
 
 
-def test_a_motion_that_does_not_settle_ends_with_what_is_left(arm):
+def test_a_motion_that_does_not_settle_ends_with_its_remaining_error(arm):
     """Within a minute of patience, however long the motion was."""
     execution = ac.simulate(taught_data([(0, 0), (0, 1)]), plant(arm, kp=0.01), resolution=0.02)
     waited = execution.t[-1] - 0.02
@@ -197,7 +197,7 @@ def test_a_motion_that_does_not_settle_ends_with_what_is_left(arm):
     assert settled.unsettled is None and settled.t[-1] < 5.0
 
 
-def test_refused(arm, refuses):
+def test_invalid_set_points_and_options_are_refused(arm, refuses):
     set_points = taught_data(RANDOM)
     for call, words in (
         (partial(ac.simulate, set_points, "plant"), "plant must be a Plant"),

@@ -40,7 +40,7 @@ def test_moves_are_shared_by_all_processes(monkeypatch):
         map_in_processes(eval, ["__import__('os')._exit(3)"] * 20, processes=2)
 
 
-def test_a_pool_that_is_ended_waits_for_nothing():
+def test_ending_a_pool_does_not_wait():
     with ProcessPool(2) as pool:
         assert pool.submit(eval, "1").result() == 1
         slow = [pool.submit(eval, SLEEP.format(600)) for _ in range(3)]
@@ -59,7 +59,7 @@ def test_only_the_item_whose_process_ends_is_lost():
     assert found == {"1": 1, items[2]: 2}
 
 
-def test_other_executors_of_processes():
+def test_other_executors_of_processes_are_supported():
     pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
     with pool:
         assert len(set(map_in_processes(eval, [PID] * 20, executor=pool)) - {os.getpid()}) == 1

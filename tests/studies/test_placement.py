@@ -82,7 +82,7 @@ def test_yaw_turns_about_the_anchor_and_lengths_move_it(x, y, z, yaw, anchor):
     np.testing.assert_allclose(frame.rotation[:, 0], turned, atol=1e-12)
 
 
-def test_every_place_is_that_of_its_own_plan(square):
+def test_every_position_has_the_duration_of_its_own_plan(square):
     grid = {"x": np.linspace(-0.35, 0.45, 5), "y": [-0.25, 0.25], "yaw": [0.0, 0.5]}
     progress_log = []
     placement = ac.place(square, grid, processes=1, progress=progress_log.append)
@@ -103,7 +103,7 @@ def test_every_place_is_that_of_its_own_plan(square):
     assert placement.to_data()["gain"].value == gain > 0
 
 
-def test_workers_and_executors_find_the_same(square):
+def test_workers_and_executors_return_the_same_results(square):
     job, grid = parse_job(PLANE), {"x": np.linspace(-0.04, 0.04, 5), "yaw": [-0.5, 0.0, 0.5]}
     alone = ac.place(job, grid, processes=1)
     with ThreadPoolExecutor(3) as threads:
@@ -112,7 +112,7 @@ def test_workers_and_executors_find_the_same(square):
     assert placement_csv(placement) == placement_csv(pool) == placement_csv(alone)
 
 
-def test_an_arm_in_the_plane_is_placed_too():
+def test_an_arm_in_the_plane_is_also_placed():
     plane = parse_job(PLANE)
     placement = ac.place(plane, {"x": [-0.04, 0.0, 0.04], "yaw": [-0.5, 0.5]}, processes=1)
     expected = durations(placement, plane, np.array([0.33, 0.22, 0.0]))
@@ -120,7 +120,7 @@ def test_an_arm_in_the_plane_is_placed_too():
     assert plan(placement.placed()).duration == pytest.approx(expected.min(), rel=SAME)
 
 
-def test_a_base_that_moves_sees_the_part_move_back(square):
+def test_moving_the_base_is_equivalent_to_moving_the_part_back(square):
     placement = ac.place(square, {"x": [0.1], "yaw": [0.3]}, move="base", processes=1)
     frame = displacement({"x": 0.1, "yaw": 0.3}, np.zeros(3))
     expected = plan(moved(square, frame.inverse)).duration
@@ -142,7 +142,7 @@ def post(fixed_to, x):
 
 
 @needs_dynamics
-def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(square):
+def test_obstacles_of_the_cell_exclude_positions_and_those_of_the_part_move(square):
     grid = {"y": [-0.05, 0.0]}
     cell = ac.place(with_ball(square, post("base", 0.53)), grid, processes=1)
     assert [x.refusal for x in cell.places] == ["clearance", ""]
@@ -157,7 +157,7 @@ def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(
         np.testing.assert_allclose(clearances, 0.025, atol=1.1e-3)
 
 
-def test_a_grid_without_a_feasible_place_is_a_result(square):
+def test_a_grid_without_a_feasible_position_is_a_result(square):
     placement = ac.place(square, {"x": [1.0, 2.0]}, processes=1)
     assert placement.best is None and placement.refusals == {"reach": 2}
     assert "No place of the grid is feasible." in placement.to_data().notes

@@ -64,7 +64,7 @@ def socket(*headers):
 CLOSED = [{"type": "websocket.close"}]
 
 
-def test_requests_need_one_host_this_one():
+def test_requests_require_the_host_of_this_machine():
     assert status(HOST) == status((b"Host", b"localhost:4711")) == 200
     assert status(HOST, path="/static/app.js", method="HEAD") == 200
     assert status() == status(HOST, HOST) == 400
@@ -73,7 +73,7 @@ def test_requests_need_one_host_this_one():
         assert status((b"host", host), (b"origin", b"http://" + host)) == 400, host
 
 
-def test_requests_that_change_something_and_sockets_need_the_own_origin():
+def test_changes_and_sockets_require_the_same_origin():
     assert status(HOST, ORIGIN) == 200
     for origin in OTHER_ORIGINS:
         other = (b"origin", origin)
@@ -85,7 +85,7 @@ def test_requests_that_change_something_and_sockets_need_the_own_origin():
     assert status(HOST, ORIGIN, TOKEN, OWN, (b"content-length", b"1"), **POST) == 200
 
 
-def test_all_but_the_page_needs_the_token_and_a_post_its_own_header():
+def test_every_request_except_for_the_page_requires_the_token():
     for token in (b"", b"Bearer", b"Bearer 0", b"Basic " + DOOR.token.encode()):
         assert status(HOST, (b"authorization", token), path="/files/1") == 401, token
     assert status(HOST, path="/files/1") == status(HOST, path="/anything") == 401
@@ -116,7 +116,7 @@ def test_every_answer_has_headers_for_strict_browsers(headers):
     assert not any(b"access-control" in x for x in sent)
 
 
-def test_tokens():
+def test_tokens_are_random_and_never_printed():
     first, second = make_token(), make_token()
     assert first != second and len(bytes.fromhex(first)) == 16
     endpoint = Endpoint(1)
@@ -140,7 +140,7 @@ runs: {one: {}}
 """
 
 
-def test_obstacles_stand_in_the_frame_of_the_base():
+def test_obstacles_are_drawn_in_the_frame_of_the_base():
     frame = arm_frame(parse_job(SCENE))
     bodies = {x["name"]: x for x in frame.header["bodies"]}
     vice, table = bodies["vice"], bodies["table"]

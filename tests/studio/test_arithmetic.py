@@ -62,7 +62,7 @@ def compute(script, arguments=None):
     return json.loads(outcome.stdout)
 
 
-def test_the_page_has_links_and_tool_where_the_library_has_them():
+def test_the_page_computes_the_same_link_and_tool_poses():
     work = Frame.rpy([0.3, -0.1, 0.2], [0.1, 0.2, 0.3])
     tool = Frame.rpy([0.0, 0.02, 0.1], [0.0, 0.5, 0.0])
     arms = [

@@ -66,7 +66,7 @@ def random_edit(rng, points):
 
 
 @pytest.mark.parametrize(("eol", "edits"), [("\n", 60), ("\r\n", 20)])
-def test_many_edits_and_their_undoing_give_the_same_bytes(eol, edits, file):
+def test_undoing_many_edits_restores_the_bytes(eol, edits, file):
     content = b"\xef\xbb\xbf" + TEXT.replace("\n", eol).encode()
     file.write_bytes(content)
     document = Document.open(file)
@@ -104,7 +104,7 @@ def test_many_edits_and_their_undoing_give_the_same_bytes(eol, edits, file):
     assert document.text == texts[-1]
 
 
-def test_saving_and_reloading_respect_changes_of_others(file):
+def test_saving_and_reloading_respect_external_changes(file):
     document = Document.open(file)
     document.save()
     assert file.read_bytes() == TEXT.encode()
@@ -136,7 +136,7 @@ def test_saving_and_reloading_respect_changes_of_others(file):
     assert file.read_text() == document.text
 
 
-def test_a_drawing_becomes_a_job_beside_it_with_the_comments_of_its_cell(tmp_path):
+def test_a_drawing_becomes_a_job_next_to_it_with_the_comments_of_its_cell(tmp_path):
     (tmp_path / "in").mkdir()
     drawing = tmp_path / "in" / "plate: 1.svg"
     drawing.write_text('<svg xmlns="http://www.w3.org/2000/svg"><path d="M0 0 L9 0"/></svg>')

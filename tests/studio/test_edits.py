@@ -115,7 +115,7 @@ BOXED = PLANE + "scene: {obstacles: [{type: box, name: box, size: [1, 1 m, 1], a
 
 
 @given(st.sampled_from(VALID), st.sampled_from([BOXED, CHAIN]), st.data())
-def test_any_message_of_a_page_is_a_change_or_one_sentence(valid, text, draw):
+def test_any_message_of_a_page_is_executed_or_refused_in_one_sentence(valid, text, draw):
     fields = [x for x in valid if x != "do"] or ["do"]
     edit = {**valid, draw.draw(st.sampled_from(fields)): draw.draw(JSON)}
     state = state_of(text)
@@ -214,7 +214,7 @@ def test_obstacles_are_added_changed_and_removed():
 
 
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
-def test_the_pen_goes_on_at_the_end_of_a_path(text):
+def test_the_pen_continues_a_path_at_its_end(text):
     before = state_of(text).handles
     end, count = before.ends[-1].uv, len(before.ends)
     a, b, c = (end + x for x in ([0.01, 0.02], [0.02, 0.0], [0.0, -0.01]))
@@ -275,7 +275,7 @@ def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
 
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
 @given(st.integers(0, 8), st.floats(-0.05, 0.05), st.floats(-0.05, 0.05))
-def test_a_point_lies_where_it_was_moved_to(text, index, u, v):
+def test_a_moved_point_has_its_new_position(text, index, u, v):
     handles = state_of(text).handles
     index %= len(handles.waypoints)
     point = handles.waypoints[index]
@@ -305,7 +305,7 @@ def test_points_are_inserted_and_removed_with_orientations():
         edited(two, do="remove_waypoint", index=0)
 
 
-def test_segments_take_points_and_lose_them():
+def test_points_are_inserted_into_segments_and_removed():
     point = {"at": [0.33, 0.19]}
     job, changed_data = again(CHAIN, do="insert_waypoint", index=1, **point)
     assert len(changed_data.ends) == 6 and changed_data.ends[1].written == (0.33, 0.19)
@@ -396,7 +396,7 @@ def unit_in_si(key):
         "{follow_tangent: {up: [0, 0, 1]}}",
     ],
 )
-def test_the_tool_is_tilted_by_one_angle_however_its_orientation_is_given(orientation):
+def test_tilting_the_tool_works_for_every_form_of_orientation(orientation):
     text = ROBOT.replace("{axis: [0, 0, -1]}", orientation)
     for name, value, expected in (("angle", "10", (10, 0)), ("towards", "90 deg", (10, 90))):
         data, job = load(text, ""), parse_job(text)

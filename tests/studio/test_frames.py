@@ -108,7 +108,7 @@ def test_charts_have_the_shares_of_the_limits(shown, gasket):
         assert ("usage_torque" in frame.arrays) == is_limited
 
 
-def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
+def test_corners_and_shortfalls_have_their_positions(shown, gasket, view):
     planned, frame = shown
     corners = frame.header["corners"]
     assert [x["vertex"] for x in corners] == [1, 2]
@@ -123,7 +123,7 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
         assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
-def test_the_kerf_lies_beside_the_drawn_contours(previewer, square, view):
+def test_the_cut_is_half_of_the_kerf_from_the_drawn_contours(previewer, square, view):
     square["path"] = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
     lead = {"length": "2 mm", "shape": "arc"}
     marks = {"MARK": {"kerf": None, "lead_in": None}}
@@ -227,9 +227,7 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     assert a["error"][k] == pytest.approx(exact, rel=1e-4)
 
 
-def test_the_arm_is_played_closely_also_between_contours(
-    previewer_of_plans, plans, gasket_plan, view
-):
+def test_the_arm_is_also_animated_between_contours(previewer_of_plans, plans, gasket_plan, view):
     for planned in (plans["proposed"], gasket_plan):
         executed = previewer_of_plans.execute(planned)
         a, execution = packed(execution_frame(executed, view)).arrays, executed.execution
@@ -239,7 +237,7 @@ def test_the_arm_is_played_closely_also_between_contours(
         np.testing.assert_allclose(a["xyz"][:, : tool.shape[1]], tool, rtol=0, atol=1e-7)
 
 
-def test_refusals_are_where_they_are(paper, plans, view):
+def test_refusals_have_their_position(paper, plans, view):
     path = {"points": [[0.35, 0.1], [0.41, 0.15], [0.9, 0.3], [0.35, 0.35]]}
     with pytest.raises(Unreachable) as caught:
         CoarsePlanner().plan(paper | {"path": path}, "optimal")
@@ -274,7 +272,7 @@ arrays = st.dictionaries(
 
 
 @given(arrays=arrays)
-def test_what_is_unpacked_is_what_was_packed(arrays):
+def test_unpacked_frames_equal_packed_frames(arrays):
     frame = PageFrame("picture", {"text": "0,5 µm", "n": [1, None, True, 0.1]}, arrays)
     unpacked = PageFrame.unpack(frame.pack())
     assert (unpacked.kind, unpacked.header) == (frame.kind, frame.header)
@@ -300,7 +298,7 @@ def exact(previewer, data, name):
 
 class TestResults:
     @pytest.mark.parametrize("name", ["optimal", "proposed"])
-    def test_they_are_those_of_a_run_with_the_same_interval(self, previewer, paper, name):
+    def test_figures_are_those_of_a_run_with_the_same_interval(self, previewer, paper, name):
         del paper["experiment"]
         paper["runs"][name]["cycle"] = 4e-3
         planned = exact(previewer, paper, name)
@@ -319,7 +317,7 @@ class TestResults:
         bindings = None if study_run.explanation is None else study_run.explanation.bindings
         assert bindings == (planned.explanation and planned.explanation.bindings)
 
-    def test_bodies_judge_set_points_that_are_for_them(self, previewer, paper):
+    def test_rigid_bodies_judge_set_points_of_inverse_dynamics(self, previewer, paper):
         job = previewer.job(paper, "inverse-dynamics")
         judged = run(job).runs["inverse-dynamics"].judged.contour_error
         executed = previewer.execute(previewer.plan(paper, "inverse-dynamics"))
@@ -343,7 +341,7 @@ class TestResults:
 
 
 class TestWhatIsDoneAgain:
-    def test_what_was_looked_at_before_is_there_until_files_have_changed(self, previewer, paper):
+    def test_earlier_results_are_cached_until_files_change(self, previewer, paper):
         for name in ("optimal", "proposed"):
             previewer.execute(previewer.plan(paper, name))
         planned = previewer.plan(paper, "optimal")

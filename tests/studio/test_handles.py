@@ -26,7 +26,7 @@ def handles(path, arm="ur5e", folder=None):
     return handles_of(parse_job(text, folder=folder), load(text, ""))
 
 
-def test_the_plane_of_an_arm_in_the_plane_is_its_own():
+def test_a_planar_arm_is_drawn_in_its_own_plane():
     parsed = handles(
         "{points: [[0.3, 0.2], [360 mm, 0.25]], frame: {position: [1 cm, 0, 0]}}", "pmk3s"
     )
@@ -59,7 +59,7 @@ def test_points_of_any_plane_lie_in_it_and_keep_their_distances(uv, turned):
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
 
 
-def test_drawings_and_obstacles_have_their_places(tmp_path):
+def test_drawings_and_obstacles_have_their_positions(tmp_path):
     (tmp_path / "a.svg").write_text(
         '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" height="90mm" viewBox="0 0 90 90">'
         '<path d="M0 0 L60 0 L60 40"/></svg>'

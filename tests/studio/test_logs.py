@@ -45,7 +45,7 @@ def ask(file):
     return ask_task
 
 
-def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
+def test_the_identified_servo_is_written_into_the_job(ask, file, log):
     frame = ask("identify", log)
     logged = read_log(log)
     identification = ac.identify(logged, ac.ServoFit(kinematics=ac.load_arm("pmk3s")))

@@ -74,7 +74,7 @@ def figures_asked(lane):
 
 
 @pytest.mark.parametrize("run", ["optimal", "shaped"])
-def test_at_rest_the_picture_is_that_of_a_full_run(opened, run):
+def test_after_the_last_edit_the_picture_is_that_of_a_full_run(opened, run):
     others = [Change(("runs", x)) for x in load(PAPER, "job")["runs"] if x != run]
     text = change_text(PAPER, [*others, Change(("experiment",))])
     result = ac.run(parse_job(text)).runs[run]
@@ -106,7 +106,7 @@ def test_older_answers_never_come_after_newer_ones(opened):
     assert {x["document"] for x in pictures} == {tab.last("document")["id"]}
 
 
-def test_exact_figures_come_when_nothing_moves(opened):
+def test_exact_figures_are_sent_after_the_last_edit(opened):
     session, tab, lane = opened(preview_worker=RestingWorker)
     ((id, task, request),) = lane.given
     assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
@@ -179,7 +179,7 @@ def moved(k):
     return {**MOVE, "to": [0.39 + 1e-3 * k, 0.16]}
 
 
-def test_a_refusal_during_a_preview_is_of_the_newest_state_and_goes_with_it(opened, during):
+def test_a_refusal_of_a_preview_applies_to_the_newest_state_only(opened, during):
     _, tab, _ = opened(preview_worker=Nested)
     during(lambda: tab.edit(FAR, gesture=2))
     frames = tab.edit(moved(1), gesture=1)

@@ -119,7 +119,7 @@ def test_s1_to_s6_and_s14_what_the_guard_refuses_is_refused_by_the_server(studio
     assert studio.request("OPTIONS", "/open")[0] == 405
 
 
-def test_s3_no_token_or_silence(studio, monkeypatch):
+def test_s3_a_wrong_token_has_no_answer(studio, monkeypatch):
     for first in (
         '{"op": "hello"}',
         '{"op": "hello", "token": "0"}',
@@ -139,7 +139,7 @@ def test_s3_no_token_or_silence(studio, monkeypatch):
         assert closed(page).code == 1008
 
 
-def test_s7_no_files_by_address(studio):
+def test_s7_the_server_sends_no_files_by_address(studio):
     for path in (
         "/static/../server.py",
         "/static/..%2fserver.py",
@@ -157,7 +157,7 @@ def test_s7_no_files_by_address(studio):
         assert status == 404 and len(body) < 200, path
 
 
-def test_s7_no_drawings_arms_and_obstacles_elsewhere(studio, folder):
+def test_s7_drawings_arms_and_obstacles_of_other_folders_are_refused(studio, folder):
     outside = folder.parent
     for file in (
         *("../secret.csv", "link.csv", "out/secret.csv", f"{outside}/secret.csv"),
@@ -223,7 +223,7 @@ def test_s7_logs_are_kept_apart_and_need_the_token(studio, folder):
     assert sorted(folder.rglob("*")) == before
 
 
-def test_s8_hostile_xml(studio):
+def test_s8_hostile_xml_is_refused(studio):
     # Each entity is ten of the one before: the last one has ten thousand million letters.
     pairs = zip("abcdefghi", "bcdefghij", strict=True)
     entities = "".join(f'<!ENTITY {y} "{f"&{x};" * 10}">' for x, y in pairs)
@@ -244,7 +244,7 @@ def test_s8_hostile_xml(studio):
     assert studio.request("GET", "/static/a.svg")[0] == 404
 
 
-def test_s9_hostile_yaml(studio):
+def test_s9_hostile_yaml_is_refused(studio):
     # Unfolded, the first one has 9^11 items.
     rows = [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12)]
     bomb = "\n".join(["a0: &a0 [x]", *rows])
@@ -253,7 +253,7 @@ def test_s9_hostile_yaml(studio):
         assert studio.upload("a.yaml", text.encode())[0] == 422
 
 
-def test_s9_too_much_of_everything(studio):
+def test_s9_excessive_sizes_are_refused(studio):
     size = str(MAX_UPLOAD + 1)
     status, _, body = studio.request(*OPEN[:2], Content_Length=size)
     assert status == 413 and b"64 MB" in body
@@ -261,7 +261,7 @@ def test_s9_too_much_of_everything(studio):
         closed(page.socket, "x" * (server.MAX_MESSAGE + 1))
 
 
-def test_s11_this_machine_only(studio):
+def test_s11_the_server_listens_on_this_machine_only(studio):
     addresses = {x[4][0] for x in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
@@ -275,7 +275,7 @@ def test_s11_this_machine_only(studio):
             socket.create_connection((address, studio.port)).close()
 
 
-def test_s13_the_token_is_nowhere(studio, heard, folder, capfd):
+def test_s13_the_token_is_in_no_output(studio, heard, folder, capfd):
     for path in (f"/{studio.token}", f"/?token={studio.token}", f"/files/{studio.token}"):
         studio.request("GET", path, Referer=f"{studio.base}/?token={studio.token}")
     with socket.create_connection(("127.0.0.1", studio.port)) as raw:

@@ -15,7 +15,7 @@ from armcontour.studio.connection import OpenPage, SessionHost, open_session
 from armcontour.studio.server import listen, require_server, serve
 
 
-def test_a_page_talks_with_the_session(file):
+def test_a_page_exchanges_messages_with_the_session(file):
     with running(file) as studio, studio.page() as page, studio.page() as other:
         assert page.hear("document").header["name"] == "small"
         other.hear("executed")
@@ -31,7 +31,7 @@ def test_a_page_talks_with_the_session(file):
         assert other.hear("document").header["path"]["kind"] == "file"
 
 
-def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
+def test_an_invalid_job_or_a_used_port_ends_the_server(tmp_path, monkeypatch):
     (tmp_path / "job.yaml").write_text("[")
     with pytest.raises(InvalidInput, match="job.yaml"):
         serve(lambda say: open_session(tmp_path / "job.yaml"), announce=lambda address: None)
@@ -46,7 +46,7 @@ def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
         require_server()
 
 
-def test_silent_and_incomplete_connections_stop_no_page(file):
+def test_silent_and_incomplete_connections_do_not_block_a_page(file):
     with running(file) as studio, contextlib.ExitStack() as closing:
         for k in range(220):
             half = closing.enter_context(socket.create_connection(("127.0.0.1", studio.port)))
@@ -71,7 +71,7 @@ def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(file, tmp_p
         assert link.is_symlink() and target.read_text() != file.read_text()
 
 
-def test_pages_that_read_slowly_get_the_newest():
+def test_slow_pages_receive_the_newest_state():
     async def talk():
         tab, sent = OpenPage(), []
         for k in range(100):

@@ -27,7 +27,7 @@ CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
 pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
-def test_two_pages_see_the_same_and_do_not_undo_each_other(session, tab):
+def test_two_pages_show_the_same_and_do_not_undo_each_other(session, tab):
     other, whole = SessionPage(session), figure(tab.last("picture"), "duration")
     tab.edit({**MOVE, "to": [0.4, 0.2]}, gesture=1, final=False)
     assert figure(other.last("picture"), "duration") == figure(tab.last("picture"), "duration")
@@ -77,7 +77,7 @@ NONSENSE = (
 )
 
 
-def test_what_makes_no_sense_is_answered_with_a_sentence(session, capsys):
+def test_invalid_messages_are_answered_with_a_sentence(session, capsys):
     for message in NONSENSE:
         tab = SessionPage(session)
         frames = tab.heard(message)
@@ -166,7 +166,7 @@ def test_many_contours_are_drawn_before_they_are_planned(tmp_path, monkeypatch):
     assert len(shown[0].arrays["objective_breaks"]) == 121
 
 
-def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
+def test_an_invalid_job_is_shown_as_text_and_can_be_corrected(tmp_path):
     file = tmp_path / "bad.yaml"
     file.write_text(JOB.replace("arm: pmk3s", "arm: none"))
     session = session_of(file)
@@ -183,7 +183,7 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
 WHOLE = ["document", "picture", "executed"]
 
 
-def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, tab):
+def test_a_drag_is_previewed_at_every_move_and_is_one_step_of_undo(session, tab):
     durations = []
     for k in range(5):
         frames = tab.edit({**MOVE, "to": [0.4, 0.15 + 0.01 * k]}, gesture=7, final=False)
@@ -212,7 +212,7 @@ def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, 
     assert session.editor.document.text == JOB and not session.editor.document.undo_label
 
 
-def test_edits_of_a_message_see_one_another(session, tab):
+def test_edits_of_a_message_apply_in_order(session, tab):
     insert = {"do": "insert_waypoint", "index": 1, "at": [0.38, 0.12]}
     tab.edit(insert, {"do": "move_waypoint", "index": 1, "to": [0.39, 0.12]})
     document = tab.last("document")
@@ -243,7 +243,7 @@ def test_runs_are_shown_added_and_removed(session, tab):
     assert tab.last("refusal")["dropped"] and list(tab.last("document")["data"]["runs"]) == ["fast"]
 
 
-def test_saving_and_what_others_have_changed(session, tab, file):
+def test_saving_reports_external_changes(session, tab, file):
     tab.edit(MOVE)
     assert kinds(tab.say("save")) == ["saved", "document"]
     assert file.read_text() == session.editor.document.text and not tab.last("document")["dirty"]
@@ -278,7 +278,7 @@ def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_tasks_run_are_cancelled_and_give_files(session, tab):
+def test_tasks_can_be_cancelled_and_return_files(session, tab):
     tab.say("task", id="t1", task="report", options={"all": True})
     lane = RecordingTaskWorker.last
     ((id, task, request),) = lane.given

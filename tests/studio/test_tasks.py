@@ -62,7 +62,7 @@ runs: {cut: {}}
 
 
 @pytest.mark.parametrize("name_of_job", ["coarse", "square", "gasket"])
-def test_they_are_those_of_a_run_of_the_saved_job(name_of_job, request):
+def test_figures_are_those_of_a_run_of_the_saved_job(name_of_job, request):
     data = GASKET if name_of_job == "gasket" else request.getfixturevalue(name_of_job)
     text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
     study = run(parse_job(text, folder=DRAWINGS))
@@ -80,7 +80,7 @@ def test_they_are_those_of_a_run_of_the_saved_job(name_of_job, request):
 
 
 @needs_dynamics
-def test_a_collision_is_a_refusal_where_it_is(square):
+def test_a_collision_is_refused_with_its_position(square):
     box = {"type": "box", "name": "post", "size": [0.02, 0.02, 0.1], "at": [0.1, 0.1, 0.0]}
     square["scene"] = {"obstacles": [box | {"fixed_to": "part"}]}
     square["seed"] = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
@@ -106,7 +106,7 @@ FORMATS = (
 )
 
 
-def test_exports_of_the_studio(line):
+def test_the_studio_exports_files_of_all_formats(line):
     for options, ending, begins in FORMATS:
         answer = ask("export", line, "optimal", **options)
         content = answer.arrays["content"].tobytes()
@@ -117,7 +117,7 @@ def test_exports_of_the_studio(line):
         assert begins in content[:100], options
 
 
-def test_what_a_file_cannot_be_made_of_is_refused(line, short):
+def test_exports_that_do_not_fit_are_refused(line, short):
     hostile = {"format": "/etc/passwd.j2"}
     for task, job, options, words in (
         ("export", line, hostile, "but is '/etc/passwd.j2'"),
@@ -133,7 +133,7 @@ def test_what_a_file_cannot_be_made_of_is_refused(line, short):
             ask(task, job, "optimal", **options)
 
 
-def test_a_report_is_a_page_and_a_certificate_has_one(short):
+def test_reports_of_runs_and_certificates_are_pages(short):
     answer = ask("report", short, "optimal")
     assert answer.header["name"].endswith(".html")
     assert b"optimal" in answer.arrays["content"].tobytes()

@@ -23,7 +23,7 @@ PAGE = OWN["index.html"]
 MOST = 1_500_000
 
 
-def test_the_bundles_are_those_that_were_made():
+def test_the_bundles_have_the_recorded_hashes():
     listed = {x["file"]: x["sha256"] for library in RECORDED for x in library["files"]}
     there = [x for x in VENDOR.iterdir() if x.suffix in (".js", ".css")]
     assert listed == {x.name: hashlib.sha256(x.read_bytes()).hexdigest() for x in there}
@@ -61,7 +61,7 @@ def test_the_page_is_in_the_wheel_and_is_small():
     assert ignored.returncode == 1 and ignored.stdout == "", ignored.stderr
 
 
-def test_the_page_asks_for_nothing_that_its_policy_forbids():
+def test_the_page_requests_nothing_that_its_policy_forbids():
     assert set(re.findall(r"<script[^>]*>(.*?)</script>", PAGE, re.DOTALL)) == {""}
     assert not re.findall(r"<style|\sstyle=|\son\w+=", PAGE)
     links = re.findall(r'(?:src|href)="([^"]+)"', PAGE)

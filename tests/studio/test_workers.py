@@ -32,7 +32,7 @@ class Heard:
             return matching_frames()[0]
 
 
-def test_of_works_that_wait_only_the_latest_is_done():
+def test_only_the_newest_waiting_task_is_done():
     begun, go, heard = Event(), Event(), Heard()
 
     def first(stale):
@@ -106,7 +106,7 @@ def test_a_cancelled_task_ends_and_the_next_is_done(lane):
     ]
 
 
-def test_a_process_that_ends_fails_its_task_only(lane):
+def test_the_end_of_a_process_fails_only_its_task(lane):
     lane, heard = lane
     lane.submit("a", "die", {})
     lane.submit("b", "short", {})

@@ -48,7 +48,7 @@ def rounded_to(log, digits):
     return SimpleNamespace(t=log.t, **rounded), dict.fromkeys(rounded, 10.0**-digits)
 
 
-def test_a_law_by_hand(arm):
+def test_a_law_has_the_ratios_computed_by_hand(arm):
     check = ac.check(JERKY, arm, ac.Limits.only(**BOUNDS))
     assert not check.violated and check.worst is not None
     up = check["joint_acceleration"]
@@ -65,7 +65,7 @@ def test_a_law_by_hand(arm):
     assert use.t <= math.sqrt(0.5)
 
 
-def test_limits_that_differ_by_direction(arm):
+def test_limits_may_differ_by_direction(arm):
     bounds = np.array([[-0.4, 0.5], [-0.2, 0.16]])
     both, swapped = (ac.Limits.only(joint_acceleration=x) for x in (bounds, -bounds[:, ::-1]))
     for samples in (JERKY, JERKY.sample(1e-3), columns(JERKY.sample(1e-3), "q")):
@@ -76,7 +76,7 @@ def test_limits_that_differ_by_direction(arm):
         assert worst.joint in (0, 1) and worst.ratio == pytest.approx(0.2 / 0.16, rel=1e-6)
 
 
-def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(arm):
+def test_the_smallest_peak_between_two_samples_is_found(arm):
     """Rest at both ends of one interval: to go 0.1 rad in 1 s takes 0.4 rad/s² on the way."""
     still = np.zeros((2, 2))
     log = SimpleNamespace(t=[0.0, 1.0], q=[[0.3, 0.9], [0.4, 0.9]], dq=still, ddq=still)
@@ -90,7 +90,7 @@ def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(ar
     assert ac.check(wrong, arm, ac.Limits.only(**BOUNDS))["joint_acceleration"].ratio > 2
 
 
-def test_printed_digits_are_forgiven_and_no_more(arm):
+def test_excesses_within_the_printed_digits_are_tolerated(arm):
     """Ten decimals at 1 ms: second differences of q are off by up to 0.0002 rad/s²."""
     tight = ac.Limits.only(**{name: np.array(values) / 1.02 for name, values in BOUNDS.items()})
     for names in ("q", "q dq", "q dq ddq"):
@@ -131,7 +131,7 @@ def test_exported_plans_at_their_limits_are_kept(arm, tmp_path, cycle, derivativ
         assert ac.check(samples, arm, reduced).violated
 
 
-def test_digits_of_time_count_unless_the_samples_are_regular(arm):
+def test_digits_of_time_matter_unless_the_samples_are_regular(arm):
     t = np.sort(np.random.default_rng(1).uniform(0, JERKY.duration, 400))
     t = t[np.append(True, np.diff(np.round(t, 5)) > 0)]
     log = SimpleNamespace(t=np.round(t, 5), q=JERKY(t), dq=JERKY(t, 1))
@@ -156,7 +156,7 @@ def circle(arm, speed, names):
     return columns(Samples(t=t, q=q, dq=dq, ddq=ddq), names), path
 
 
-def test_the_tool_on_a_circle(arm):
+def test_a_tool_on_a_circle_has_the_ratios_of_the_closed_form(arm):
     limits = ac.Limits.only(speed=0.1, tool_acceleration=0.2, centripetal_acceleration=0.2)
     tight = limits.replace(centripetal_acceleration=0.199)
     for names, near in (("q", 1e-5), ("q dq", 1e-5), ("q dq ddq", 1e-9), ("q ddq", 1e-5)):
@@ -171,7 +171,7 @@ def test_the_tool_on_a_circle(arm):
         assert use.name == "centripetal_acceleration", names
 
 
-def test_the_distance_from_a_path(arm):
+def test_the_distance_from_a_path_is_checked(arm):
     points = np.linspace((0.30, 0.201), (0.40, 0.203), 50)
     log = SimpleNamespace(t=np.arange(50) * 0.1, q=arm.joint_position(points))
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
@@ -209,7 +209,7 @@ def test_laws_are_judged_on_both_sides_of_their_breaks_and_at_jumps(arm):
     assert check.violated
 
 
-def test_the_papers_method_on_the_papers_job(mac, rounded, arm, limits):
+def test_the_papers_method_satisfies_the_limits_of_its_job(mac, rounded, arm, limits):
     """Laps hand over velocities with a step of about 1e-5 rad/s, by the method's design."""
     check = ac.check(mac, arm, limits, rounded)
     assert check["joint_acceleration"].ratio == pytest.approx(1, abs=1e-9)
@@ -223,7 +223,7 @@ def test_the_papers_method_on_the_papers_job(mac, rounded, arm, limits):
     assert 1.005 < sampled["joint_acceleration"].ratio < 1.02
 
 
-def test_verdicts_by_digits_and_the_worst_of_all_limits(arm):
+def test_the_verdict_depends_on_digits_and_the_worst_limit(arm):
     """One joint goes 0.1 rad in each second; what is known of it depends on the digits."""
     log = SimpleNamespace(t=np.arange(4.0), q=[[0.1 * i, 0.9] for i in range(4)])
     for limit, digit, verdict in (
@@ -263,7 +263,7 @@ def test_verdicts_by_digits_and_the_worst_of_all_limits(arm):
         assert ac.check(log, arm, limits)["joint_upper"].verdict == "kept"
 
 
-def test_what_is_no_number_decides_nothing_and_is_never_kept(arm):
+def test_nan_is_undecided_and_infinity_violates_a_limit(arm):
     for value, verdict in (
         ([0.5, np.nan, 0.1], "cannot tell"),
         ([0.5, np.nan, 2.0], "violated"),
@@ -296,7 +296,7 @@ HERE = [0.3, 0.9]
 GOOD = {"t": [0.0, 0.1, 0.2], "q": [HERE, [0.31, 0.9], [0.32, 0.9]]}
 
 
-def test_what_is_no_trajectory_is_refused(arm, refuses):
+def test_invalid_trajectories_are_refused(arm, refuses):
     for change, words, data in (
         ({"t": [0.0, 0.1, 0.1]}, "t in row 3 is 0.1 s, but times must increase", {"index": 2}),
         ({"t": [0.0, 0.1, 0.1], "q": [HERE, [0.3, 1], [0.3, 1]]}, "repeated sample", {"index": 2}),
@@ -320,7 +320,7 @@ def test_what_is_no_trajectory_is_refused(arm, refuses):
         refuses(partial(ac.check, log, arm), ac.InvalidInput, words, **data)
 
 
-def test_what_cannot_be_asked(arm, objective, refuses):
+def test_impossible_checks_are_refused(arm, objective, refuses):
     log, three = SimpleNamespace(**GOOD), ac.Limits.only(joint_acceleration=[1, 1, 1])
     spline = LapLaw(
         breaks=np.array([0, 1.0]), q=np.zeros((2, 3)), dq=np.zeros((1, 3)), ddq=np.zeros((1, 3))
@@ -341,7 +341,7 @@ def test_what_cannot_be_asked(arm, objective, refuses):
 
 
 @pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq"])
-def test_no_motion_is_blamed_for_what_it_did_not_do(arm, names):
+def test_motions_within_their_limits_are_never_violations(arm, names):
     """Random jerky motions, sampled at random times and printed with few digits, time included."""
     for seed in range(20):
         random = np.random.default_rng(seed)

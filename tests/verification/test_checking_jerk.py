@@ -92,7 +92,7 @@ def test_a_jump_of_acceleration_is_found_with_its_place():
         assert (use.value, use.t, use.joint) == pytest.approx((0.5, place, 0))
 
 
-def test_laws_that_start_in_motion_jump_or_have_no_third_derivative():
+def test_laws_that_start_in_motion_or_jump_are_checked_for_jerk():
     def part(t, order=0, *, side="right"):
         return SMOOTH(t, order, side=side)
 
@@ -121,7 +121,7 @@ def test_laws_that_start_in_motion_jump_or_have_no_third_derivative():
 # --- samples
 
 
-def test_samples_of_a_motion_that_keeps_its_limits_are_never_blamed():
+def test_samples_of_a_motion_within_its_limits_are_never_violations():
     tight = ac.Limits.only(joint_jerk=np.array([JERK, 2.0]) / 1.001)
     for names, cycle in product(COLUMNS, (4e-3, 0.0613)):
         log = sampled(SMOOTH, times(cycle), names)
@@ -155,7 +155,7 @@ def test_rounding_is_tolerated_and_few_samples_prove_little():
     names=st.sampled_from(COLUMNS),
     clock=st.sampled_from([None, 1e-5]),
 )
-def test_no_motion_within_its_limits_is_blamed(durations, seed, digits, names, clock):
+def test_no_motion_within_its_jerk_limit_is_a_violation(durations, seed, digits, names, clock):
     random = np.random.default_rng(seed)
     law = Phases.of(durations, random.uniform(-1, 1, (len(durations), 2)) * [JERK, 2.0])
     t = np.unique(np.append(random.uniform(0, law.duration, 60), [0, law.duration]))

@@ -41,7 +41,7 @@ def test_a_rounded_corner_is_missed_by_its_corner_error(arm, objective, rounded_
     assert check(rounded_motion.sample(4e-3), coverage_error=0.9 * ERROR).violated
 
 
-def test_a_tip_that_is_left_out_by_hand(arm):
+def test_a_missed_tip_has_the_coverage_error_computed_by_hand(arm):
     """Out and back along a line, but only to 3 mm before its end."""
     path = ac.Path.polyline([[0.30, 0.20], [0.36, 0.20], [0.30, 0.20]])
     x = np.concatenate([np.linspace(0.30, 0.357, 200), np.linspace(0.357, 0.30, 200)[1:]])
@@ -86,7 +86,7 @@ def turned(angle):
     return LINE.oriented(DOWN @ exp(angle * np.array([0.0, 0.0, 1.0])))
 
 
-def test_a_tool_held_otherwise_is_found(planned):
+def test_a_wrong_tool_orientation_is_found(planned):
     allowed = {"deviation": 1e-4, "orientation_deviation": np.radians(0.5)}
     columns = (("dq", "ddq"), ("dq",), ())
     for motion in (planned, *(sampled(planned, *x) for x in columns)):
@@ -116,7 +116,7 @@ def test_only_the_specified_part_of_the_orientation_is_checked_within_rounding(p
     assert use not in report.violations
 
 
-def test_a_path_that_crosses_itself_may_hold_the_tool_in_two_ways():
+def test_a_path_may_have_two_orientations_at_its_crossing():
     """A tool that is a little off may be nearer to the other line; the one that fits counts."""
     cross = np.array([(0.4, -0.05, 0.3), (0.5, 0.05, 0.3), (0.5, -0.05, 0.3), (0.4, 0.05, 0.3)])
 

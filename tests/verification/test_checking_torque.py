@@ -37,7 +37,7 @@ def sampled(planned, *, cycle=0.002, **without):
     return SimpleNamespace(**{k: v for k, v in columns.items() if k not in without})
 
 
-def test_torque_of_a_law_and_of_samples(planned, robot):
+def test_torque_of_a_law_and_of_samples_is_checked(planned, robot):
     q, dq, ddq = (planned(np.linspace(0, planned.duration, 20_001), k) for k in (0, 1, 2))
     torque = np.abs(robot.torque(q, dq, ddq))[1:-1].max(axis=0)
     limits = robot.limits.replace(joint_torque=torque * 0.9)
@@ -50,7 +50,7 @@ def test_torque_of_a_law_and_of_samples(planned, robot):
     assert not loose.violated
 
 
-def test_dry_friction_at_rest_helps(robot):
+def test_dry_friction_at_rest_has_the_most_favourable_sign(robot):
     """At its ends a motion brakes with friction; standing, no more is certain than without it."""
     limits = ac.Limits.only(joint_torque=[150, 150, 150, 28, 28, 28])
     path = ac.JointPath.spline([np.zeros(6), np.array([1.0, 0, 0, 0, 0, 0])])
@@ -59,7 +59,7 @@ def test_dry_friction_at_rest_helps(robot):
     assert check["joint_torque"].ratio == pytest.approx(1, abs=1e-6)
 
 
-def test_torque_is_judged_as_far_as_digits_columns_and_masses_allow(planned, robot, arm, mac):
+def test_torque_without_digits_columns_or_masses_is_undecided(planned, robot, arm, mac):
     limits = robot.limits
     coarse = {"q": 1e-3, "dq": 1e-2, "ddq": 1.0}
     exact = ac.check(sampled(planned), robot, limits)["joint_torque"]
@@ -98,7 +98,7 @@ def test_ranges_are_counted_from_their_middle(planned, robot):
     assert not any(x.name.startswith("joint_") for x in ac.check(planned, robot, endless).uses)
 
 
-def test_turning_of_a_law_and_of_samples(turning, robot):
+def test_rotation_of_a_law_and_of_samples_is_checked(turning, robot):
     t = np.linspace(0, turning.duration, 20_001)
     q, dq, ddq = (turning(t, order) for order in (0, 1, 2))
     rate = np.linalg.norm(robot.tool_twist(q, dq)[:, 3:], axis=1).max()

@@ -136,7 +136,7 @@ def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_the
     assert evaluation.duration == 0.5 and evaluation.end_time == evaluation.settled == 2.0
 
 
-def test_the_largest_error_counts_until_the_joints_rest_and_the_mean_until_the_tool_is_slow(arm):
+def test_the_largest_error_counts_until_rest_and_the_rms_until_the_tool_is_slow(arm):
     # It runs along the line for 1 s, and creeps sideways at 0.5 mm/s for another second.
     tool = np.stack([0.3 + 0.1 * np.minimum(T, 1.0), 0.2 + 5e-4 * np.maximum(T - 1.0, 0.0)], axis=1)
     execution = by_hand(arm, T, tool)
@@ -185,7 +185,7 @@ def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     np.testing.assert_array_equal(evaluation.demand, [0.9, 0.6])
 
 
-def test_the_objective_has_its_own_error(arm, objective, rounded):
+def test_errors_relative_to_the_objective_path_include_rounding(arm, objective, rounded):
     t = np.linspace(0, 2, 5001)
     tool = rounded(np.linspace(0, rounded.length, 5001))
     evaluation = ac.evaluate(by_hand(arm, t, tool), rounded, objective=objective)
@@ -200,7 +200,7 @@ def test_the_objective_has_its_own_error(arm, objective, rounded):
     assert evaluation.coverage_error.max < 1e-6
 
 
-def test_refused(arm, refuses):
+def test_invalid_options_of_evaluate_are_refused(arm, refuses):
     execution = by_hand(arm, T, ALONG)
     three = ac.Limits.only(joint_acceleration=[1, 2, 3])
     for path, options, words in (
@@ -212,7 +212,7 @@ def test_refused(arm, refuses):
         refuses(partial(ac.evaluate, execution, path, **options), ac.InvalidInput, words)
 
 
-def test_a_tool_that_is_turned_is_off_by_that_angle():
+def test_a_rotated_tool_has_that_orientation_error():
     arm, down = ac.load_arm("ur5e"), np.diag([1.0, -1.0, -1.0])
     bare = ac.Path.polyline([(0.45, -0.05, 0.25), (0.45, 0.05, 0.25)])
     line = bare.oriented(down)

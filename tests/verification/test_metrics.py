@@ -42,7 +42,7 @@ def test_the_contour_error_is_signed_in_the_plane(arm):
     np.testing.assert_allclose(np.abs(error.signed), error.values, atol=1e-15)
 
 
-def test_overshoot_knows_the_segments_own_speeds(arm):
+def test_speed_overshoot_uses_the_speeds_of_segments(arm):
     slow = ac.SegmentLimits(speed=0.05)
     path = ac.Path(
         segments=[
@@ -60,7 +60,7 @@ def test_overshoot_knows_the_segments_own_speeds(arm):
     assert evaluation.speed_overshoot == pytest.approx(max(speed - 0.05, 0.0), abs=1e-4)
 
 
-def test_the_papers_job_uses_its_joints_and_keeps_its_limits(arm):
+def test_the_papers_job_reaches_but_does_not_exceed_its_limits(arm):
     objective = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
     rounded = ac.round_corners(objective, tolerance=5e-3)
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
@@ -91,7 +91,7 @@ def dense(points, count=401):
     return path(np.unique(np.concatenate([np.linspace(0, path.length, count), path.breaks])))
 
 
-def test_corners_by_hand():
+def test_cornering_deviations_are_those_computed_by_hand():
     (corners,) = corner_deviations(dense([(0, 0), (1, 0), (1, 1)]), RIGHT_ANGLE)
     assert corners.vertex == 1 and corners.point == (1.0, 0.0)
     assert corners.rounding == 0.0 and corners.overshoot == 0.0
@@ -159,7 +159,7 @@ def test_the_speed_where_the_tool_passes_into_a_slow_segment_counts(delay_length
     assert ratios.max() == pytest.approx(at_joint / SLOW, rel=2e-3)
 
 
-def test_limits_of_the_path_and_peaks_between_samples():
+def test_speed_ratios_include_peaks_between_samples():
     tool, speed = braking(0.0)
     shares = measure_speed_ratios(path(), follow_path(path(), tool), speed, 0.05)
     assert shares.max() == pytest.approx(FAST / 0.05, rel=1e-3)

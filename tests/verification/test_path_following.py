@@ -90,12 +90,12 @@ def judge_places(seed):
     assert max(matching.coverage_error.max(), 0.0) == pytest.approx(coverage_error, abs=1e-5)
 
 
-def test_places_are_those_of_the_motion():
+def test_arc_lengths_are_those_of_the_motion():
     for seed in range(4):  # tests/slow has more
         judge_places(seed)
 
 
-def test_missed_is_exact_where_one_step_passes_a_long_stretch():
+def test_the_coverage_error_is_exact_where_one_step_passes_a_long_stretch():
     for seed in range(40):
         random = np.random.default_rng(seed)
         path = ac.Path.polyline(np.cumsum(random.uniform(0, [0.003, 0.002], (6, 2)), axis=0))

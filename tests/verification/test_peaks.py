@@ -109,7 +109,7 @@ def test_no_sample_between_is_higher(
     np.testing.assert_allclose(*roundings, rtol=AGREE, atol=5e-9)
 
 
-def test_the_angle_of_a_tool_in_space():
+def test_the_orientation_error_of_a_tool_in_space_is_exact():
     arm, objective, path, trajectory = plan("ur5e", 0.2, 2e-3, True)
     plant = ac.ServoPlant(arm, ac.ServoModel(kp=30.0, kv=200.0, dead_time=0.0031))
     coarse, fine = executions(trajectory, plant, 8e-3, "none", 2e-3)
@@ -157,7 +157,7 @@ def short_contours(length, resolution):
     return program, ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=resolution)
 
 
-def test_contours_of_few_samples_are_judged_by_these():
+def test_contours_with_few_samples_are_evaluated_at_these():
     for length, resolution in product((1e-2, 1e-4, 3e-6, 1e-7), (1e-3, 8e-3)):
         program, executed = short_contours(length, resolution)
         plain = replace(executed, plant=None)

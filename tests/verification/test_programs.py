@@ -68,7 +68,7 @@ def nearest(path, points):
     return best
 
 
-def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
+def test_every_contour_is_evaluated_while_at_work(execution, program):
     evaluation = ac.evaluate(execution, program, limits=LIMITS)
     spans = [x for x in execution.set_points.trajectory.spans if x.kind == "contour"]
     assert len(evaluation.contours) == len(spans) == 2
@@ -95,7 +95,7 @@ def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
     assert evaluation.contour_error.max > 1e-5
 
 
-def test_a_program_of_one_contour_is_worth_what_its_path_is():
+def test_a_program_of_one_contour_has_the_evaluation_of_its_path():
     path = ac.round_corners(BEND, tolerance=1e-3)
     one = round_corners(Program(moves=(Contour(path=BEND),)), tolerance=1e-3)
     alone, as_program = executed(path), executed(one)
@@ -114,9 +114,7 @@ def test_a_program_of_one_contour_is_worth_what_its_path_is():
         assert [x.max for x in evaluation.contours] == [evaluation.contour_error.max]
 
 
-def test_the_objective_gives_corners_and_short_contours_are_judged_too(
-    execution, program, objective
-):
+def test_corners_and_short_contours_are_evaluated(execution, program, objective):
     evaluation = ac.evaluate(execution, program, objective=objective, limits=LIMITS)
     assert evaluation.objective_error is not None
     assert len(evaluation.corners) == 5  # four of the square, which begins on a side, and one
@@ -173,7 +171,7 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
     assert deviations[0] == deviations[1]
 
 
-def test_the_mean_speed_is_that_at_work_and_not_above_the_largest(execution, program):
+def test_the_mean_speed_is_that_at_work(execution, program):
     evaluation = ac.evaluate(execution, program)
     plan = execution.set_points.trajectory
     works = [x.work for x in plan.contour_spans]

@@ -195,7 +195,7 @@ def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
     assert make_table(limited, name="square", derivatives=2).ddq is not None
 
 
-def test_learning_keeps_the_limits(square, arm, limited):
+def test_learning_respects_the_command_limits(square, arm, limited):
     """Of a robot with other gains than its model; lessons without limits exceed them."""
     robot = ac.ServoPlant(arm, SERVO.replace(kp=9.0), saturation="none")
     set_points, errors = limited, []

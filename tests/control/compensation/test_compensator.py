@@ -29,7 +29,7 @@ def smooth(duration=1.0, size=(0.4, -0.3)):
     return ac.Trajectory(laws=(law,), method="hand")
 
 
-def test_a_ramp_in_closed_form():
+def test_set_points_of_a_ramp_have_the_closed_form():
     ramp = laps([0.0, 1.0], [(0.5, -1.0)], [(0.0, 0.0)])
     set_points = ac.compensate(ramp, UNEVEN, ac.Inverse(), cycle=0.01)
     t = set_points.t
@@ -45,7 +45,7 @@ def test_a_ramp_in_closed_form():
 
 
 @pytest.mark.parametrize(("interpolation", "gain"), [("linear", 1 / 12), ("cubic", 0.0)])
-def test_a_parabola_in_closed_form(interpolation, gain):
+def test_set_points_of_a_parabola_have_the_closed_form(interpolation, gain):
     a, h = np.array([0.7, -0.4]), 0.01
     curve = laps([0.0, 1.0], [(0.1, 0.0)], [a])
     servo = UNEVEN.replace(interpolation=interpolation)
@@ -59,7 +59,7 @@ def test_a_parabola_in_closed_form(interpolation, gain):
     np.testing.assert_allclose(set_points.q[inside], expected, atol=1e-14)
 
 
-def test_rests_and_ends_are_the_plans():
+def test_set_points_begin_and_end_at_the_rests_of_the_plan():
     # At full acceleration from rest, as optimal plans begin.
     plan = laps([0.0, 0.5, 1.0], [(0.0, 0.0), (0.5, -0.5)], [(1.0, -1.0), (-1.0, 1.0)])
     still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
@@ -88,7 +88,7 @@ def test_the_inverse_undoes_the_servo(arm):
     assert errors[2] < 2e-7
 
 
-def test_refused_options(refuses):
+def test_wrong_options_are_refused(refuses):
     three = ac.ServoModel(kp=[1.0, 2.0, 3.0], kv=150.0)
     for servo, options, words in (
         (UNEVEN, {"options": "inverse"}, "CompensationOptions"),

@@ -94,14 +94,16 @@ def fast(light, corners):
     ("armature", "cycle", "rms", "largest"),
     [(0.1, 4e-3, 6e-4, 0.003), (0.0, 4e-3, 1e-3, 0.005), (0.0, 1e-3, 8e-4, 0.003)],
 )
-def test_a_square_at_full_speed(light, corners, fast, armature, cycle, rms, largest):
+def test_a_square_at_full_speed_has_a_small_contour_error(
+    light, corners, fast, armature, cycle, rms, largest
+):
     """The servo's own inverse has 0.138 / 0.410 mm with inertias of drives, and more without."""
     arm = with_chain(light, armature=np.full(6, armature))
     errors = contour_error(arm, corners, fast, cycle)
     assert errors[0] < rms and errors[1] < largest
 
 
-def test_the_papers_job_and_a_short_line(arm, rounded, limits, light):
+def test_the_papers_job_and_a_short_line_have_small_contour_errors(arm, rounded, limits, light):
     """The servo's own inverse has 0.017 / 0.032 mm."""
     plan = ac.plan(rounded, arm, limits)
     assert plan.duration < 5.33
@@ -112,7 +114,7 @@ def test_the_papers_job_and_a_short_line(arm, rounded, limits, light):
     assert contour_error(light, path, plan)[0] < 0.001
 
 
-def test_means_of_the_command_are_those_of_the_exact_one(heavy):
+def test_means_of_the_command_equal_those_of_the_exact_command(heavy):
     """Means weighted by a triangle about every set-point, from sums over dense times.
 
     Simpson's rule is exact for lines only; of a cubic it leaves a share.
@@ -142,7 +144,7 @@ def test_means_of_the_command_are_those_of_the_exact_one(heavy):
         np.testing.assert_allclose(set_points.q[k], exact.mean(axis=0), atol=1e-5)
 
 
-def test_the_arm_stands_at_both_ends_although_it_sags(heavy):
+def test_the_arm_rests_at_both_ends_of_the_plan_in_spite_of_sag(heavy):
     loaded = with_chain(heavy, payload=ac.Payload(mass=3.0, center=(0.02, 0.0, 0.1)))
     plant = strong(loaded, gravity_feedforward=False)
     set_points = compensate(SWING, loaded, gravity_feedforward=False)
@@ -161,7 +163,7 @@ def test_the_arm_stands_at_both_ends_although_it_sags(heavy):
 @pytest.mark.parametrize("feed", [0.0, 0.8])
 @pytest.mark.parametrize("gravity", [True, False])
 @pytest.mark.parametrize(("friction", "share"), [(0.0, 1.1), (3.0, 1.6)])
-def test_integrators_are_compensated_as_exactly_as_drives_without(
+def test_drives_with_integrators_are_compensated_exactly(
     heavy, interpolation, feed, gravity, friction, share
 ):
     """There is no sag either, and what is cut off of the transient is bounded.
@@ -184,7 +186,7 @@ def test_integrators_are_compensated_as_exactly_as_drives_without(
     assert (error[execution.t >= DURATION].max(axis=0) < set_points.truncated + 2 * errors[0]).all()
 
 
-def test_a_load_that_the_controller_does_not_know_can_be_known_to_the_set_points(heavy):
+def test_set_points_compensate_a_payload_that_the_controller_does_not_know(heavy):
     loaded = with_chain(heavy, payload=ac.Payload(mass=2.0, center=(0.02, 0.0, 0.1)))
     plant = strong(loaded, controller=heavy)
     assert (
@@ -206,7 +208,7 @@ def test_friction_is_compensated_but_not_at_rest(heavy):
     np.testing.assert_array_equal(set_points.q[[0, -1]], smooth_one.q[[0, -1]])
 
 
-def test_refused(light, refuses):
+def test_unsupported_plans_arms_and_servos_are_refused(light, refuses):
     limits = ac.Limits(joint_velocity=[9.0, 9.0, 9.0, 9.0, 9.0, 1.2])
     call = partial(compensate, SWING, light, limits=limits)
     refuses(call, ac.CompensationError, "joint_velocity of 1.2 rad/s", joint=5)

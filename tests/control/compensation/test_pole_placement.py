@@ -71,7 +71,7 @@ def test_set_points_are_26_applied_to_the_trajectory():
     assert errors[1] < 1e-6
 
 
-def test_poles_per_joint_and_nothing_lost_between_set_points():
+def test_poles_differ_per_joint_and_interpolation_adds_no_error():
     motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
     poles = [POLES[0], POLES[2]]
     both = place(motion, UNEVEN, cycle=0.01, poles=poles)
@@ -91,7 +91,7 @@ def test_poles_per_joint_and_nothing_lost_between_set_points():
     np.testing.assert_array_equal(set_points.q[-1], motion(0.2))
 
 
-def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
+def test_default_poles_cancel_the_zero_and_all_joints_lag_equally(arm):
     placed = default_poles(UNEVEN.for_joints(2))
     np.testing.assert_array_equal(placed, [[-150, -150, -150], [-150, -150, -300]])
     for kv, (m1, m2, g) in zip(UNEVEN.kv, placed, strict=True):
@@ -110,7 +110,7 @@ def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
     assert gap["pole_placement"] < 1e-4 < 1e-2 < gap["none"]
 
 
-def test_poles_that_cannot_be_are_refused(refuses):
+def test_invalid_poles_are_refused(refuses):
     motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
     for poles, words, joint in (
         ([-1, -1, 0], "negative real parts", 0),
@@ -128,7 +128,7 @@ def test_poles_that_cannot_be_are_refused(refuses):
         refuses(partial(place, motion, UNEVEN, poles=poles), kind, words, joint=joint)
 
 
-def test_refused(mac, refuses):
+def test_a_servo_of_first_order_is_refused(mac, refuses):
     first = ac.ServoModel(kp=25.0, order="first")
     call = partial(ac.compensate, mac, first, ac.PolePlacement())
     refuses(call, ac.InvalidInput, "order second", "the compensation inverse")
@@ -178,7 +178,7 @@ def test_the_joint_follows_the_plan_without_delay(arm):
         assert errors[0] / errors[1] > 3, servo
 
 
-def test_it_holds_before_and_after_and_none_leads_nothing():
+def test_set_points_hold_the_ends_and_none_has_no_time_advance():
     servo = ac.ServoModel(**gains("second"), dead_time=[0.01, 0.035])
     set_points = ac.compensate(SWING, servo, ac.Inverse(), cycle=0.01)
     assert set_points.start_time == pytest.approx(-0.04)
@@ -202,7 +202,7 @@ def test_it_holds_before_and_after_and_none_leads_nothing():
     np.testing.assert_allclose(set_points.q, SWING(set_points.t.clip(0, DURATION)), atol=1e-14)
 
 
-def test_pole_placement_leads_too(arm):
+def test_pole_placement_also_advances_set_points_by_the_dead_time(arm):
     prompt = ac.ServoModel(**gains("second"))
     for dead, poles in product((0.04, 0.0345, [0.0115, 0.087]), (None, [-75.0, -75.0, -75.0])):
         done = []
@@ -217,7 +217,7 @@ def test_pole_placement_leads_too(arm):
         np.testing.assert_allclose(first, second, atol=1e-6)
 
 
-def test_first_order_in_closed_form():
+def test_the_inverse_of_a_first_order_servo_has_the_closed_form():
     servo = ac.ServoModel(kp=[25.0, 40.0], order="first")
     set_points = ac.compensate(SWING, servo, ac.Inverse(), cycle=2.5e-3)
     inside = (set_points.t > 0.035) & (set_points.t < DURATION - 0.035)

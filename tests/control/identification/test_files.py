@@ -39,7 +39,7 @@ NAMED = (
 )
 
 
-def test_names_of_columns():
+def test_columns_are_recognized_by_their_names():
     for header, joint in (*((x, "joint 1") for x in HEADERS), *NAMED):
         others = header.count(",") - 2
         log = parse_log(header + ROWS.replace("\n", ",7" * others + "\n")[2 * others :])
@@ -50,7 +50,7 @@ def test_names_of_columns():
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_units_order_comments_and_columns_that_are_not_needed(separator):
+def test_units_order_comments_and_other_columns_are_read(separator):
     rows = "\n".join(f"{i * 4},9,{90 + i},{45},{i},{i},{7}" for i in range(60))
     text = (
         "# from a controller\n# interpolation: step\n"
@@ -93,7 +93,7 @@ WRONG = (
 )
 
 
-def test_refusals(refuses, tmp_path):
+def test_invalid_logs_and_options_are_refused(refuses, tmp_path):
     for text, fit_options, words in WRONG:
         refuses(partial(parse_log, text, **fit_options), InvalidInput, words)
     refuses(lambda: read_log(tmp_path / "no.csv"), InvalidInput, "no.csv")
@@ -132,7 +132,7 @@ def identification(log):
     return identify(log)
 
 
-def test_the_servo_file_is_the_servo_that_was_judged(identification, tmp_path):
+def test_the_servo_file_contains_the_judged_servo(identification, tmp_path):
     file = tmp_path / "servo.yaml"
     file.write_text(servo_yaml(identification))
     assert "one program only" in file.read_text()
@@ -150,7 +150,7 @@ def test_the_servo_file_is_the_servo_that_was_judged(identification, tmp_path):
     )
 
 
-def test_the_json_and_the_report(identification):
+def test_json_and_report_contain_the_parameters(identification):
     data = json.loads(to_json(plain(identification.to_data())))
     first, second = data["joints"]
     assert [x["name"] for x in first["parameters"]] == ["kp", "kv", "dead_time"]
@@ -166,7 +166,7 @@ def _write(file, t, u, q, names):
     np.savetxt(file, table, delimiter=",", fmt="%.7f", header=names, comments="")
 
 
-def test_the_command(log, tmp_path, capsys):
+def test_identify_writes_servo_report_and_summary(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
     assert execute(identify_logs, Identify(logs=[file], out=out, validate=[file])) == 9
@@ -191,7 +191,7 @@ def test_the_command(log, tmp_path, capsys):
     assert prediction["rms"][0] < 0.1 * prediction["tracking_rms"][0]
 
 
-def test_the_command_where_no_servo_is_known(tmp_path, capsys, refuses):
+def test_identify_writes_no_servo_file_without_a_model(tmp_path, capsys, refuses):
     t = np.arange(2000) * 1e-3
     u = 0.02 * t
     y = move(t, u, kp=25.0, kv=150.0) + 1e-4 * np.random.default_rng(0).normal(size=2000)

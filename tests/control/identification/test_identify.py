@@ -55,7 +55,7 @@ def fed():
     return identify([log_of(k, **FED) for k in range(2)])
 
 
-def test_a_loop_is_found_from_a_multisine():
+def test_a_multisine_determines_the_loop():
     t = np.arange(3000) * 1e-3
     log = log_of(1, NOISE, t=t, u=2e-2 * multisine(t, 25.0, 1), **TRUTH)
     (joint,) = identify(log).joints
@@ -64,7 +64,7 @@ def test_a_loop_is_found_from_a_multisine():
     assert joint.noise == pytest.approx(NOISE, rel=0.1)
 
 
-def test_feed_forward_and_limit_are_found_together():
+def test_feed_forward_and_limit_are_identified_together():
     t = np.arange(3000) * 2e-3
     truth = {"kp": 28.0, "kv": 160.0, "delay": 6e-3, "feed": 0.9, "limit": 12.0}
     u = 4e-3 * multisine(t, 20.0, 3)
@@ -73,7 +73,7 @@ def test_feed_forward_and_limit_are_found_together():
     assert_near(joint, truth)
 
 
-def test_what_is_written_is_what_is_judged(fed):
+def test_the_judged_model_is_written(fed):
     """The figures of the result are those of the servo with the digits of the file."""
     joint, log = fed.joints[0], fed.logs[1]
     predictions = [fed.predict(x) for x in fed.logs]
@@ -116,7 +116,7 @@ def test_a_cycle_of_the_drive_is_part_of_the_model():
         ac.ServoFit(drive_cycle=0.1)
 
 
-def test_a_drive_that_only_delays():
+def test_a_pure_delay_is_identified():
     t, u = shaken(5.0, 4e-3, 3)
     y = np.interp(t - 0.016, t, u) + np.random.default_rng(0).normal(0, 2e-5, len(t))
     servo = identify(Log(t=t, command=u, measured=y)).servo_model()
@@ -124,7 +124,7 @@ def test_a_drive_that_only_delays():
     assert servo.dead_time[0] == pytest.approx(0.016, abs=2e-4)
 
 
-def test_held_set_points_and_the_option_model():
+def test_held_set_points_are_identified_in_each_model():
     t = np.arange(3000) * 2e-3
     u = 3e-3 * multisine(t, 20.0, 1)
     y = move(t, u, kp=25.0, kv=150.0, linear=False, steps=20)
@@ -137,7 +137,7 @@ def test_held_set_points_and_the_option_model():
         identify(log, ac.ServoFit(interpolation="linear"))
 
 
-def test_dry_friction_is_found_where_data_show_it():
+def test_dry_friction_is_identified_if_the_data_support_it():
     t, u = shaken(8.0, 4e-3, 2)
     with_friction = u - 2e-4 * np.tanh(np.gradient(u, t) / 5e-3)
     log = log_of(2, 1e-6, t=t, u=with_friction, kp=25.0, kv=150.0, delay=8e-3)
@@ -169,7 +169,7 @@ def test_positions_that_repeat_are_replaced(held):
     assert joint.kp.value == pytest.approx(true.kp.value, rel=0.02)
 
 
-def test_logs_of_other_joints_do_not_go_together(fed):
+def test_logs_with_different_joints_are_refused(fed):
     one, other = fed.logs[0], fed.logs[1]
     renamed = Log(t=other.t, command=other.command, measured=other.measured, joint_names=("x",))
     with pytest.raises(InvalidInput, match="joint_names"):
@@ -179,7 +179,7 @@ def test_logs_of_other_joints_do_not_go_together(fed):
         fed.predict(two)
 
 
-def test_what_is_not_explained_is_not_written():
+def test_a_joint_that_no_model_explains_is_not_written():
     t, u = shaken(3.0, 4e-3, 3)
     y = move(t, u, kp=25.0, kv=150.0, steps=10)
     other = np.cumsum(np.random.default_rng(4).normal(0, 1, len(t)))
@@ -194,7 +194,7 @@ def test_what_is_not_explained_is_not_written():
         identify(Log(t=t, command=u, measured=bad)).servo_model()
 
 
-def test_joints_that_stand_or_move_uniformly_get_no_model():
+def test_joints_at_rest_or_at_uniform_velocity_have_no_model():
     t = np.arange(1000) * 4e-3
     still = np.random.default_rng(0).normal(0, 1e-5, len(t))
     ramp, log = 0.1 * t, commands("step", 25.0, 150.0, 12.3e-3, 1)[1][: len(t)]
@@ -219,7 +219,7 @@ def test_a_parameter_at_its_bound_is_not_determined():
     assert predicted.rms[0] < 0.5 * predicted.tracking_rms[0]
 
 
-def test_errors_at_the_tool(fed):
+def test_the_prediction_has_small_errors_at_the_tool(fed):
     log = fed.logs[0]
     both = Log(t=log.t, command=np.tile(log.command, 2), measured=np.tile(log.measured, 2))
     fit = identify(both)

@@ -52,7 +52,7 @@ def good():
     return ac.identify([robot_log(1), robot_log(2)])
 
 
-def test_compensation_of_known_joints_is_judged_on_the_other_program(good):
+def test_compensation_is_judged_on_the_other_program(good):
     judged = good.judgement
     assert judged.programs == 2 and 0 < judged.ratio < 0.02 and judged.trusted
     assert all(x.contour_ratio < 0.02 for x in good.joints) and judged.errors.shape == (2, 2)
@@ -81,7 +81,7 @@ def test_a_joint_whose_contour_error_remains_in_a_log_is_weak(good):
     assert not any(x.note for x in (fit.joints[0], *good.joints))
 
 
-def test_errors_at_the_tool_of_an_arm(good):
+def test_the_contour_error_is_that_at_the_tool_of_the_arm(good):
     arm = ac.load_arm("pmk3s")
     fit = ac.identify([robot_log(1), robot_log(2)], ac.ServoFit(kinematics=arm))
     assert fit.judgement.ratio < 0.02
@@ -100,7 +100,7 @@ def test_errors_at_the_tool_of_an_arm(good):
         ac.identify(robot_log(1), ac.ServoFit(kinematics=ac.load_arm("ur5e")))
 
 
-def test_positions_that_the_arm_cannot_have_are_refused():
+def test_positions_of_a_log_out_of_the_joint_range_are_refused():
     log, limits = robot_log(1), ac.Limits(joint_lower=[-3.0] * 2, joint_upper=[3.0] * 2)
     arm = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
     far = dataclasses.replace(log, command=log.command + 60.0, measured=log.measured + 60.0)

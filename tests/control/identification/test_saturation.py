@@ -46,7 +46,7 @@ def log_of(t, u, y, noise=0.0):
 
 
 @pytest.mark.parametrize(("noise", "near"), [(0.0, 2e-4), (2e-6, 2e-3)])
-def test_gains_of_a_log_that_saturates_are_those_of_one_that_does_not(noise, near):
+def test_saturation_does_not_change_the_identified_gains(noise, near):
     joints = []
     for top in (1.4, 0.6):
         t, u = moves(top)
@@ -69,7 +69,7 @@ def test_a_command_at_a_limit_that_is_followed_does_not_saturate():
     assert not joint.saturation and joint.order == "second"
 
 
-def test_a_limit_of_velocity_is_found():
+def test_a_velocity_limit_is_identified():
     t, u = moves(3.0)
     log = log_of(t, u, run_loop(u, 25.0, 150.0, np.inf, 0.25), 1e-6)
     joint = identify(log).joints[0]
@@ -78,7 +78,7 @@ def test_a_limit_of_velocity_is_found():
 
 
 @pytest.mark.parametrize(("kv", "limit"), [(150.0, 0.247), (120.0, 0.1)])
-def test_a_joint_is_identified_from_the_samples_below_its_limit_of_velocity(kv, limit):
+def test_a_joint_is_identified_from_samples_below_its_velocity_limit(kv, limit):
     """The excitation of the guide, with a step there and back."""
     t = np.arange(0, 30, CYCLE)
     f = np.fft.rfftfreq(len(t), CYCLE)
@@ -92,7 +92,7 @@ def test_a_joint_is_identified_from_the_samples_below_its_limit_of_velocity(kv, 
     assert joint.kp.value == pytest.approx(25.0, rel=0.02) and joint.share < 0.05
 
 
-def test_a_limit_above_a_planned_plateau_is_found():
+def test_a_limit_above_a_planned_plateau_is_identified():
     """Most moves have an acceleration of 0.9 times the limit."""
     t, u = moves(1.0)
     a = np.sign(np.diff(u, 2, append=[u[-1]] * 2)) * 0.9

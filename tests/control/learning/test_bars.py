@@ -26,7 +26,7 @@ def teach(set_points, arm, robot, path, objective, runs):
     return errors
 
 
-def test_the_papers_job_with_a_gain_that_is_not_known():
+def test_learning_corrects_an_unknown_gain_on_the_papers_job():
     job = read_job(str(resources.files("armcontour.jobs") / "library" / "paper.yaml"))
     objective = job.program.path
     path = ac.round_corners(objective, tolerance=5e-3)
@@ -68,7 +68,7 @@ def in_space(runs):
     return teach(set_points, arm, robot, path, objective, runs)
 
 
-def test_a_loaded_arm_in_space():
+def test_learning_corrects_an_unknown_payload_in_space():
     # tests/slow has three runs.
     before, after = in_space(runs=1)
     assert before > 1.5e-3 and after <= 8e-5

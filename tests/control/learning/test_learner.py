@@ -52,7 +52,7 @@ def delayed_runs(arm, set_points):
     return teach(arm, set_points, 4, dead_time=9e-3)
 
 
-def test_runs_get_better(delayed_runs, path):
+def test_errors_decrease_from_run_to_run(delayed_runs, path):
     done, lessons = delayed_runs
     errors = [ac.evaluate(x, path).contour_error.rms for x in done]
     assert errors[1] < 0.25 * errors[0]
@@ -61,7 +61,7 @@ def test_runs_get_better(delayed_runs, path):
         assert run.rms == pytest.approx(error, rel=0.1)
 
 
-def test_a_lesson_comes_back_from_its_numbers(arm, delayed_runs):
+def test_a_lesson_is_restored_from_its_arrays(arm, delayed_runs):
     """The history of a folder gives the same next set-points as the history in memory."""
     done, lessons = delayed_runs
     lesson = ac.learn(replace(lessons[1], lifted=None), done[2], arm=arm, servo=SERVO)
@@ -69,7 +69,7 @@ def test_a_lesson_comes_back_from_its_numbers(arm, delayed_runs):
     assert lesson.repeats == pytest.approx(lessons[2].repeats, rel=1e-6)
 
 
-def test_it_never_goes_on_from_a_worse_run(arm, set_points, delayed_runs):
+def test_each_step_starts_from_the_best_run(arm, set_points, delayed_runs):
     """Set-points that are worse than their forerunners count as a setback, and are left again."""
     done, lessons = delayed_runs
     wave = 0.05 * np.sin(0.2 * np.arange(len(set_points.q)))[:, None]
@@ -81,7 +81,7 @@ def test_it_never_goes_on_from_a_worse_run(arm, set_points, delayed_runs):
     assert (after.best, after.setbacks, good.best, good.setbacks) == (0, 1, 1, 0)
 
 
-def test_it_ends_with_the_best_run_after_setbacks(arm, set_points, delayed_runs):
+def test_learning_ends_with_the_best_run_after_setbacks(arm, set_points, delayed_runs):
     done, lessons = delayed_runs
     lesson = replace(lessons[0], setbacks=2, q=lessons[0].q * 1.02)
     bad = ac.simulate(lesson, plant(arm, 1, dead_time=9e-3))
@@ -106,7 +106,7 @@ def test_a_recording_with_the_noise_of_encoders_is_learned_from(set_points, path
     assert errors[1] < 0.1 * errors[0]
 
 
-def test_it_stops_when_only_noise_is_left(arm, set_points):
+def test_learning_ends_when_only_noise_remains(arm, set_points):
     """A robot like its model, but with noise: four runs of equal set-points show it."""
     limits = ac.Limits.only(joint_torque=1e3).for_joints(2)
     lesson = set_points
@@ -121,7 +121,7 @@ def test_it_stops_when_only_noise_is_left(arm, set_points):
     np.testing.assert_array_equal(lesson.q, lesson.runs[lesson.best].q)
 
 
-def test_limits_of_commands_are_kept(arm, set_points, refuses):
+def test_learned_set_points_stay_within_the_velocity_limit(arm, set_points, refuses):
     robot = ac.ServoPlant(arm, SERVO.replace(kp=GAINS), saturation="none")
     executed = ac.simulate(set_points, robot)
     teach_again = partial(ac.learn, set_points, executed, arm=arm, servo=SERVO)

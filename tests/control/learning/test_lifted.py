@@ -59,7 +59,7 @@ def weights(lifted):
     return np.repeat(np.where(lifted.t > lifted.t[-1] - 0.1, 100.0, 1.0), 2) ** 0.5
 
 
-def test_set_points_that_shift_shift_the_joints(lifted):
+def test_shifted_set_points_shift_the_joints(lifted):
     """All joints rest where their first set-points are, and end where the last ones are."""
     change = np.tile([1e-3, -2e-3], (lifted.count, 1))
     np.testing.assert_allclose(lifted.respond(change), np.tile(change[0], (len(lifted.t), 1)))
@@ -79,7 +79,7 @@ def test_the_correction_is_that_of_dense_least_squares(lifted, dense):
         np.testing.assert_allclose(response.ravel(), dense @ expected, atol=1e-7)
 
 
-def test_what_is_expected_is_what_the_plant_does(lifted):
+def test_the_plant_has_the_expected_response(lifted):
     arm, servo = rods(), lifted.nominal.servo
     rng = np.random.default_rng(3)
     q = lifted.plan(0.0) + 1e-3 * rng.normal(size=(lifted.count, 2)).cumsum(axis=0)
@@ -106,7 +106,7 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
     assert np.abs(lifted.respond(more)[inside] - change).max() < near * np.ptp(more)
 
 
-def test_the_rest_after_the_last_set_point_takes_no_more_memory_per_time(lifted):
+def test_memory_grows_only_linearly_with_the_rest_after_the_last_set_point(lifted):
     """A slow joint rests for long: its factors grow with the number of times, not its square."""
     per_time = []
     for kp in (20.0, 2.0):

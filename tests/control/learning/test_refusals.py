@@ -42,14 +42,14 @@ def of_both(log, change):
     return other(log, measured=change(log.measured), command=change(log.command))
 
 
-def test_the_log_of_this_run_is_taken(run):
+def test_the_log_of_this_run_is_accepted(run):
     arm, set_points, log = run
     lesson = ac.learn(set_points, log, arm=arm, servo=SERVO)
     assert lesson.runs[0].offset == pytest.approx(-7.0, abs=2e-4)
     assert lesson.runs[0].rate == pytest.approx(1.0, abs=1e-4)
 
 
-def test_other_logs_are_refused(run, refuses):
+def test_logs_in_other_units_or_orders_are_refused(run, refuses):
     arm, set_points, log = run
     _, another = executed(arm, [(0.7, 0.4), (0.2, 1.1), (0.6, 0.5), (0.0, 0.4)])
     t = np.arange(log.t[0], log.t[-1], 25e-3)
@@ -78,7 +78,7 @@ def test_other_logs_are_refused(run, refuses):
 
 
 @pytest.mark.parametrize("amplitude", [0.4e-3, 1e-2])
-def test_the_log_of_another_run(run, amplitude):
+def test_the_log_of_another_run_is_refused(run, amplitude):
     """Its set-points are other ones, by 30 times the noise of the log and more."""
     arm, set_points, _ = run
     set_points = ac.compensate(set_points.trajectory, SERVO, ac.Inverse())

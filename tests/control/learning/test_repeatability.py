@@ -78,7 +78,7 @@ def test_one_log_of_each_run_shows_no_noise():
         assert set_points.best == np.argmin([x.rms for x in set_points.runs])
 
 
-def test_several_logs_of_the_same_set_points():
+def test_noise_is_the_difference_between_logs_of_the_same_set_points():
     """Their mean repeats, and what differs is stated."""
     robot = Robot(4)
     logs = [robot.run(robot.set_points)[0] for _ in range(5)]
@@ -124,12 +124,12 @@ class BadLogs(Robot):
 
 
 @pytest.mark.parametrize("kind", ["lost", "gap"])
-def test_bad_logs_cost_little(kind):
+def test_bad_logs_increase_the_error_only_slightly(kind):
     clean, bad = (BadLogs(2).best(x)[0] for x in ("none", kind))
     assert bad < 1.5 * clean + 2e-7
 
 
-def test_a_log_that_misses_much_is_refused(refuses):
+def test_a_log_with_large_gaps_is_refused(refuses):
     robot = BadLogs(2)
     log, _ = robot.log(robot.set_points, 0, "none")
     mask = (log.t < 5.2) | (log.t > 5.8)

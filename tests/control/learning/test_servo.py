@@ -40,7 +40,7 @@ def test_feed_forward_that_the_servo_lacks_is_a_contradiction(feedforward):
     assert errors[0] > 1e-5 and errors[1] < 0.05 * errors[0]
 
 
-def test_a_right_servo_is_not_contradicted():
+def test_a_correct_servo_is_not_contradicted():
     arm, limits = with_inertias(), ac.Limits.only(speed=0.15, joint_acceleration=3.0)
     set_points = ac.compensate(gentle_plan(rounded(), arm, limits.for_joints(2)), SERVO)
     strong = ac.Limits.only(joint_torque=1e3).for_joints(2)
@@ -77,6 +77,6 @@ def one_moves(true, noise=1e-5):
     return ac.learn(set_points, log_of(execution, noise), arm=arm, servo=SERVO)
 
 
-def test_a_joint_that_stands_still_contradicts_nothing():
+def test_a_joint_at_rest_contradicts_no_servo():
     assert not one_moves(SERVO.replace(kp=20.0)).finished
     assert "joint 1" in one_moves(SERVO.replace(velocity_feedforward=[0.9, 0.0])).reason

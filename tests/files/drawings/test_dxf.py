@@ -106,7 +106,7 @@ def as_ezdxf_says(document, **options):
     return program
 
 
-def test_lines_arcs_and_circles():
+def test_lines_arcs_and_circles_are_read():
     document, space = drawing()
     space.add_line((10, 20), (110, 20), dxfattribs={"layer": "cut"})
     space.add_arc((10, 0), 50, 30, 300)
@@ -133,7 +133,7 @@ def test_lines_arcs_and_circles():
         np.testing.assert_allclose(path(path.length / 3), expected, atol=1e-12)
 
 
-def test_polylines_and_their_bulges():
+def test_polylines_are_read_with_their_bulges():
     points = [(0, 0, 0.5), (50, 0, 0), (60, 40, -1), (0, 40, 0.2)]
     document, _ = alone("lwpolyline", points, format="xyb", close=True)
     contour = as_ezdxf_says(document).contours[0]
@@ -160,7 +160,7 @@ def test_polylines_and_their_bulges():
     assert len({x.name for x in contours}) == 2
 
 
-def test_ellipses():
+def test_ellipses_are_read():
     ranges = (0, 2 * np.pi), (0.3, 2.5), (5, 1), (0, 6.28318530718)
     for flip, (begin, end) in itertools.product((1, -1), ranges):
         turned = {"dxfattribs": {"extrusion": (0, 0, flip)}}
@@ -181,7 +181,7 @@ RANDOM = np.random.default_rng(1)
 CONTROL = [tuple(x) for x in np.column_stack([RANDOM.uniform(0, 100, (9, 2)), np.zeros(9)])]
 
 
-def test_splines_of_all_kinds():
+def test_splines_of_all_kinds_are_read():
     document, space = drawing()
     moved = [[(x + a, y + b, z) for x, y, z in CONTROL] for a in (0, 200) for b in (0, 200)]
     space.add_open_spline(moved[0])
@@ -227,7 +227,7 @@ def fit(points, **ends):
     return CubicSpline(parameter, points, **ends)(np.linspace(0, parameter[-1], 20001))
 
 
-def test_splines_through_points():
+def test_splines_through_points_are_read():
     document, x = alone("spline", CONTROL)
     path = as_ezdxf_says(document).path
     near([path], [fit(CONTROL, bc_type="natural")])
@@ -283,7 +283,7 @@ def filled(block):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_blocks_in_blocks_turned_scaled_mirrored_and_repeated(seed):
+def test_nested_blocks_are_rotated_scaled_mirrored_and_repeated(seed):
     rng = np.random.default_rng(seed)
     document, space = drawing()
     filled(document.blocks.new("inner", base_point=tuple(rng.uniform(-5, 5, 2))))
@@ -305,7 +305,7 @@ def test_blocks_in_blocks_turned_scaled_mirrored_and_repeated(seed):
     as_ezdxf_says(document, join_tolerance=1e-9)
 
 
-def test_scaled_blocks_names_layers_and_attributes():
+def test_scaled_blocks_keep_names_layers_and_attributes():
     document, space = drawing()
     filled(document.blocks.new("b"))
     attributes = {"xscale": -1.3, "yscale": 1.3, "zscale": 1.3, "rotation": 77}
@@ -338,7 +338,7 @@ def test_scaled_blocks_names_layers_and_attributes():
     assert read(document).notes[0].endswith(": ATTRIB.")
 
 
-def test_drawings_tilted_in_space_or_at_one_height():
+def test_drawings_may_be_tilted_or_at_one_height():
     for seed in range(2):
         document, space = drawing()
         tilted = {"extrusion": tuple(np.random.default_rng(seed).normal(size=3))}
@@ -360,7 +360,7 @@ def test_drawings_tilted_in_space_or_at_one_height():
     np.testing.assert_allclose(program.contours[1].path.starts[:, 2], 0.005)
 
 
-def test_the_unit_of_the_drawing(refuses):
+def test_coordinates_have_the_unit_of_the_drawing(refuses):
     for code, metres in UNITS.items():
         document, space = drawing(units=code)
         space.add_line((0, 0), (1e-3 / metres, 0))
@@ -400,7 +400,7 @@ def test_a_file_without_a_header_has_no_unit(refuses):
     assert only(bare(*CUT, header=stated)).path.length == pytest.approx(0.254)
 
 
-def test_what_is_no_contour_is_left_out_and_counted():
+def test_entities_that_are_no_contours_are_skipped_and_counted():
     document, space = drawing()
     space.add_line((0, 0), (10, 0))
     space.add_text("gasket").dxf.layer = "notes"
@@ -426,7 +426,7 @@ def test_what_is_no_contour_is_left_out_and_counted():
     refusals(lambda x: read(x, unknown="skip"), refuses_nothing, "TEXT")
 
 
-def test_the_end_of_a_file_that_was_cut_off_is_missed(refuses):
+def test_a_truncated_file_is_refused(refuses):
     document, space = drawing()
     for k in range(10):
         space.add_line((0, k), (10, k))
@@ -442,7 +442,7 @@ def test_the_end_of_a_file_that_was_cut_off_is_missed(refuses):
     assert len(program.contours) == 10 and "repaired in 1 place;" in program.notes[0]
 
 
-def test_colors_choose_by_number_name_layer_and_block():
+def test_colors_select_contours_by_number_name_layer_and_block():
     document, space = drawing()
     document.layers.add("red", color=1)
     document.layers.add("true", true_color=colors.rgb2int((255, 0, 0)))
@@ -476,7 +476,7 @@ def test_a_clipped_insert_is_refused():
     assert len(read(document).contours) == 1
 
 
-def test_layers_that_are_off_or_frozen_are_left_out_and_counted():
+def test_layers_that_are_off_or_frozen_are_skipped_and_counted():
     document, space = drawing()
     document.layers.add("hidden").off()
     document.layers.add("Cold").freeze()
@@ -548,7 +548,7 @@ def test_values_that_are_not_numbers_are_refused(wrong):
 
 
 @pytest.mark.parametrize("version", ["R12", "R2000", "R2004", "R2007", "R2010", "R2013", "R2018"])
-def test_all_versions_as_text_and_binary(version):
+def test_all_versions_are_read_as_text_and_binary(version):
     document, space = drawing(version)
     points = [(0, 0, 0.5), (50, 0, 0), (50, 50, 0)]
     add = space.add_polyline2d if version == "R12" else space.add_lwpolyline
@@ -623,7 +623,7 @@ def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
     refusals(read, table, "part.dxf")
 
 
-def test_names_that_no_contour_can_have_become_printable_and_short():
+def test_invalid_contour_names_become_printable_and_short():
     document, space = drawing()
     for k in range(2):
         space.add_line((0, 10 * k), (5, 10 * k), dxfattribs={"layer": f"LAYER{k}"})

@@ -90,7 +90,7 @@ def test_contours_are_in_the_order_of_their_first_pieces_and_layers_stay_apart()
     chained([dataclasses.replace(x, group=7) for x in apart])
 
 
-def test_where_several_ends_meet_the_smallest_turn_goes_on():
+def test_at_a_junction_the_chain_continues_with_the_smallest_turn():
     stem, side, on = (line(*x) for x in (SQUARE[:2], SQUARE[1:3], ((1, 0), (2, 0.1))))
     for given_ in ([stem, side, on], [side, on, stem], [on, stem, side]):
         contours, _ = chain_pieces(given_, TOLERANCE)
@@ -158,7 +158,7 @@ def test_gaps_are_closed_and_no_point_moves_by_more_than_the_tolerance(dimension
         assert contour.path.length == pytest.approx(whole.length, rel=1e-12)
 
 
-def test_how_gaps_are_closed():
+def test_lines_and_arcs_close_gaps():
     given_ = [line((0, 0), (1, 0), "a"), line((1, 1.1e-5), (1, 1), "b")]
     assert len(chain_pieces(given_, TOLERANCE)[0]) == 2
     assert len(chain_pieces(given_, 2e-5)[0]) == 1
@@ -180,7 +180,7 @@ def test_how_gaps_are_closed():
     np.testing.assert_allclose(contour.path.vertices[[0, -1]], [(0, 2e-6)] * 2, atol=1e-15)
 
 
-def test_pieces_on_others_are_left_out_and_named():
+def test_pieces_on_top_of_others_are_skipped_and_named():
     given_ = [
         *pieces(),
         line((1, 0), (0, 0), "back"),
@@ -198,7 +198,7 @@ def test_pieces_on_others_are_left_out_and_named():
     assert total == pytest.approx(3 + arc().length + 1 + 2 * (1 + np.sqrt(2)))
 
 
-def test_short_contours_are_left_out_and_segments_keep_their_demands():
+def test_short_contours_are_skipped_and_segments_keep_their_speeds():
     contours, (note,) = chain_pieces([*pieces(), line((5, 5), (5, 5 + 3e-6), "dust")], TOLERANCE)
     assert len(contours) == 1 and "0.01 mm" in note and note.endswith(": dust.")
     # Closed contours, too, by their extent.

@@ -181,7 +181,7 @@ def test_arcs_with_rounded_centres_stay_near_them_and_meet_their_ends(
     assert np.abs(distance - radius).max() <= 2 * abs(offset) + 1e-9
 
 
-def test_helices_and_ends_beside_their_circles():
+def test_helices_and_ends_next_to_their_circles_are_read():
     for tolerance in (1e-4, 1e-6):
         path = read("G0 X10 Y0 F60|G3 I-10 Z4", chord_tolerance=tolerance).contours[0].path
         points = path(np.linspace(0, path.length, 20_001))
@@ -206,7 +206,7 @@ def test_helices_and_ends_beside_their_circles():
     refusals(read, [(text.format(*x), "part.ngc, line 2 ... allowed") for x in ends])
 
 
-def test_words_that_move_nothing_are_left_out_with_a_note():
+def test_words_without_motion_are_skipped_with_a_note():
     check_points("""
 format/block_delete => 0,0 1,0 2,0 => lines with a slash ... first in line 3
 frame/percent_signs => 0,0 1,0 2,0 => after the end of the program, line 5,
@@ -226,7 +226,7 @@ G98 G1 X1 F60|G99 X2|G49|G59 => 0,0 1,0 2,0
 """)
 
 
-def test_units_speeds_and_tolerances_that_the_file_leaves_open():
+def test_units_come_from_options_if_the_file_has_none():
     (contour,) = read("G1 X2 F60|G21|X3000", units=1.0).contours
     np.testing.assert_allclose(contour.path.vertices, [[0, 0], [2, 0], [3, 0]], atol=1e-15)
     assert contour.path.speeds == pytest.approx([1.0, 1.0])
@@ -275,7 +275,7 @@ G1 A90 => A90, a move of the axis A,
 """
 
 
-def test_other_words_are_refused_with_their_line():
+def test_unsupported_words_are_refused_with_their_line():
     table = [
         (f"G1 X1 F60|{x}|X2", f"part.ngc, line 2: {y} is not supported: post-process the program")
         for x, y in rows(UNSUPPORTED)
@@ -306,7 +306,7 @@ F1|G1 X{"1" * 60_000} => line 2 ... but has 60000
 """
 
 
-def test_what_cannot_be_followed_is_refused_with_its_line():
+def test_moves_that_cannot_be_followed_are_refused_with_their_line():
     refusals(read, WRONG, "part.ngc")
     refusals(read, [("F60|G0 Z1|G1 X1|G28 Z5|G1 X2", "line 5: ", "G0")])
     refusals(read, [(x, "part.ngc has no contour") for x in ("", "||")])
@@ -343,7 +343,7 @@ def broken(data, rng):
     return bytes(data)
 
 
-def test_any_bytes_make_a_program_or_a_refusal_with_its_line():
+def test_any_bytes_are_read_or_refused_with_their_line():
     rng, made = random.Random(20), 0
     bodies = [x.read_bytes() for x in FILES]
     for _ in range(400):

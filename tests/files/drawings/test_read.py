@@ -68,7 +68,7 @@ def test_a_drawing_is_scaled_and_then_placed(read):
     assert flat.length == pytest.approx(0.04)
 
 
-def test_layers_and_names_choose_contours(read):
+def test_layers_and_names_select_contours(read):
     assert names(read(units="mm", layers=["MARK"])) == ["b"]
     assert names(read(units="mm", layers="CUT")) == ["a"]
     assert [x.layer for x in read(units="mm", names=["a"]).contours] == ["CUT"]
@@ -81,7 +81,7 @@ def test_layers_and_names_choose_contours(read):
     refusals(lambda x: x.path, [(read(units="mm"), "w.csv has 2 contours")])
 
 
-def test_what_cannot_be_read_is_refused(read, tmp_path):
+def test_unreadable_files_are_refused(read, tmp_path):
     (tmp_path / "folder.dxf").mkdir()
     (tmp_path / "part.dwg").write_bytes(b"AC1032")
     (tmp_path / "across.ngc").write_text("G21 F600\nG18\nG1 X10\nG2 X20 Z0 I5 K0\n")
@@ -105,7 +105,7 @@ def test_what_cannot_be_read_is_refused(read, tmp_path):
 
 
 @pytest.mark.parametrize("ending", [".dxf", ".svg", ".ngc", ".csv"])
-def test_what_never_ends_or_is_too_large_is_refused_before_it_is_read(tmp_path, ending):
+def test_endless_or_too_large_files_are_refused_before_they_are_read(tmp_path, ending):
     os.mkfifo(tmp_path / f"pipe{ending}")
     (tmp_path / f"zero{ending}").symlink_to("/dev/zero")
     (tmp_path / f"loop{ending}").symlink_to(tmp_path / f"loop{ending}")

@@ -126,7 +126,7 @@ def test_tolerances_of_the_file_and_of_the_layer_bound_it(read, refuses):
     refuses(lambda: read(arcs(3), mend_vertices=-1e-6), ac.InvalidInput, "mend_vertices")
 
 
-def test_corners_that_printing_cannot_have_made_stay(read):
+def test_corners_that_rounding_does_not_explain_remain(read):
     text = "G21 G90 F600\nG0 X0 Y0\nG1 X30.01 Y10.003\nG1 X60.02 Y20.007\nG1 X60.02 Y50\nM2\n"
     mended = read(text)
     assert "Repaired 1 vertex" in mended.notes[0] and kinks(mended) == 1
@@ -138,7 +138,7 @@ def test_corners_that_printing_cannot_have_made_stay(read):
     assert read(text, mend_vertices=5e-5).notes
 
 
-def test_collinear_waypoints_are_mended(read):
+def test_collinear_waypoints_are_aligned(read):
     places = np.linspace(0, 70, 8)
     rows = [f"{100 + x * np.cos(0.4):.3f},{50 + x * np.sin(0.4):.3f}" for x in places]
     text = "x [mm],y [mm]\n" + "\n".join(rows) + "\n"
@@ -146,7 +146,7 @@ def test_collinear_waypoints_are_mended(read):
     assert len(read(text, ".csv").path.stops) == 0
 
 
-def test_bulges_of_dxf_are_mended(tmp_path):
+def test_bulges_of_dxf_become_tangent(tmp_path):
     document = pytest.importorskip("ezdxf").new(units=4)
     bulge = np.tan(np.pi / 8)
     c, s = np.cos(0.4), np.sin(0.4)

@@ -59,7 +59,7 @@ def is_arc(path, start, center, angle):
     assert np.sign(across) == np.sign(angle)
 
 
-def test_pixels_of_the_program_that_wrote_the_file():
+def test_the_size_of_a_pixel_follows_from_the_program_that_wrote_the_file():
     inch, line = 0.0254, '<line x1="0" y1="90" x2="90" y2="90"/>'
     illustrator = "<!-- Generator: Adobe Illustrator 24.0.1, SVG Export Plug-In -->"
     old = 'inkscape:version="0.48.4 r9939"'
@@ -105,7 +105,7 @@ def test_pixels_of_the_program_that_wrote_the_file():
     assert program.path.length == pytest.approx(90 * inch / 96, rel=1e-8) and not program.notes
 
 
-def test_user_units_and_y_up_from_the_lower_edge():
+def test_user_units_are_converted_and_y_points_up():
     inch = 0.0254
     for page, unit, height in (
         ('width="100mm" height="80mm" viewBox="0 0 100 80"', 1e-3, 80e-3),
@@ -143,7 +143,7 @@ def test_user_units_and_y_up_from_the_lower_edge():
         np.testing.assert_allclose(vertices, expected, atol=1e-9, err_msg=align)
 
 
-def test_lines_polylines_polygons_and_rectangles():
+def test_lines_polylines_polygons_and_rectangles_are_read():
     path = only('<line x1="1" y1="2" x2="3mm" y2="4"/>')
     np.testing.assert_allclose(path.vertices, upright([[1, 2], [3 * 96 / 25.4, 4]]), rtol=1e-12)
     for tag, closed in (("polyline", False), ("polygon", True)):
@@ -188,7 +188,7 @@ def test_a_circle_is_one_arc():
         is_arc(only(f'<path d="{d}"/>'), start, center, angle)
 
 
-def test_ellipses_and_arcs_of_nearly_a_whole_circle_or_of_no_size():
+def test_ellipses_and_degenerate_arcs_are_read():
     path = only('<path d="M60 30 A 10 10 0 1 1 60 29.99"/>')
     points = path(np.linspace(0, path.length, 500)) * 1e3
     assert np.ptp(np.linalg.norm(points - (50, 50.005), axis=1)) < 1e-5
@@ -286,7 +286,7 @@ height="9" => because the reference of the percentage is unknown
 """
 
 
-def test_what_is_wrong_is_refused_with_its_element():
+def test_invalid_elements_are_refused_by_name():
     refusals(read, WRONG, "a.svg", "in line 1")
     refusals(lambda page: read('<line x2="5%"/>', page), PAGES)
     third = '<g>\n\n<circle id="c" r="-1"/></g>'
@@ -312,7 +312,7 @@ def test_what_is_wrong_is_refused_with_its_element():
         assert f"{name} in line 1." in note and program.contours[0].name == "kept"
 
 
-def test_names_layers_and_what_is_passed_over():
+def test_names_and_layers_are_read_and_skipped_elements_counted():
     body = """<line x2="1"/><g id="g"><path d="M0 1h1"/><path id="leaf" d="M0 2h1"/></g>
     <g inkscape:groupmode="layer" inkscape:label="Cut" id="l1"><g id="inner">
     <path d="M0 3h1"/></g></g><g inkscape:groupmode="layer" id="l2"><line y1="5" x2="1"/></g>"""
@@ -331,7 +331,7 @@ def test_names_layers_and_what_is_passed_over():
     assert program.notes == () and "text in line 1" in read(body).notes[0]
 
 
-def test_use_symbols_and_nested_drawings():
+def test_use_symbols_and_nested_drawings_are_read():
     body = """<defs><g id="q"><path id="w" d="M0 0 l5 5"/></g></defs>
     <use href="#q" x="10" y="20"/><use xlink:href="#w" transform="rotate(90) scale(2)"/>"""
     first, second = (x.path.vertices for x in read(body).contours)
@@ -349,7 +349,7 @@ def test_use_symbols_and_nested_drawings():
         is_arc(only(body), start, center, -2 * math.pi)
 
 
-def test_what_is_hidden_or_clipped_is_left_out():
+def test_hidden_or_clipped_elements_are_skipped():
     body = """<g id="off" display="none"><path d="M0 0h1"/></g><g visibility="hidden">
     <path id="h" d="M0 1h1"/><path id="v" visibility="visible" d="M0 2h1"/></g>
     <path id="s" style="fill:none; display : none" d="M0 3h1"/>"""
@@ -383,7 +383,7 @@ def test_nested_drawings_end_at_their_viewport():
     assert program.path.length == pytest.approx(0.11) and program.notes == ()
 
 
-def test_strokes_choose_and_lengths_are_relative():
+def test_strokes_select_contours_and_lengths_are_relative():
     body = """<g stroke="red"><path id="a" d="M0 0h1"/><path id="b" stroke="#00F" d="M0 1h1"/>
     <path id="c" style="stroke: rgb(255, 0,0)" d="M0 2h1"/></g><path id="d" d="M0 3h1"/>"""
     sheet = "<style>.a{stroke:red}</style>" + body
@@ -503,7 +503,7 @@ PIECES = ["M", "m", "L", "Z", "A", "c", "1", "-2.5", " ", ",", "e3", ".", "0", "
 
 
 @given(st.lists(st.sampled_from(PIECES), max_size=20), st.lists(st.sampled_from(PIECES)))
-def test_any_path_data_gives_a_program_or_a_refusal(d, points):
+def test_any_path_data_is_read_or_refused(d, points):
     body = f'<path id="p" d="M0 0 {"".join(d)}"/><polygon id="q" points="{"".join(points)}"/>'
     try:
         read(body)

@@ -26,7 +26,7 @@ def refused(text, call=read, **reading):
     return str(caught.value)
 
 
-def test_dialects_units_speeds_and_tolerances():
+def test_dialects_units_speeds_and_tolerances_are_read():
     for names, separator in itertools.product(
         ("x [mm],y [mm]", "X(mm),Y (mm)", "x_mm,y_mm", "x [cm],y [cm]"), ",;\t"
     ):
@@ -62,7 +62,7 @@ def test_waypoints_keep_their_numbers_if_rounded_coordinates_are_repaired():
         np.testing.assert_allclose(path.vertices[path.waypoints], remaining, atol=1e-12)
 
 
-def test_names_of_contours_and_layers_and_events():
+def test_names_of_contours_layers_and_events_are_read():
     # A new name begins a contour, and empty cells go on.
     text = "x,y,contour,layer\n0,0,a,one\n1,0,,\n0,1,b,\n1,1,b,one\n0,2,b,two\n1,2,b,two\n"
     contours = read(text).contours
@@ -75,7 +75,7 @@ def test_names_of_contours_and_layers_and_events():
     assert events == [("laser", True, 0), *at_2, ("laser", False, 3)]
 
 
-def test_quaternions_angles_and_axes_hold_the_tool():
+def test_quaternions_angles_and_axes_orient_the_tool():
     angles = np.array([[10, 20, 30], [-40, 50, 60]])
     turned = Rotation.from_euler("xyz", angles, degrees=True)
     for names, values in (
@@ -155,7 +155,7 @@ coordinates = st.floats(-5, 5, allow_nan=False).map(lambda x: round(x, 6))
     points=st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=2, max_size=12),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_what_was_written_is_read(points, seed):
+def test_written_waypoints_are_read_again(points, seed):
     points = np.array([points[0], *(b for a, b in zip(points, points[1:], strict=False) if a != b)])
     if len(points) < 2 or (np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-7).any():
         return

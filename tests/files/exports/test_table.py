@@ -117,7 +117,7 @@ def early(t):
     return (TimedEvent(name="gas", value=True, t=t, due=0.0, s=0.0, point=(0.0, 0.0)),)
 
 
-def test_refuses_what_cannot_be_a_table(set_points, conventional, arm):
+def test_refuses_invalid_tables(set_points, conventional, arm):
     data, three = set_points(np.zeros((3, 2))), set_points(np.zeros((3, 3)))
     too_early = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
@@ -157,7 +157,7 @@ def events_in(cell):
 
 
 @pytest.mark.parametrize("dof", [2, 7])
-def test_csv_comes_back_in_pandas(table, tmp_path, dof):
+def test_pandas_reads_the_same_csv(table, tmp_path, dof):
     exported = table(dof)
     for decimals, cycle in ((7, 0.008), (9, 0.001), (12, CYCLE), (9, CYCLE)):
         limits = ac.Limits() if decimals == 12 else None
@@ -199,12 +199,12 @@ def by_numpy(header, rows):
         elements=st.floats(-1e18, 1e18, allow_subnormal=True),
     )
 )
-def test_is_the_same_text_as_numpys(rows):
+def test_text_is_that_of_numpy(rows):
     header = ["t [s]", *(f"joint {i} [rad]" for i in range(rows.shape[1]))]
     assert csv_text(header, [rows]) == by_numpy(header, rows)
 
 
-def test_nothing_is_lost_between_pieces(monkeypatch):
+def test_blocks_of_the_text_are_joined_without_a_gap(monkeypatch):
     monkeypatch.setattr(table_module, "FORMAT_BLOCK", 30)
     for count in (9, 10, 11, 30):
         rows = np.random.default_rng(0).normal(size=(count, 3))
@@ -247,7 +247,7 @@ def test_yaml_is_a_joint_trajectory(table, tmp_path):
         assert [json.loads(x) for x in lines] == [event_data(x) for x in original.events]
 
 
-def test_refuses_times_that_ros_cannot_hold(table, tmp_path):
+def test_refuses_times_beyond_the_range_of_ros(table, tmp_path):
     words = {1e-10: "at least 1 ns apart", 3e9: "at most 2147483647 s"}
 
     def write(t):
@@ -373,7 +373,7 @@ def test_programs_that_do_not_set_an_analog_output_warn(set_points, tmp_path, en
     assert re.search(r"ANOUT\[1\]|analog_out\(1,", (tmp_path / f"part{ending}").read_text())
 
 
-def test_refuses_what_does_not_fit_together(six, tmp_path):
+def test_refuses_other_formats_and_wrong_options(six, tmp_path):
     cases = [
         ("a.txt", {}, "The extension of a.txt does not belong to a format"),
         ("a.csv", {"format": "xml"}, "There is no format"),
@@ -399,7 +399,7 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
     export(six, tmp_path / "a.csv", joint_names=np.array(list("abcdef")))
 
 
-def test_a_writer_that_fails_halfway_leaves_what_was_there(six, tmp_path, monkeypatch):
+def test_a_failed_writer_leaves_the_earlier_file(six, tmp_path, monkeypatch):
     place = tmp_path / "part.csv"
     export(six, place)
     before = bytes_of(place)

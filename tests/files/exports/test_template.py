@@ -108,7 +108,7 @@ def test_analog_outputs_are_set_where_they_change(table, tmp_path):
     assert "SetAO aoP, 10.000000;" in made(high, tmp_path, "abb", outputs={"power": "aoP"})
 
 
-def test_ours_refuse_arms_of_other_joints_and_other_outputs(table, tmp_path):
+def test_built_in_templates_refuse_other_arms_and_outputs(table, tmp_path):
     names = "controller must be names of signals"
     numbers = "controller must be integers of at least 1"
     table_of = {
@@ -194,11 +194,11 @@ WRONG = [
 ]
 
 
-def test_what_is_wrong_with_a_template_is_one_sentence_with_its_line(table, tmp_path):
+def test_an_error_in_a_template_is_reported_with_its_line(table, tmp_path):
     refusals(lambda x: made(table(), tmp_path, house(tmp_path, x)), WRONG)
 
 
-def test_refuses_templates_that_are_not_there(table, tmp_path):
+def test_refuses_missing_templates(table, tmp_path):
     os.mkfifo(tmp_path / "pipe.j2")
     places = [
         (tmp_path / "no.j2", "There is no template"),
@@ -297,7 +297,7 @@ def timed_events(name, value, t=0.0):
     return (TimedEvent(name=name, value=value, t=t, due=t, s=0.0, point=(0.0, 0.0)),)
 
 
-def test_refuses_what_it_cannot_say(table, tmp_path):
+def test_refuses_motions_that_the_program_cannot_express(table, tmp_path):
     cases = [
         ((table(2), {}), "6 joints, but 'part 7' has 2"),
         ((dataclasses.replace(table(), cycle=0.001), {}), "multiple of 2 ms"),

@@ -119,7 +119,7 @@ BAD = r"""
 """
 
 
-def test_geometry_that_is_none_is_refused_and_scales_are_kept(tmp_path):
+def test_invalid_geometry_is_refused_and_scales_are_read(tmp_path):
     (tmp_path / "large.obj").write_text(re.sub(r"0\.(\d)", r"\g<1>00", WEDGE))
     (tmp_path / "small.obj").write_text(WEDGE)
     refusals(lambda x: x.shapes, [(loaded(described(tmp_path, x)), y) for x, y in rows(BAD)])
@@ -141,7 +141,7 @@ def names(pairs):
     return {frozenset((getattr(x, "name", x), getattr(y, "name", y))) for x, y in pairs}
 
 
-def test_pairs_of_an_srdf_file_are_left_out_with_its_reasons(tmp_path):
+def test_pairs_of_an_srdf_file_are_ignored_with_its_reasons(tmp_path):
     (tmp_path / "small.srdf").write_text(SRDF)
     file = described(tmp_path)
     bare, arm = loaded(file), loaded(file, srdf=tmp_path / "small.srdf")
@@ -159,7 +159,7 @@ NO_SRDF = """
 """
 
 
-def test_a_file_that_is_no_srdf_is_refused(tmp_path):
+def test_a_file_of_another_format_is_refused_as_srdf(tmp_path):
     def read(text):
         (tmp_path / "small.srdf").write_text(text)
         return loaded(described(tmp_path), srdf=tmp_path / "small.srdf").shapes
@@ -168,7 +168,7 @@ def test_a_file_that_is_no_srdf_is_refused(tmp_path):
 
 
 @needs_dynamics
-def test_pairs_that_always_touch_are_left_out_and_others_that_touch_at_0_are_not(tmp_path):
+def test_pairs_are_ignored_only_if_they_always_touch(tmp_path):
     # A hand with a ball that reaches the post in every posture, and a finger that is in the way of
     # the camera with all joints at 0 only.
     hand = '<collision><origin xyz="-0.5 0 0"/><geometry><sphere radius="0.12"/></geometry>'

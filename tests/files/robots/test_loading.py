@@ -57,7 +57,7 @@ def write(tmp_path, data):
     return file
 
 
-def test_the_papers_arm(arm):
+def test_the_papers_arm_has_the_printed_values(arm):
     assert ac.arm_names() == ("fr3", "panda", "pmk3s", "ur10e", "ur5e")
     assert (arm.name, arm.base, arm.link1, arm.link2) == ("PMK-3s", 0.135, 0.250, 0.215)
     np.testing.assert_array_equal(arm.limits.joint_acceleration, [0.72, 0.72])
@@ -65,7 +65,7 @@ def test_the_papers_arm(arm):
     assert "Munasinghe" in arm.source
 
 
-def test_the_users_own_arm(tmp_path):
+def test_an_arm_file_in_the_plane_is_read(tmp_path):
     arm = ac.load_arm(write(tmp_path, GOOD))
     assert (arm.name, arm.source, arm.base) == ("mine", "drawing 7", 0.1)
     assert (arm.link1, arm.link2) == (0.3, 0.2)
@@ -111,7 +111,7 @@ def changed(data, line):
     return f"{yaml.safe_dump(rest)}{line}\n"
 
 
-def test_files_that_are_no_arm_are_refused(tmp_path):
+def test_invalid_arm_files_are_refused(tmp_path):
     def read(data):
         return ac.load_arm(write(tmp_path, data))
 
@@ -135,7 +135,7 @@ def test_files_that_are_no_arm_are_refused(tmp_path):
     refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(**x)), choices)
 
 
-def test_the_users_own_serial_arm(tmp_path):
+def test_a_serial_arm_file_is_read(tmp_path):
     arm = ac.load_arm(write(tmp_path, SERIAL))
     assert (arm.name, arm.source, arm.joint_names) == ("two", "drawing 8", ("first", "second"))
     assert "joint_acceleration" in arm.limits_hint and "arm.yaml" in arm.limits_hint
@@ -212,7 +212,7 @@ def by_dh(name, q):
 
 
 @pytest.mark.parametrize("name", [*UR, "panda", "fr3"])
-def test_arms_by_their_dh_parameters(name):
+def test_arms_are_made_from_dh_parameters(name):
     arm = ac.load_arm(name)
     for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (100, arm.dof)):
         place = by_dh(name, q)
@@ -340,7 +340,7 @@ def for_all(lines):
     return "joint_limits:\n" + "".join(f"  {joint}: {{{lines}}}\n" for joint in JOINTS)
 
 
-def test_limits_of_all_or_some_joints(tmp_path):
+def test_limits_apply_to_all_or_some_joints(tmp_path):
     no_limits = "has_velocity_limits: false, max_velocity: 1, has_position_limits: false, "
     no_limits += "has_effort_limits: false, has_jerk_limits: true, max_jerk: 100"
     limits = with_text(tmp_path, for_all(no_limits)).limits

@@ -63,7 +63,7 @@ def seen_by_mujoco(q, dq, ddq, held):
     return tuple(np.array(x) for x in zip(*torques_and_poses, strict=True))
 
 
-def test_the_arm_with_its_gripper_as_mujoco_sees_it():
+def test_the_arm_with_its_gripper_has_the_dynamics_of_mujoco():
     arm = original_arm()
     assert (arm.name, arm.joint_names) == ("lifter", TURNING)
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 200, 4))
@@ -206,7 +206,7 @@ QUATERNIONS = """
 """
 
 
-def test_quaternions_of_origins(tmp_path):
+def test_origins_may_have_quaternions(tmp_path):
     first, last = '<robot name="lifter">', 'rpy="1.2 0 0.3"'
     place = Frame.rpy((0, 0, 0), (1.2, 0, 0.3))
     version = (first, '<robot name="lifter" version="1.2">')
@@ -243,7 +243,7 @@ def test_unknown_attributes_are_refused(tmp_path):
     assert load(tmp_path, (kind, f'{kind} dont_collapse="true"')).dof == 4
 
 
-def test_accelerations_and_jerks_of_a_description(tmp_path):
+def test_accelerations_and_jerks_of_a_description_are_read(tmp_path):
     elbow = 'effort="40" velocity="2.5"'
     more = 'acceleration="8" deceleration="6" jerk="50"'
     arm = load(tmp_path, (elbow, f"{elbow} {more}"))
@@ -330,7 +330,7 @@ def test_soft_limits_narrow_the_range(tmp_path):
         assert arm.limits.joint_upper[2] == (1 if lower == -1 else 2.5)
 
 
-def test_ranges_in_degrees_are_asked_about(tmp_path):
+def test_ranges_that_look_like_degrees_are_refused(tmp_path):
     def changed(low, high):
         return (ELBOW, ELBOW.replace("-2.5", f"{low}", 1).replace('upper="2.5"', f'upper="{high}"'))
 
@@ -346,7 +346,7 @@ def test_ranges_in_degrees_are_asked_about(tmp_path):
     assert arm.limits.joint_upper[2] == 170
 
 
-def test_zero_and_less_count_as_not_given(tmp_path):
+def test_limits_of_zero_or_less_are_ignored(tmp_path):
     elbow = 'effort="40" velocity="2.5"'
     for effort, velocity, lacking in (
         ("0", "2.5", "effort"),
@@ -377,7 +377,7 @@ def test_zero_and_less_count_as_not_given(tmp_path):
     assert any("no effort of pan (" in x for x in arm.notes)
 
 
-def test_joints_without_a_limit_element(tmp_path):
+def test_joints_without_a_limit_element_are_unlimited(tmp_path):
     arm = load(tmp_path, ('<limit effort="80" velocity="2"/>', ""))
     np.testing.assert_array_equal(arm.limits.joint_velocity, [np.inf, 1.5, 2.5, 4])
     assert arm.limits.joint_torque[0] == arm.limits.joint_upper[0] == np.inf
@@ -395,7 +395,7 @@ NO_BODIES = """
 """
 
 
-def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path):
+def test_links_without_mass_remove_only_the_dynamics(tmp_path):
     upper = re.search('<link name="upper">.*?(<inertial>.*?</inertial>)', TEXT, re.DOTALL)[1]
     table = [*rows(NO_BODIES), (upper, "", "the link upper has no mass")]
     whole = original_arm()
@@ -408,7 +408,7 @@ def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path):
         refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
 
 
-def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path):
+def test_joints_outside_the_arm_stay_at_0_or_the_nearest_end_of_their_range(tmp_path):
     ranges = 'lower="-1" upper="1" effort="1"'
     for range_text, end in (('lower="0.5" upper="1"', 0.5), ('lower="-1" upper="-0.25"', -0.25)):
         arm = load(tmp_path, (ranges, range_text + ' effort="1"'))
@@ -422,7 +422,7 @@ CHOICES = """
 """
 
 
-def test_choices_that_a_description_does_not_have(tmp_path):
+def test_options_that_do_not_fit_the_description_are_refused(tmp_path):
     refusals(lambda x: load(tmp_path, **yaml.safe_load(x)), CHOICES)
 
 
@@ -492,7 +492,7 @@ offset="0.01" => offset="1e300" => position ... right ... at most 1e+09
 """
 
 
-def test_names_that_cannot_be_printed_and_numbers_that_are_none_are_refused(tmp_path):
+def test_unprintable_names_and_invalid_numbers_are_refused(tmp_path):
     table = [((f'{x} name="{a}"', f'{x} name="{b}"'), words) for x, a, b, words in NAMES]
     for number in ("1_0", "inf", "0x10"):
         table += [((old, new.replace("N", number)), words) for old, new, words in rows(NUMBERS)]

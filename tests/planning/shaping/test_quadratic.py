@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from armcontour.planning.shaping.quadratic_program import solve_program
 
 
-def test_nearly_linear_programs():
+def test_nearly_linear_programs_are_solved():
     """Rows with and without zeros at their ends, between the first node and the last."""
     for n, k in itertools.product((1, 2, 7), (1, 2, 3)):
         rng = np.random.default_rng(10 * n + k)

@@ -44,7 +44,7 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
     assert durations[-1] < 0.97 * search.start.duration
 
 
-def test_what_is_not_shaped(arm, limits):
+def test_unsupported_paths_are_not_shaped(arm, limits):
     exact = ac.Path.polyline(LINES.vertices, segment_limits=ac.SegmentLimits(tolerance=0.0))
     path = ac.shape(exact, arm, limits, ac.Shaped(tolerance=1e-3))
     assert "a line has no tolerance" in path.outcome.note
@@ -79,7 +79,7 @@ def test_starts_use_all_of_the_tolerance():
     np.testing.assert_allclose(start_path.corners.error, 0.7e-3, rtol=1e-9)
 
 
-def test_the_nearest_point_of_a_corner_passes_it():
+def test_the_nearest_point_moves_past_a_corner():
     options = ac.Shaped(tolerance=2e-3)
     for turn in (0.3, 1.5, 2.6, 3.0):
         end = np.array([0.1, 0]) + 0.1 * np.array([np.cos(turn), np.sin(turn)])

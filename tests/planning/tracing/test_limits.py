@@ -88,7 +88,7 @@ def bump(height):
     return ac.JointPath(breaks=np.array([0.0, 2.0]), coefficients=coefficients)
 
 
-def test_the_top_between_samples_counts(refuses):
+def test_the_peak_between_samples_counts(refuses):
     limits = ac.Limits.only(joint_upper=[2.0, 0.5], joint_lower=[-0.1, -0.1])
     check_joint_range(bump(0.5), limits, UR5E)
     upper = {"limit": "joint_upper", "needed": 0.500001, "allowed": 0.5}
@@ -118,7 +118,7 @@ def test_the_top_between_samples_counts(refuses):
         assert caught.value.joint == int(np.argmax(q.max(axis=0))), seed
 
 
-def test_every_method_refuses(traced, arm, limits):
+def test_every_method_refuses_paths_out_of_the_joint_range(traced, arm, limits):
     narrow = limits.replace(joint_upper=traced(0.0) + 0.01)
     for method in ("optimal", "paper", "conventional"):
         with pytest.raises(ac.Unreachable, match="beyond its upper limit"):

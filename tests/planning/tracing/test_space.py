@@ -124,7 +124,7 @@ def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
 
 
 @pytest.mark.parametrize("name", ["ur5e", "panda"])
-def test_joints_to_spare_move_smoothly_between_stops(name):
+def test_redundant_joints_move_smoothly_between_stops(name):
     arm = ac.load_arm(name)
     for kind in ("axis per waypoint", "axis following", "stopping"):
         path = PATHS[kind]
@@ -175,7 +175,7 @@ def test_the_refusal_of_a_start_names_one_that_works(ur5e, refuses):
     refuses(lambda: ac.trace(path, ur5e, seed=degrees), ac.InvalidInput, joint=1)
 
 
-def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
+def test_a_waypoint_one_millimetre_out_of_reach_is_refused(ur5e):
     """How far the arm gets along x with the tool down, in any configuration, by bisection."""
     edge, high = 0.6, 1.2
     for _ in range(40):
@@ -200,7 +200,7 @@ def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
     assert is_on_path(ur5e, path, traced) and np.abs(traced(path.length, 1)).max() > 100
 
 
-def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5e):
+def test_the_wrist_turns_fast_near_its_singularity_and_a_path_through_it_is_refused(ur5e):
     q = np.array([0.3, -1.2, 1.5, -0.6, 0.0, 0.4])  # the fifth joint at zero: two axes in line
     point, rotation = ur5e.pose(q)
     lost = np.linalg.svd(ur5e.jacobian(q))[0][:, -1]  # what the tool cannot do there
@@ -226,7 +226,7 @@ def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5
     assert error.s == pytest.approx(through.length / 2, abs=0.003)
 
 
-def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
+def test_an_arm_with_five_joints_follows_a_tool_axis_but_no_orientation(refuses):
     random = np.random.default_rng(1)
     axes = random.normal(size=(5, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
@@ -241,7 +241,7 @@ def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
     assert len(candidates) >= 1 and all(is_on_path(arm, pointed, x) for x in candidates)
 
 
-def test_refusals(ur5e, refuses):
+def test_invalid_orientations_and_corners_are_refused(ur5e, refuses):
     path = ac.Path.polyline(POINTS)
     sharp = path.following_tangent([0, 0, 1])
     # One that was to be rounded is not told to be rounded.
@@ -274,7 +274,7 @@ def test_refusals(ur5e, refuses):
         refuses(call, ac.InvalidInput, words, **data)
 
 
-def test_sharp_corners_are_stops_and_corners_beside_arcs_are_rounded(ur5e):
+def test_sharp_corners_are_stops_and_corners_next_to_arcs_are_rounded(ur5e):
     path = ac.Path.polyline(POINTS).oriented(DOWN)
     traced = ac.trace(path, ur5e)
     np.testing.assert_array_equal(traced.stops, path.breaks[1:-1])
@@ -289,7 +289,7 @@ def test_sharp_corners_are_stops_and_corners_beside_arcs_are_rounded(ur5e):
         ac.trace(path, ur5e)
 
 
-def test_a_weld_seam_round_a_tube_needs_the_turn_about_the_tool_axis(ur5e):
+def test_a_weld_seam_around_a_tube_requires_a_free_tool_axis(ur5e):
     arm = ur5e.with_tool(TORCH)
     center, up = np.array([0.45, 0.0, 0.35]), np.array([0.0, 0.0, 1.0])
     seam = ac.Path(

@@ -87,7 +87,7 @@ def test_full_turns_are_unwrapped(arm, configuration):
         assert len(ac.trace(circle((0.3, 0.2), 0.1, phase), arm).breaks) < 500
 
 
-def test_what_cannot_be_reached_is_found_and_named(arm):
+def test_unreachable_points_are_found_and_named(arm):
     path = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.9, 0.15)])
     with pytest.raises(ac.Unreachable) as caught:
         ac.trace(path, arm)
@@ -110,7 +110,7 @@ def test_what_cannot_be_reached_is_found_and_named(arm):
         assert s is None or caught.value.s == pytest.approx(s, abs=near)
 
 
-def test_refused(arm, refuses):
+def test_wrong_paths_and_options_are_refused(arm, refuses):
     line = PATHS["line"]
     for path, options in (
         (ac.Path.polyline([(0.3, 0.2, 0.0), (0.4, 0.2, 0.0)]), {}),

@@ -24,7 +24,7 @@ def plan():
 
 
 @pytest.mark.parametrize("limit", [math.inf, 1.5])
-def test_a_drive_with_a_cycle_is_its_program(plan, limit):
+def test_a_drive_with_a_cycle_follows_its_difference_equation(plan, limit):
     """As a controller computes it: once per cycle, with sums in place of integrals."""
     drive_cycle, dead_time = 3e-3, 5e-3
     servo = ac.ServoModel(
@@ -118,7 +118,7 @@ def test_set_points_compensate_drives_with_a_cycle(plan, drive_cycle, feed):
     )
 
 
-def test_response_is_that_of_a_sine():
+def test_the_response_is_that_of_a_sine():
     servo = ac.ServoModel(
         kp=12.0, kv=80.0, ki=6.0, velocity_feedforward=0.7, acceleration_feedforward=0.3,
         dead_time=5e-3, interpolation="linear",
@@ -138,7 +138,7 @@ def test_response_is_that_of_a_sine():
     assert servo.slowest == pytest.approx(-poles.real.max(), rel=1e-9)
 
 
-def test_integrators_that_no_model_has_are_refused(plan, refuses):
+def test_integrators_of_other_orders_are_refused(plan, refuses):
     for parameters, words in (
         ({"kp": 5.0, "order": "first", "ki": 1.0}, "integral gain of the velocity loop"),
         ({"kp": 5.0, "kv": 50.0, "ki": -1.0}, "ki of a servo model must not be negative"),

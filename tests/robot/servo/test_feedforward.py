@@ -102,7 +102,7 @@ def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, pla
     assert first or execution.saturated.any() == (limit < 100)
 
 
-def test_the_transfer_function():
+def test_the_transfer_function_is_that_of_the_model():
     omega = np.array([0.0, 1.0, 30.0, 500.0])
     for kind in KINDS:
         servo = servo_of(kind)
@@ -162,7 +162,7 @@ def test_the_response_is_5_and_the_slowest_rate_that_of_its_slowest_pole():
     assert ac.ServoModel(kp=[5.0, 7.0], order="first").slowest == 5.0
 
 
-def test_refusals(refuses):
+def test_invalid_servo_models_are_refused(refuses):
     both = {"kp": 25.0, "kv": 150.0}
     for values, *words in (
         ({"kp": 25.0}, "kv"),
@@ -205,7 +205,7 @@ SLOW = {
 
 
 @pytest.mark.parametrize("kind", SLOW)
-def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind, arm, plan):
+def test_a_slow_transient_is_truncated_with_a_bound_of_the_error(kind, arm, plan):
     servo = ac.ServoModel(**SLOW[kind], velocity_feedforward=[0.8, 1.2], acceleration_limit=np.inf)
     set_points = ac.compensate(plan, servo, ac.Inverse())
     end = plan(plan.duration, side="left")

@@ -82,7 +82,7 @@ def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
 
 @pytest.mark.parametrize("feed", [0.0, 0.9])
 @pytest.mark.parametrize("kind", [{"kv": 150.0}, {"order": "first"}])
-def test_set_points_compensate_dry_dry_friction(kind, feed):
+def test_set_points_compensate_dry_friction(kind, feed):
     path = ac.round_corners(ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)]), tolerance=2e-3)
     plan = ac.plan(
         path, ARM, ac.Limits(joint_acceleration=[5.0, 5.0], speed=0.1), ac.Optimal(intervals=200)
@@ -112,7 +112,7 @@ def test_parameters_of_joint_servos_are_refused(refuses):
     )
 
 
-def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
+def test_a_cycle_does_not_change_joints_of_order_delay(execute):
     dead_time = 5e-3
     servo = ac.ServoModel(
         order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(dead_time, 0.0), drive_cycle=1e-3

@@ -23,7 +23,7 @@ def integrate(q, servo, every):
     return np.array(demand_range)
 
 
-def test_held_set_points_while_the_joint_saturates():
+def test_held_set_points_are_simulated_during_saturation():
     random = np.random.default_rng(5)
     q = np.cumsum(np.append(np.zeros(5), random.normal(0, 2e-3, 35)))
     bound = np.array([BOUND])

@@ -7,7 +7,7 @@ pytestmark = pytest.mark.browser
 TABS = ("charts", "runs", "waypoints", "tasks", "text", "notes", "contours")
 
 
-def test_axe_sees_a_fault(browser):
+def test_axe_reports_a_fault(browser):
     page = browser.new_page()
     page.set_content("<img src='data:,'><button></button>")
     load_axe(page)
@@ -74,7 +74,7 @@ CUT = """() => {
 
 
 @pytest.mark.parametrize("size", [(1440, 900), (1920, 1080), (390, 844)])
-def test_the_stage_has_room_and_no_text_is_cut(pages, size):
+def test_the_drawing_has_space_and_no_text_is_truncated(pages, size):
     studio = pages(size=size)
     studio.rest()
     assert studio.page.evaluate(CUT) == []

@@ -171,7 +171,7 @@ def open_all(page):
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, name):
+def test_a_report_has_no_serious_fault_and_no_truncated_text(browser, tmp_path, name):
     page_faults = []
     for width, colours in ((1400, "light"), (900, "dark"), (500, "light")):
         with opened(browser, text_of(name), tmp_path, width, color_scheme=colours) as page:
@@ -185,7 +185,7 @@ def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, n
     assert not page_faults, "\n".join(page_faults)
 
 
-def test_figures_and_drawings_answer(browser, tmp_path):
+def test_figures_and_drawings_react_to_the_pointer(browser, tmp_path):
     with opened(browser, text_of("run"), tmp_path, 1400) as page:
         # An important value leads to its place, which is enlarged.
         drawing = page.locator(".front svg.drawing")

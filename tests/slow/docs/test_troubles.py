@@ -56,6 +56,7 @@ URDF = "".join(
     for k, (place, axis) in enumerate(x.split(";") for x in JOINTS)
 )
 
+
 @dataclass
 class Trouble:
     """What provokes a trouble."""
@@ -64,17 +65,21 @@ class Trouble:
     files: dict = field(default_factory=dict)
     job: dict = field(default_factory=lambda: BEND)
 
+
 def drawn(words, more="", cell="pmk3s"):
     """A program of G-code with one more line, on an arm."""
     command = f"armcontour run part.ngc --cell {cell} --out out --no-simulation {more}"
     return Trouble(command, {"part.ngc": GCODE.format(words)})
 
+
 def gasket(command, content=GASKET):
     return Trouble(command, {"part.dxf": content})
+
 
 def changed(job=BEND, command=RUN, files=None, **keys):
     """A job with other keys."""
     return Trouble(command, files or {}, job | keys)
+
 
 RANGE = {"joint_lower": -0.4, "joint_upper": 0.4}
 EARLY = {"switch": {"name": "laser", "on_lead": "200 ms"}}
@@ -119,6 +124,7 @@ TROUBLES = {
     "Cannot tell": Trouble("armcontour check log.csv --arm pmk3s", {"log.csv": LINE}),
 }  # fmt: skip
 
+
 def sections():
     """Every heading with the sentence below it, on one line."""
     heading = ""
@@ -129,7 +135,9 @@ def sections():
         elif token.type == "fence" and token.info == "text":
             yield heading, " ".join(token.content.split())
 
+
 SAID = dict(sections())
+
 
 @pytest.mark.parametrize("name", TROUBLES)
 def test_the_page_quotes_the_messages_of_the_commands(name, tmp_path, monkeypatch):
@@ -153,6 +161,7 @@ def test_the_page_quotes_the_messages_of_the_commands(name, tmp_path, monkeypatc
     # Last digits may differ from machine to machine.
     expected = [float(x) for x in NUMBER.findall(SAID[name])]
     assert [float(x) for x in match.groups()] == pytest.approx(expected, rel=0.01)
+
 
 def test_every_sentence_on_the_page_is_provoked(capsys):
     with listen_to_compilation(ProgressDisplay("run").note_compilation):

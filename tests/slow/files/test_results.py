@@ -32,7 +32,7 @@ print("not killed")
 
 
 @pytest.mark.parametrize("moves", range(9))
-def test_a_killed_replacement_never_looks_whole_and_loses_nothing(tmp_path, moves):
+def test_a_killed_replacement_is_incomplete_and_loses_nothing(tmp_path, moves):
     out = tmp_path / "out"
     write(out, ["old/set_points.csv", "report.html"])
     old = {x: (out / x).read_text() for x in contents(out)}
@@ -54,7 +54,7 @@ def test_a_killed_replacement_never_looks_whole_and_loses_nothing(tmp_path, move
         }
 
 
-def test_what_a_killed_first_run_left_is_cleared_by_the_next_run(tmp_path):
+def test_the_next_run_removes_the_files_of_a_killed_run(tmp_path):
     out = tmp_path / "out"
     subprocess.run([sys.executable, "-c", KILLED, str(out), "0"], timeout=60)
     assert os.listdir(out) == [".armcontour-next"]

@@ -57,7 +57,7 @@ time.sleep(60)
 """
 
 
-def test_it_ends_with_the_process_that_started_it():
+def test_a_worker_ends_with_the_process_that_started_it():
     root = Path(__file__).parents[3]
     first = subprocess.Popen(
         [sys.executable, "-c", CODE], stdout=subprocess.PIPE, cwd=root, text=True

@@ -46,7 +46,7 @@ def written(certificate):
 
 
 @pytest.mark.parametrize("method", ["none", "pole_placement"])
-def test_the_tool_keeps_the_speed_of_every_segment(method):
+def test_the_tool_respects_the_speed_of_every_segment(method):
     job = job_of_own_speeds(method)
     certificate = ac.certify(job)
     execution = executed(certificate)
@@ -72,7 +72,7 @@ def test_the_tool_keeps_the_speed_of_every_segment(method):
     assert fast.speed_ratio > 1.05
 
 
-def test_a_tool_that_is_too_fast_is_refused_by_that_name():
+def test_a_tool_above_its_speed_is_named_in_the_refusal():
     with pytest.raises(ac.NotRealizable, match="Compensate the lag of the servo") as refused:
         job = job_of_own_speeds("none")
         ac.certify(job, goal=replace(job.certificate, slowest=1.03))

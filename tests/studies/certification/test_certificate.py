@@ -81,7 +81,7 @@ def judged(certificate, loaded=False):
     return result
 
 
-def test_the_papers_job_every_four_milliseconds_and_the_parts_of_its_budget(certified):
+def test_the_papers_job_is_certified_at_4_ms_with_the_parts_of_its_budget(certified):
     result = judged(certified)
     assert certified.duration <= 5.332
     assert certified.uncertified.duration == pytest.approx(OPTIMUM, abs=1e-4)
@@ -141,14 +141,14 @@ def test_a_certificate_states_that_rigid_bodies_are_not_covered(certified):
     assert f"the contour error is {error}" in certified.rigid_body_warning
 
 
-def test_without_compensation_a_tool_is_slowed_until_it_keeps_its_budget():
+def test_without_compensation_the_plan_is_derated_until_it_satisfies_its_budget():
     # Slowly: what is derated at one place leaves the lag of what came before.
     certificate = ac.certify(parse_job(LAG))
     judged(certificate, loaded=True)
     assert certificate.duration < 1.14 * certificate.uncertified.duration
 
 
-def test_the_papers_job_every_ten_milliseconds():
+def test_the_papers_job_is_certified_at_10_ms():
     certificate = ac.certify(job(PAPER, cycle="10 ms"), goal=ac.CertificateGoal(servo_error=5e-6))
     assert certificate.duration <= 5.40 and judged(certificate).speed <= 0.15 * (1 + 1e-3)
 
@@ -170,13 +170,13 @@ def test_a_wrong_search_gets_no_certificate(monkeypatch):
 
 
 @pytest.mark.parametrize("more", ["ki: 6 1/s", "ki: 6 1/s, drive_cycle: 4 ms"])
-def test_a_cascade_keeps_its_budget(more):
+def test_a_cascade_stays_within_its_budget(more):
     line = LINE.replace("kv: 150 1/s", f"kv: 150 1/s, {more}")
     certificate = ac.certify(parse_job(line), goal=ac.CertificateGoal(servo_error=2e-5))
     assert 0 < judged(certificate).contour_error.max <= 2e-5
 
 
-def test_limits_of_jerk_are_kept():
+def test_jerk_limits_are_satisfied():
     base = job(SHORT)
     limits = base.runs[0].limits.replace(joint_jerk=36.0)
     certificate = ac.certify(
@@ -194,7 +194,7 @@ def test_limits_of_jerk_are_kept():
 
 
 # tests/slow has boxes of the paper's job.
-def test_gains_ten_percent_off():
+def test_gains_with_an_error_of_ten_percent_are_certified():
     box = Uncertainty(gains=0.1)
     certificate = ac.certify(job(SHORT), goal=ac.CertificateGoal(servo_error=0.5e-3, box=box))
     assert (
@@ -222,7 +222,7 @@ def test_gains_ten_percent_off():
             assert error == pytest.approx(expected, rel=1e-3)
 
 
-def test_dead_times_that_err():
+def test_wrong_dead_times_are_certified():
     delayed = job(SHORT, servo=", dead_time: 40 ms")
     # Shared by all joints, it costs nothing.
     shared = Uncertainty(dead_time=2e-3, dead_time_shared=True)
@@ -249,7 +249,7 @@ def test_dead_times_that_err():
     assert "worst robot of the box" in str(error) and f"{error.needed * 1e3:.3g} mm" in str(error)
 
 
-def test_a_total_tolerance_is_split_and_given_back():
+def test_a_total_tolerance_is_divided_and_its_unused_part_returned():
     certificate = ac.certify(job(SHORT), goal=ac.CertificateGoal(tolerance=2e-3))
     budget, result = certificate.budget, certificate.result.evaluation
     assert budget.total <= 2e-3 and result.objective_error.max <= 2e-3
@@ -301,7 +301,7 @@ def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
     refuses(call, ac.NotRealizable, *words, limit="contour error", allowed=2e-5)
 
 
-def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
+def test_invalid_goals_are_refused_before_the_search(refuses):
     line_job = parse_job(LINE)
     two = replace(line_job, runs=(line_job.runs[0], replace(line_job.runs[0], name="second")))
 
@@ -323,7 +323,7 @@ def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
         refuses(call, ac.InvalidInput, words)
 
 
-def test_goals_of_job_files(refuses):
+def test_job_files_have_goals_of_certificates(refuses):
     keys = "certificate: {tolerance: 5 mm, servo_error: 2 um, run: only, box: {"
     text = LINE + keys + "gains: 10 %, dead_time: 2 ms, shared: false}}\n"
     goal = parse_job(text).certificate
@@ -342,7 +342,7 @@ def test_goals_of_job_files(refuses):
         refuses(partial(parse_job, wrong), ac.InvalidInput, words)
 
 
-def test_errors_of_one_path_count_until_the_tool_rests():
+def test_errors_of_a_path_count_until_the_tool_is_at_rest():
     # A late drive is still on its way when the plan has ended.
     delayed = job(SHORT, servo=", dead_time: 4 ms", method="pole_placement")
     certificate = ac.certify(delayed, goal=ac.CertificateGoal(servo_error=1e-4))

@@ -55,7 +55,7 @@ def executed(certificate, servo=None):
     return execution, evaluation
 
 
-def test_every_contour_holds_its_goal_in_the_whole_without_its_leads(certified):
+def test_every_contour_satisfies_its_goal_without_its_leads(certified):
     execution, result = executed(certified)
     assert [x.name for x in certified.contours] == ["contour bend", "contour line"]
     for x, error in zip(certified.contours, result.contours, strict=True):
@@ -96,7 +96,7 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
     assert np.linalg.norm(execution.tool[index] - certificate.contours[1].path(0.0)) > 0.1e-3
 
 
-def test_robots_of_a_box_hold_the_goal_on_every_contour():
+def test_robots_of_a_box_satisfy_the_goal_on_every_contour():
     box = Uncertainty(gains=0.05)
     certificate = ac.certify(job(), goal=ac.CertificateGoal(servo_error=0.5e-3, box=box))
     servo = certificate.job.plant_servo.for_joints(2)
@@ -115,7 +115,7 @@ def test_a_refusal_names_the_contour(refuses):
     refuses(call, ac.NotRealizable, "contour bend", "largest contour error", **data)
 
 
-def test_what_is_written_has_every_contour(certified):
+def test_the_written_certificate_contains_every_contour(certified):
     data = certificate_page(certified)["certificate"]
     assert [x["name"] for x in data["contours"]] == ["contour bend", "contour line"]
     assert data["contours"][1]["budget"]["executed"] == certified.contours[1].budget.executed

@@ -133,7 +133,7 @@ def test_the_nearest_pair_of_every_kind_is_reported():
     assert clearance.nearest[0] is clearance.least
 
 
-def test_links_without_a_shape_touches_at_rest_and_moving_parts():
+def test_links_without_shape_contacts_at_rest_and_held_parts_are_handled():
     ignored = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
     assert [x.first for x in ignored] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]
     assert {(x.second, x.reason) for x in ignored} == {("everything", "no shape of it is known")}
@@ -148,7 +148,7 @@ def test_links_without_a_shape_touches_at_rest_and_moving_parts():
     assert moved.pairs[0].high == pytest.approx(true, abs=1e-6)
 
 
-def test_pairs_are_left_out_with_reasons():
+def test_pairs_are_ignored_with_reasons():
     shapes = tuple(
         LinkShape(name=name, link=k, shape=Sphere(radius=0.02))
         for k, name in enumerate(("base", "one", "two", "three"))
@@ -167,7 +167,7 @@ def test_pairs_are_left_out_with_reasons():
     }
 
 
-def test_refusals(refuses):
+def test_invalid_scenes_are_refused(refuses):
     motion = sweep_of(A, B, 1.0)
     itself = ball("end", 0.05, [0, 0, 0])
     unknown = ball("x", 0.1, [0, 0, 0], allow=("gripper",))
@@ -177,7 +177,7 @@ def test_refusals(refuses):
         refuses(lambda x=scene: check_clearance(motion, BALL, x), InvalidInput, words)
 
 
-def test_a_body_decides_where_its_hull_comes_too_near():
+def test_the_mesh_decides_where_its_hull_is_too_near():
     # A frame of four bars, whose hull is a full plate, around the ball.
     bars = [((-0.2, 0, 0), (0.02, 0.4, 0.02)), ((0.2, 0, 0), (0.02, 0.4, 0.02))]
     bars += [((0, -0.2, 0), (0.4, 0.02, 0.02)), ((0, 0.2, 0), (0.4, 0.02, 0.02))]

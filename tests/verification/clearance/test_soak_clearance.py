@@ -14,7 +14,7 @@ pinocchio()
 from soak import clearance as judge  # noqa: E402
 
 
-def test_what_is_certified_clear_touches_nothing():
+def test_a_clear_verdict_excludes_contact():
     tally = judge.Tally()
     for name in judge.ARMS:
         arm = ac.load_arm(name)
@@ -24,7 +24,7 @@ def test_what_is_certified_clear_touches_nothing():
     assert tally.touches == 0
 
 
-def test_the_judge_sees_touches_and_has_the_same_kinematics():
+def test_the_oracle_reports_contacts_and_has_the_same_kinematics():
     # The elbow folded back to its end: the wrist is in the upper arm.
     arm = ac.load_arm("ur5e")
     checker = judge.Judge(arm.chain, pairs_of(arm, Scene())[0])
