@@ -11,8 +11,9 @@ from tests.studio.conftest import DRAWINGS
 from tests.studio.session_pages import JOB, ImmediateWorker, RecordingTaskWorker, SessionPage
 
 import armcontour as ac
-from armcontour.files.cell import cell_names
+from armcontour.files.cell import cell_names, drawing_text
 from armcontour.files.job_text_edits import Change, change_data
+from armcontour.report.page_frame import PageFrame
 from armcontour.studio.connection import open_session
 from armcontour.studio.opening import DRAWINGS as CARDS
 from armcontour.studio.opening import Uploads, new_document
@@ -58,6 +59,31 @@ def test_each_card_is_a_job_that_each_arm_can_do(arm, tmp_path):
     assert "PMK-3s" in paper.text
     with pytest.raises(ac.InvalidInput, match="card"):
         new_document("table", arm, Uploads(), tmp_path)
+
+
+def test_a_long_drawing_is_shown_before_its_job_is_read(tmp_path):
+    shapes = "".join(f'<circle cx="{3 * k}" cy="{k % 7}" r="1"/>' for k in range(1, 121))
+    file, sent = tmp_path / "circles.svg", []
+    file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 400 400">{shapes}</svg>')
+    job = tmp_path / "job.yaml"
+    job.write_text(
+        drawing_text("ur5e", file, tmp_path).replace(
+            "frame: {", "frame: {rpy: [0.1 rad, 0.2 rad, 0.7 rad], "
+        )
+    )
+
+    def send(data, key="start"):
+        sent.append(PageFrame.unpack(data))
+
+    session = open_session(job, send=send, task_worker=RecordingTaskWorker)
+    tab, early = SessionPage(session), sent[-1]
+    session.begin()
+    late = next(x for x in tab.frames if x.kind == "picture")
+    session.close()
+    assert early.header["tier"] == late.header["tier"] == "outline"
+    assert early.header["contours"] == late.header["contours"]
+    for name in ("objective", "objective_breaks"):
+        np.testing.assert_allclose(early.arrays[name], late.arrays[name], rtol=0, atol=1e-9)
 
 
 def test_an_empty_plane_is_drawn_on_and_undone(opened):

@@ -27,7 +27,7 @@ def studio(options: Studio, _: None, progress: Progress) -> Outcome:
     require_server()
     _check(options)
 
-    def open_job(say: Callable[[bytes], None]) -> Session:
+    def open_job(say: Callable[..., None]) -> Session:
         return open_session(options.job, cell=options.cell, send=say)
 
     hosts: list[SessionHost] = []

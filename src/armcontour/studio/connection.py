@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+from armcontour.core.errors import ArmContourError
 from armcontour.core.file_access import listen_to_reading
 from armcontour.core.progress import Step
 from armcontour.studio.access_control import Send
@@ -61,10 +63,11 @@ class OpenPage:
 class SessionHost:
     """Creates the session; pages that open earlier join it later."""
 
-    def __init__(self, make: Callable[[Callable[[bytes], None]], Session]) -> None:
+    def __init__(self, make: Callable[[Callable[..., None]], Session]) -> None:
         self._make = make
         self._lock = threading.Lock()
-        self._progress: bytes | None = None
+        # Newest frames of the start, by what they replace.
+        self._starting: dict[str, bytes] = {}
         # Function that stops the server; assigned when the server runs.
         self.stop: Callable[[], None] = lambda: None
         self.pages: list[OpenPage] = []
@@ -77,6 +80,7 @@ class SessionHost:
             session = self._make(self._broadcast)
             with self._lock:
                 self.session = session
+                self._starting.clear()
                 for page in self.pages:
                     session.join(page)
             session.begin()
@@ -90,8 +94,8 @@ class SessionHost:
             self.pages.append(page)
             if self.session is not None:
                 self.session.join(page)
-            elif self._progress is not None:
-                page.send(self._progress)
+            for key, data in self._starting.items():
+                page.send(data, key)
 
     def receive(self, page: OpenPage, message: PageMessage) -> None:
         """Pass a message to the session; a page has no commands before the session exists."""
@@ -105,19 +109,20 @@ class SessionHost:
             if self.session is not None:
                 self.session.leave(page)
 
-    def _broadcast(self, data: bytes) -> None:
-        """Send the progress of the start to all pages, also to those that join later."""
+    def _broadcast(self, data: bytes, key: str = START) -> None:
+        """Send a frame of the start to all pages, also to those that join later."""
         with self._lock:
-            self._progress = data
+            if self.session is None:
+                self._starting[key] = data
             for page in self.pages:
-                page.send(data, "start")
+                page.send(data, key)
 
 
 def open_session(
     file: FilePath | None,
     *,
     cell: str | None = None,
-    send: Callable[[bytes], None] = lambda data: None,
+    send: Callable[..., None] = lambda data, key=START: None,
     task_worker: TaskWorkerFactory | None = None,
 ) -> Session:
     """Open a job file, a drawing in a cell, or an empty plane; `Session.begin` shows it."""
@@ -132,7 +137,7 @@ def open_session(
     from armcontour.studio.opening import blank_document, open_file
     from armcontour.studio.preview import CoarsePlanner
     from armcontour.studio.scheduler import SchedulerOptions
-    from armcontour.studio.session import Session
+    from armcontour.studio.session import Session, outline_frame
     from armcontour.studio.workers import TaskWorker
 
     named: list[FilePath] = []
@@ -146,6 +151,11 @@ def open_session(
     previewer = CoarsePlanner(document.folder)
     report(Step(("reading the job",)))
     with listen_to_reading(lambda place, content: named.append(place)):
+        # An error of the drawing is reported by the session.
+        with suppress(ArmContourError):
+            outline = outline_frame(document.data, previewer)
+            if outline is not None:
+                send(outline.stamped(seq=None, rev=0).pack(), outline.kind)
         session = Session(
             document,
             previewer,

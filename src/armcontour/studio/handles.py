@@ -24,7 +24,8 @@ from armcontour.files.keys import in_si
 from armcontour.files.scene_file import SceneModel
 from armcontour.geometry import Segments
 from armcontour.jobs import Job
-from armcontour.report.view import Plane, in_space
+from armcontour.program import Program
+from armcontour.report.view import Plane, View, in_space
 
 # Role, keys, position in the part frame [m] (None if computed) and coordinates as written.
 PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
@@ -34,6 +35,7 @@ FLAT = 1e-9
 # If the absolute x component of a normal is at least this, the normal counts as parallel to x.
 STEEP = 0.9
 AXES = frozen_array(np.eye(3))
+PLANAR = Plane(origin=np.zeros(3), x=AXES[0], y=AXES[1])
 # Maximum rounding error of written coordinates [m].
 EXACT = 1e-13
 POINTS, SEGMENTS, FILE = "points", "segments", "file"
@@ -155,20 +157,30 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
     ]
     in_plane = kind == FILE or all(x[2] is None or len(x[2]) == 2 for x in records)
     plane = _plane_of(job, frame if in_plane else None, points)
-    file, uv = path.get("file"), plane.uv(_vertices(job))
+    file = path.get("file")
     return Handles(
         job=job,
         kind=kind,
         file=file,
         frame=frame,
         plane=plane,
-        centre=np.asarray((uv.min(axis=0) + uv.max(axis=0)) / 2),
+        centre=_centre(plane, job.program),
         waypoints=tuple(
             Waypoint(index=k, keys=x[1], point=at, uv=plane.uv(at), written=tuple(x[3]), role=x[0])
             for k, (x, at) in enumerate(zip(records, points, strict=True))
         ),
         why_not=FROM_FILE.format(file=file) if kind == FILE else None,
     )
+
+
+def drawing_view(drawing: Program, frame: Frame, dimension: int) -> View:
+    """View of a drawing in its own coordinates: the picture of the path in the part frame."""
+    plane, back = PLANAR, frame.inverse
+    if dimension == 3:
+        plane = _plane_across(frame.rotation[:, 2], frame.position, flat=True)
+    x, y = (back.rotation @ axis for axis in (plane.x, plane.y))
+    plane = Plane(origin=back.position + back.rotation @ plane.origin, x=x, y=y)
+    return View(plane, _centre(plane, drawing))
 
 
 def is_blank(data: Mapping[str, Any]) -> bool:
@@ -233,9 +245,9 @@ def _ends(job: Job, records: Sequence[PointRecord]) -> FloatArray:
 def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Plane:
     """Plane of the picture: x-y plane of `frame`; if `frame` is None, the plane of the points."""
     if job.arm.dimension == 2:
-        return Plane(origin=np.zeros(3), x=AXES[0], y=AXES[1])
+        return PLANAR
     if frame is not None:
-        offsets = (_vertices(job) - frame.position) @ frame.rotation[:, 2]
+        offsets = (_vertices(job.program) - frame.position) @ frame.rotation[:, 2]
         flat = bool(np.abs(offsets).max() <= FLAT)
         return _plane_across(frame.rotation[:, 2], frame.position, flat=flat)
     middle = np.mean(points, axis=0)
@@ -271,10 +283,16 @@ def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane
     return Plane(origin=origin + 0.0, x=x + 0.0, y=np.cross(normal, x) + 0.0, flat=flat)
 
 
-def _vertices(job: Job) -> FloatArray:
-    """Ends of all segments of a job's path [m], (n, dimension)."""
+def _centre(plane: Plane, program: Program) -> FloatArray:
+    """Centre of a program in the picture [m], (2,)."""
+    uv = plane.uv(_vertices(program))
+    return np.asarray((uv.min(axis=0) + uv.max(axis=0)) / 2)
+
+
+def _vertices(program: Program) -> FloatArray:
+    """Ends of all segments of a program [m], (n, dimension)."""
     # All segments in one table, because a program may have thousands of contours.
-    table = Segments.join([x.path.segments for x in job.program.contours])
+    table = Segments.join([x.path.segments for x in program.contours])
     return np.concatenate([table.starts, table.ends])
 
 

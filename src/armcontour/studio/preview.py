@@ -15,11 +15,12 @@ from typing import Any
 
 from armcontour.core.checks import FloatArray, comparable
 from armcontour.core.errors import InvalidInput, Unreachable, error_context
+from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress, subprogress
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_file import assemble_job
-from armcontour.files.job_model import JobModel
-from armcontour.files.job_path import part_of, placed_path, unplaced_path
+from armcontour.files.job_model import JobModel, PathModel
+from armcontour.files.job_path import part_of, placed_path, read_drawing, unplaced_path
 from armcontour.files.keys import read_keys
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
@@ -137,12 +138,20 @@ class CoarsePlanner:
     def is_long(self, data: Mapping[str, Any]) -> bool:
         """True if the program is too long to be planned at every edit."""
         program = self.path_program(data)
-        count = self._cache.get(
-            "segments",
-            program,
-            lambda: sum(max(len(x.path), CONTOUR_SEGMENTS) for x in program.contours),
-        )
-        return count > LONG_PROGRAM
+        return self._cache.get("length", program, lambda: is_long_program(program))
+
+    def long_drawing(self, data: Mapping[str, Any]) -> tuple[Program, Frame, int] | None:
+        """A long drawing in its own coordinates, its part frame and the arm's dimension, or None.
+
+        The tool orientations of many contours take longer than reading them.
+        """
+        model = self._model(data)
+        arm, drawing = self._read_arm(model, data), self._read_drawing(model.path, _unplaced(data))
+        if drawing is None or not is_long_program(drawing):
+            return None
+        flat = dataclasses.replace(model.path, orientation=None)
+        program = unplaced_path(flat, self.folder, drawing.dimension, drawing=drawing)
+        return Program.from_path(program), part_of(flat), arm.dimension
 
     def plan(
         self,
@@ -252,18 +261,16 @@ class CoarsePlanner:
         return self._cache.get("keys", data, lambda: _model_of(data))
 
     def _arm_and_path(self, model: JobModel, data: Mapping[str, Any]) -> tuple[Arm, Path | Program]:
-        arm = self._cache.get(
-            "arm",
-            data["arm"],
-            lambda: arm_of(model.arm, self.folder),
-        )
-        # The drawing is cached without the part frame and the values of contours, so that these
-        # edits do not read the drawing again.
-        unplaced = {x: y for x, y in data["path"].items() if x not in ("frame", "contours")}
+        arm, unplaced = self._read_arm(model, data), _unplaced(data)
         drawn = self._cache.get(
             "drawing",
             (unplaced, arm.dimension),
-            lambda: unplaced_path(model.path, self.folder, arm.dimension),
+            lambda: unplaced_path(
+                model.path,
+                self.folder,
+                arm.dimension,
+                drawing=self._read_drawing(model.path, unplaced),
+            ),
         )
         path = self._cache.get(
             "path",
@@ -271,6 +278,15 @@ class CoarsePlanner:
             lambda: placed_path(model.path, drawn, arm.dimension),
         )
         return arm, path
+
+    def _read_arm(self, model: JobModel, data: Mapping[str, Any]) -> Arm:
+        return self._cache.get("arm", data["arm"], lambda: arm_of(model.arm, self.folder))
+
+    def _read_drawing(self, model: PathModel, unplaced: Mapping[str, Any]) -> Program | None:
+        if model.file is None:
+            return None
+        read = partial(read_drawing, model, model.file, self.folder)
+        return self._cache.get("reading", unplaced, read, maximum=1)
 
     def _plan_steps(self, job: Job, run: Run, progress: Progress | None) -> RunResult:
         """Plan as `plan_one` does, but without a check of collisions and with cached steps."""
@@ -302,6 +318,11 @@ class CoarsePlanner:
         )
 
 
+def is_long_program(program: Program) -> bool:
+    """True if a program is too long to be planned at every edit."""
+    return sum(max(len(x.path), CONTOUR_SEGMENTS) for x in program.contours) > LONG_PROGRAM
+
+
 def path_only(data: Mapping[str, Any]) -> dict[str, Any]:
     """Data of a job with the arm and the path of another one, whose other keys may be invalid."""
     used = {key: data[key] for key in ("arm", "path") if key in data}
@@ -319,6 +340,11 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
     with error_context("job"):
         model: JobModel = read_keys(JobModel, data)
     return model
+
+
+def _unplaced(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Keys of the path without part frame and contours, whose edits do not read the file again."""
+    return {x: y for x, y in data["path"].items() if x not in ("frame", "contours")}
 
 
 def _part(data: Mapping[str, Any]) -> Any:

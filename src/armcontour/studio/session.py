@@ -27,7 +27,7 @@ from armcontour.report.view import View
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Editor, Revision
-from armcontour.studio.handles import is_blank
+from armcontour.studio.handles import drawing_view, is_blank
 from armcontour.studio.opening import new_document, open_file
 from armcontour.studio.pages import Page, PageMessage, Pages
 from armcontour.studio.preview import CoarsePlanner
@@ -374,6 +374,12 @@ class Session:
             return
         header = {"id": message.get("id"), "op": message.get("op"), "sentence": str(error)}
         self.send(PageFrame("failed", header), to=page)
+
+
+def outline_frame(data: Mapping[str, Any], previewer: CoarsePlanner) -> PageFrame | None:
+    """Picture of a long drawing before its job is read; None for other paths."""
+    drawing = previewer.long_drawing(data)
+    return None if drawing is None else drawing_frame(drawing[0], drawing_view(*drawing))
 
 
 def _read_edits(message: PageMessage) -> list[Mapping[str, Any]]:

@@ -80,7 +80,7 @@ export function init(store, _link, pointer) {
   /** @type {import("./pointer.js").Movable} */
   const pen = {
     start: (event) => {
-      const { unit } = store.document.path;
+      const unit = store.document?.path.unit;
       if (!store.options.pen) return { names: [], unit, values: null };
       shape = SHAPES[store.options.pen];
       from = placeOf(event);
