@@ -5,7 +5,7 @@ HTML comments before a block say what the page's text says in words:
 - `<!-- file: NAME -->`: the block is the content of that file;
 - `<!-- continues README.md -->`: the page goes on with the names of another page's Python;
 - `<!-- not run: REASON -->`: the block is not run;
-- `<!-- needs: NAME, NAME -->`: from here on the reader has these sample drawings and cells;
+- `<!-- needs: NAME, NAME -->`: from here on the reader has these sample files of `examples`;
 - `<!-- exit code: 3 -->`: the commands of the block end with this code, others with 0;
 - `<!-- within: 1 % -->`: figures of this output may differ by that share.
 
@@ -33,7 +33,7 @@ from markdown_it import MarkdownIt
 from armcontour.cli import main
 
 ROOT = Path(__file__).parents[1]
-SAMPLES = ROOT / "examples" / "drawings"
+SAMPLES = ROOT / "examples"
 MARK = re.compile(
     r"<!-- (file|not run|needs|exit code|within): (.+?) -->|<!-- (continues) (.+?) -->"
 )
@@ -91,7 +91,7 @@ def read_page(file: Path) -> Iterator[tuple[Block, str]]:
     printed: str | None = None
     for block in blocks(file):
         for name in filter(None, block.marks.get("needs", "").split(", ")):
-            shutil.copy(SAMPLES / name, name)
+            shutil.copy(next(SAMPLES.glob(f"*/{name}")), name)
         if "not run" in block.marks:
             continue
         if "file" in block.marks:

@@ -46,7 +46,7 @@ fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 runpy.run_module("armcontour", run_name="__main__", alter_sys=True)
 """
 PAGE = Path(__file__).parents[2] / "docs/guides/controllers/linuxcnc.md"
-(HAL,) = (x.text for x in blocks(PAGE) if x.marks.get("file") == "machine.hal")
+HAL = (PAGE.parents[3] / "examples/linuxcnc/machine.hal").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
