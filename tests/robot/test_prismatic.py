@@ -1,11 +1,14 @@
 """Chains with prismatic joints: own 4 by 4 matrices, pinocchio, and a gantry in closed form."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from tests.dynamics_extra import needs_dynamics, pinocchio, pinocchio_model
 
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
+from armcontour.files import read_job
 from armcontour.motion import LapLaw, Trajectory
 from armcontour.robot import Chain, Payload, SerialArm
 from armcontour.robot.scene import ArmShapes, LinkShape, Obstacle, Scene, Sphere
@@ -325,3 +328,99 @@ def test_clearance_is_bounded_between_samples(seed):
     sampled = np.linalg.norm(np.array(places) - centre, axis=1).min() - 0.07
     assert pair.low <= sampled + 1e-9 and pair.high <= pair.low + 1.1e-4
     assert pair.high > sampled - 3e-3
+
+
+SEAM = ac.Path.polyline([(0.0, -0.7, 0.1), (3.0, -0.7, 0.1)]).pointing([0, 0, -1])
+
+
+def ur10e():
+    return ac.load_arm("ur10e").with_tool([0, 0, 0.15])
+
+
+def test_a_rail_is_the_first_joint():
+    bare = ur10e().with_work(Frame.rpy([0.1, 0.2, 0.3], [0.1, 0.4, 2.0]))
+    axis, origin = np.array([0.6, 0.0, 0.8]), np.array([0.2, -0.1, 0.3])
+    rail = ac.Rail(
+        axis=2 * axis, lower=-1.0, upper=2.0, velocity=0.7, acceleration=1.5, force=900.0,
+        origin=origin, mass=120.0,
+    )  # fmt: skip
+    arm = bare.with_rail(rail)
+    q = np.random.default_rng(0).uniform(-1, 1, (50, 7))
+    moved = bare.chain.base.rotation @ (origin + q[:, :1] * axis)[..., None]
+    poses, expected = arm.forward(q), bare.forward(q[:, 1:])
+    np.testing.assert_allclose(poses[:, :3, :3], expected[:, :3, :3], atol=1e-12)
+    np.testing.assert_allclose(poses[:, :3, 3], expected[:, :3, 3] + moved[..., 0], atol=1e-12)
+    limits = {"lower": -1.0, "upper": 2.0, "velocity": 0.7, "acceleration": 1.5, "torque": 900.0}
+    for name, first in limits.items():
+        values = getattr(arm.limits, f"joint_{name}")
+        np.testing.assert_array_equal(values[0], first)
+        np.testing.assert_array_equal(values[1:], getattr(bare.limits, f"joint_{name}"))
+    # The force moves the carriage and all links, and holds them against gravity along the axis.
+    still = np.zeros(7)
+    force = arm.dynamics.torque(q[0], still, np.eye(7)[0])[0]
+    mass = 120.0 + np.sum(bare.chain.masses)
+    assert force == pytest.approx(mass * (1.0 + 0.8 * 9.81), rel=1e-9)
+    torque = arm.dynamics.torque(q[0], still, still)[1:]
+    np.testing.assert_allclose(
+        torque, bare.dynamics.torque(q[0, 1:], still[1:], still[1:]), atol=1e-9
+    )
+    # The shapes of the base move with the rail.
+    links = {x.name: x.link for x in bare.shapes.shapes}
+    assert {x.name: x.link for x in arm.shapes.shapes} == {x: k + 1 for x, k in links.items()}
+    for words in ({"axis": [0, 0, 0]}, {"lower": 2.0}):
+        with pytest.raises(ac.InvalidInput):
+            dataclasses.replace(rail, **words)
+
+
+def test_a_heavy_rail_moves_least_along_a_long_seam():
+    travels = []
+    for weight in (1.0, 20.0):
+        rail = ac.Rail(
+            axis=(1, 0, 0), lower=-1.0, upper=4.0, velocity=1.0, acceleration=0.5, mass=200.0,
+            weight=weight,
+        )  # fmt: skip
+        arm = ur10e().with_rail(rail)
+        plan = ac.plan(SEAM, arm, arm.limits.replace(speed=0.02))
+        t = np.random.default_rng(0).uniform(1.0, plan.duration - 1.0, 500)
+        speed = np.linalg.norm(arm.tool_velocity(plan(t), plan(t, 1)), axis=1)
+        np.testing.assert_allclose(speed, 0.02, rtol=1e-6)
+        assert np.abs(plan(t, 2)[:, 0]).max() <= 0.5
+        rates = plan(np.sort(t), 1)[:, 0]
+        assert (rates > 0).all()
+        travels.append(float(plan(plan.duration)[0] - plan(0.0)[0]))
+    # By hand, the rail moves straight while the arm reaches as far as it can at both ends.
+    near, far = 0.0, 2.0
+    down, bare = np.diag([1.0, -1.0, -1.0]), ur10e()
+    for _ in range(30):
+        middle = (near + far) / 2
+        try:
+            bare.inverse(Frame([middle, -0.7, 0.1], down))
+            near = middle
+        except ac.Unreachable:
+            far = middle
+    least = SEAM.length - 2 * near
+    assert least - 1e-6 <= travels[1] <= 1.1 * least
+    assert travels[1] < 0.8 * travels[0]
+
+
+def test_a_job_names_its_rail(tmp_path):
+    rail = "{axis: [0, 1, 0], upper: 3 m, velocity: 500 mm/s, acceleration: 1 m/s^2, mass: 90 kg}"
+    text = f"""
+name: rail
+arm: {{name: ur10e, rail: {rail}}}
+path:
+  start: [-700 mm, 0, 300 mm]
+  segments: [{{to: [-700 mm, 2500 mm, 300 mm]}}]
+  orientation: {{axis: [0, 0, -1]}}
+limits: {{speed: 50 mm/s}}
+servo: {{kp: 25, kv: 150}}
+runs: {{fast: {{timing: {{method: optimal}}, compensation: {{method: none}}}}}}
+"""
+    file = tmp_path / "job.yaml"
+    file.write_text(text)
+    arm = read_job(file).arm
+    assert arm.joint_names[0] == "rail" and arm.chain.prismatic == (True, *[False] * 6)
+    assert arm.limits.joint_velocity[0] == 0.5 and arm.chain.masses[0] == 90
+    file.write_text(text.replace("ur10e", "pmk3s"))
+    with pytest.raises(ac.InvalidInput, match="rail"):
+        read_job(file)

@@ -14,7 +14,7 @@ from armcontour.files.job_model import ArmModel, FrameModel, ToolModel
 from armcontour.files.robots.loading import load_arm, with_more_shapes
 from armcontour.files.robots.tree import DESCRIPTION
 from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
-from armcontour.robot import Arm
+from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import LinkShape
 
 # Extensions by which a value is a file. Files with unsupported extensions get their own message.
@@ -61,7 +61,12 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
     work = None if model.work is None else frame_of("arm.work", model.work)
     key, name = ("name", str(model.name)) if model.file is None else ("file", folder / model.file)
     with error_context("", "arm", key):
-        return load_arm(name, options, tool=tool, work=work, payload=model.payload)
+        arm = load_arm(name, options, tool=tool, work=work, payload=model.payload)
+    if model.rail is None:
+        return arm
+    if not isinstance(arm, SerialArm):
+        raise InvalidInput(f"The planar arm {arm.name} does not support a rail. Remove arm.rail.")
+    return arm.with_rail(model.rail)
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:

@@ -40,7 +40,7 @@ from armcontour.planning import METHODS, PlanOptions
 from armcontour.planning.options import FASTEST
 from armcontour.program import ContourProcess, Process
 from armcontour.robot import Limits
-from armcontour.robot.chain import Payload
+from armcontour.robot.chain import Payload, Rail
 from armcontour.robot.servo import ServoModel
 
 # Topic of options in the help of commands.
@@ -118,6 +118,7 @@ class ArmModel(ArmOptions):
         work: The frame of the path relative to the base.
         payload: Payload at the tip.
         shapes: Additional shapes of links, such as hoses and cameras, in the frames of the links.
+        rail: A linear axis that carries the arm.
     """
 
     name: str | None = None
@@ -126,6 +127,7 @@ class ArmModel(ArmOptions):
     work: FrameModel | None = None
     payload: Payload | None = None
     shapes: list[LinkShapeModel] | None = None
+    rail: Rail | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

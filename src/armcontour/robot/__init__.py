@@ -4,7 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "arm": "Arm compare_limits resolve_limits",
-    "chain": "Chain Payload",
+    "chain": "Chain Payload Rail",
     "dynamics": "Dynamics",
     "limits": "Limits",
     "planar": "PlanarTwoLink",

@@ -3,6 +3,7 @@ from armcontour.robot.arm import compare_limits as compare_limits
 from armcontour.robot.arm import resolve_limits as resolve_limits
 from armcontour.robot.chain import Chain as Chain
 from armcontour.robot.chain import Payload as Payload
+from armcontour.robot.chain import Rail as Rail
 from armcontour.robot.dynamics import Dynamics as Dynamics
 from armcontour.robot.limits import Limits as Limits
 from armcontour.robot.planar import PlanarTwoLink as PlanarTwoLink

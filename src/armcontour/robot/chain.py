@@ -17,16 +17,22 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame, rotations
 from armcontour.core.quantities import (
+    Acceleration,
     Axes,
     Convert,
     CoulombFrictions,
+    Direction,
+    Force,
     Inertia,
     Items,
+    Jerk,
     JointArmatures,
     Key,
+    Length,
     Mass,
     Name,
     Quantity,
+    Speed,
     ViscousFrictions,
     linear_unit,
 )
@@ -35,6 +41,7 @@ from armcontour.core.quantities import (
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
 LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
+Weight = Annotated[float, Quantity("", sign="positive")]
 # A file has the components xx, xy, xz, yy, yz and zz of the symmetric tensor.
 TENSOR = Key(
     hint=Annotated[
@@ -78,6 +85,55 @@ class Payload(Checked):
 
 
 @declared(eq=False)
+class Rail(Checked):
+    """A linear axis that carries the base of an arm, as its first joint.
+
+    >>> rail = ac.Rail(axis=(1.0, 0.0, 0.0), upper=3.0, velocity=1.0, acceleration=2.0)
+    >>> ac.load_arm("ur10e").with_rail(rail).dof
+    7
+
+    Args:
+        axis: Direction of the rail, along the axes of the arm's base.
+        upper: Upper end of its range [m].
+        velocity: Largest velocity [m/s].
+        acceleration: Largest acceleration [m/s²].
+        lower: Lower end of its range [m].
+        jerk: Largest jerk [m/s³]; by default unlimited.
+        force: Largest force of its drive [N]; by default unlimited.
+        origin: Position of the arm's base with the rail at 0 [m], (3,). The frame of the rail
+            replaces the frame of the arm's base in the work frame and in the scene.
+        mass: Mass of the carriage and of the arm's base, which the force accelerates [kg].
+        weight: Weight of the motion of the rail, relative to that of the other joints. With a
+            larger weight the rail moves less, and the arm reaches farther.
+
+    Raises:
+        InvalidInput: The axis is zero, or the range is empty.
+    """
+
+    axis: Direction
+    upper: Length
+    velocity: Speed
+    acceleration: Acceleration
+    lower: Length = 0.0
+    jerk: Jerk | None = None
+    force: Force | None = None
+    origin: Annotated[FloatArray, Quantity("m", "5 mm"), Axes(3)] = field(
+        default_factory=lambda: np.zeros(3)
+    )
+    mass: Mass = 0.0
+    weight: Weight = 1.0
+
+    def _check_together(self) -> None:
+        if not np.linalg.norm(self.axis) > 0:
+            raise InvalidInput("The axis of a rail must be a direction, but is zero.")
+        if self.lower >= self.upper:
+            raise InvalidInput(
+                f"The range of a rail is empty: lower ({self.lower:g} m) must be less than upper "
+                f"({self.upper:g} m)."
+            )
+
+
+@declared(eq=False)
 class Chain(Checked):
     """Joints in series, each with the link after the joint; arrays have one row per joint.
 
@@ -99,6 +155,7 @@ class Chain(Checked):
         viscous: Viscous friction of the joints [N m s/rad], (n,).
         coulomb: Coulomb friction of the joints [N m], (n,).
         prismatic: Whether each joint is prismatic (sliding), (n,); by default all are revolute.
+        weights: Weights of the motion of the joints, if the arm is redundant, (n,); 1 by default.
         base: Frame of the base in the work frame, in which tool points are given.
         tip: Frame of the end of the chain (the flange) in the frame of the last link.
         tool: Tool frame in the frame of the tip. Its origin follows paths; its z axis is the tool
@@ -123,6 +180,7 @@ class Chain(Checked):
     viscous: Annotated[ViscousFrictions, Axes("joints")] | None = None
     coulomb: Annotated[CoulombFrictions, Axes("joints")] | None = None
     prismatic: Annotated[tuple[bool, ...], Axes("joints")] | None = None
+    weights: Annotated[FloatArray, Quantity("", sign="positive"), Axes("joints")] | None = None
     base: Frame = field(default_factory=Frame)
     tip: Frame = field(default_factory=Frame)
     tool: Frame = field(default_factory=Frame)
@@ -143,6 +201,8 @@ class Chain(Checked):
                 object.__setattr__(self, name, checks.frozen_array(np.zeros(n)))
         if self.prismatic is None:
             object.__setattr__(self, "prismatic", (False,) * n)
+        if self.weights is None:
+            object.__setattr__(self, "weights", checks.frozen_array(np.ones(n)))
         # Rotations are checked, but not orthonormalized.
         rotations("rotations of a chain", self.rotations)
         if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
@@ -172,6 +232,21 @@ class Chain(Checked):
         if joint is not None:
             return units[joint]
         return units[0] if len(set(units)) == 1 else ", ".join(units)
+
+    def on_rail(self, rail: Rail) -> Chain:
+        """The chain with a rail as the first joint."""
+        along = rail.axis / np.linalg.norm(rail.axis)
+        first: dict[str, npt.ArrayLike] = {
+            "rotations": np.eye(3), "positions": np.zeros(3), "axes": along, "masses": rail.mass,
+            "centers": np.zeros(3), "inertias": np.zeros((3, 3)), "weights": rail.weight,
+            **dict.fromkeys(("armature", "viscous", "coulomb"), 0.0),
+        }  # fmt: skip
+        values = {x: getattr(self, x) for x in first}
+        # The arm's base is the link of the rail.
+        values["positions"] = self.positions + np.eye(len(self))[:, :1] * rail.origin
+        joined = {x: np.concatenate([[first[x]], y]) for x, y in values.items() if y is not None}
+        kinds = (True, *(self.prismatic or ()))
+        return self.replace(joints=("rail", *self.joints), prismatic=kinds, **joined)
 
     def replace(self, **changes: object) -> Chain:
         """A copy of the chain with some of its data changed."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,8 +14,11 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.frames import IDENTITY, Frame, Pose
 from armcontour.robot.arm import Arm
-from armcontour.robot.chain import Chain, Payload
-from armcontour.robot.limits import Limits
+from armcontour.robot.chain import Chain, Payload, Rail
+from armcontour.robot.limits import JOINT_VALUES, Limits
+
+if TYPE_CHECKING:
+    from armcontour.robot.scene import ArmShapes
 
 # Joint axes are parallel if the sine of their angle is below this, which allows for rounding
 # errors.
@@ -113,6 +118,39 @@ class SerialArm(Arm):
         """
         return self._with(self.chain.replace(base=Frame.from_pose(work).inverse), "closed_form")
 
+    @checked
+    def with_rail(self, rail: Rail) -> SerialArm:
+        """A copy of the arm on a rail, which is the first joint.
+
+        Args:
+            rail: The rail.
+        """
+        ends = {"joint_lower": rail.lower, "joint_upper": rail.upper}
+        rates = {"joint_velocity": rail.velocity, "joint_acceleration": rail.acceleration}
+        others = {"joint_jerk": rail.jerk, "joint_torque": rail.force}
+        limits = self.limits.replace(
+            **{
+                name: values
+                for name, first in (ends | rates | others).items()
+                if (values := _prepend(name, first, getattr(self.limits, name), self.dof))
+                is not None
+            }
+        )
+        assumed = self.assumed_limits
+        if assumed is not None:
+            names = [x for x in JOINT_VALUES if getattr(assumed, x) is not None]
+            assumed = Limits(**{x: getattr(limits, x) for x in names})
+        arm = SerialArm(
+            name=self.name,
+            chain=self.chain.on_rail(rail),
+            limits=limits,
+            source=self.source,
+            limits_hint=self.limits_hint,
+            notes=self.notes,
+            assumed_limits=assumed,
+        )
+        return arm.with_shapes(partial(_on_next_link, self)) if self.knows_shapes else arm
+
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
 
@@ -170,3 +208,22 @@ class SerialArm(Arm):
         cached = ("shapes", "_read_shapes", *cached)
         vars(arm).update({key: x for key, x in vars(self).items() if key in cached})
         return arm
+
+
+def _prepend(
+    name: str, first: float | None, others: FloatArray | None, count: int
+) -> FloatArray | None:
+    """Values of a limit with that of another joint before them; None without any limit."""
+    if first is None and others is None:
+        return None
+    unlimited = -np.inf if name == "joint_lower" else np.inf
+    first = unlimited if first is None else first
+    rest = np.full(count, unlimited) if others is None else others
+    return np.concatenate([[[-first, first] if rest.ndim == 2 else first], rest])
+
+
+def _on_next_link(arm: SerialArm) -> ArmShapes:
+    """Shapes of an arm for a chain with another joint before its joints."""
+    shapes = arm.shapes
+    assert shapes is not None
+    return replace(shapes, shapes=tuple(replace(x, link=x.link + 1) for x in shapes.shapes))

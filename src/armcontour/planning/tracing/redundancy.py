@@ -214,6 +214,8 @@ class _Cost:
             # A joint without a limit counts as the fastest one.
             slowest = np.minimum(slowest, slowest[np.isfinite(slowest)].max())
             pace = np.min(slowest) / slowest
+        # A joint with a larger weight moves less.
+        pace = pace * np.asarray(arm.chain.weights)
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
         whole, share = steps.sum(axis=1, keepdims=True), np.diff(s) / (s[-1] - s[0])
         both = share / 2 + steps / np.where(whole > 0.0, whole, 1.0) / 2
