@@ -25,7 +25,7 @@ const MAX_IN_FLIGHT = 3;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
 const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
-const ENDED = "The Studio has ended. Start it again, and open the address that it prints; it may be pasted into this tab.";
+const ENDED = "The Studio has ended. Start it again: your changes are kept. Open the address that it prints; it may be pasted into this tab.";
 
 /** True if the address has a token: other hashes are places in the page. */
 const hasToken = () => /^#[0-9a-f]{32}$/.test(location.hash);

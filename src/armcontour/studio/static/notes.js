@@ -23,7 +23,8 @@ export function init(store) {
     tab.dataset.count = String(warnings.length || "");
     say(tab, warnings.length ? `Notes (${warnings.length})` : "Notes");
     if (region.hidden) return;
-    const [head = [], ...shares] = headOf(store).time ?? [];
+    // The panel has room for the limit, its time and its share.
+    const [head = [], ...shares] = (headOf(store).time ?? []).map((/** @type {string[]} */ row) => row.slice(0, 3));
     const slow = (picture.shortfalls ?? []).map((/** @type {any} */ x) => x.sentence);
     render(
       html`<${Sentences} title="Warnings" sentences=${warnings} />

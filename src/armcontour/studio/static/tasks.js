@@ -1,11 +1,11 @@
 // Tasks by button: certificate, export, report, logs; and their results.
 
+import { verdictOf } from "./colours.js";
 import { find, give, say } from "./dom.js";
-import { textOf } from "./format.js";
 import { known } from "./form.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
 import { Changes, Tabular } from "./components.js";
-import { html, render, signal, useComputed, useMemo, useSignal } from "./vendor/preact.js";
+import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -23,11 +23,10 @@ import { html, render, signal, useComputed, useMemo, useSignal } from "./vendor/
  */
 /** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
-/** @typedef {{title?: string, columns: string[], rows: string[][]}} Table */
-/** @typedef {{sentences: string[], tables?: Table[]}} Answer */
+/** A table as Python gives it; the first row has the columns. @typedef {{title: string, cells: string[][]}} Table */
 
-/** Numbers of kept results, and of shown table rows. */
-const [MAX_RESULTS, MAX_ROWS] = [12, 200];
+/** Numbers of kept results, of shown table rows, and of letters of a figure. */
+const [MAX_RESULTS, MAX_ROWS, LONG] = [12, 200, 24];
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
 /** Joints of the arm, and whether the server hears. */
@@ -81,55 +80,30 @@ function Form({ start, ...task }) {
 /** @param {{result: Result, store: Store, link: Link}} props */
 function Outcome({ result: { id, task, title, time, state, told, frame, sentence }, store, link }) {
   const { steps = [], share, eta } = told ?? {};
-  const { sentences, tables = [] } = useMemo(() => (frame ? answerOf(task, frame) : { sentences: sentence ? [sentence] : [] }), [frame, sentence]);
+  const { sentence: said = sentence, rows = [], tables = [], changes = [], notes = [], warnings = [], file } = frame?.head ?? {};
   const step = told ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
   return html`<article class="task-result" data-task=${task} data-id=${id} data-state=${state} data-share=${share ?? ""}>
     <h3>${title} <span class="quiet">${time}</span></h3>
     ${state === "running" && html`<div class="task-progress"><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label=${`${title}: progress`} /><span class="quiet">${step}</span>
       <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
     <div class="task-body">
-      ${sentences.map((text) => html`<p class="task-sentence">${text}</p>`)}
-      <p class="task-file"><${Changes} changes=${frame?.head.changes ?? []} link=${link} /></p>
-      ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
-      ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
-        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
+      ${rows.length > 0 && html`<${Tiles} rows=${rows} theme=${store.theme} />`}
+      ${said && html`<p class="task-sentence">${said}</p>`}
+      ${changes.length > 0 && html`<p class="task-file"><${Changes} changes=${changes} link=${link} /></p>`}
+      ${file && html`<${Download} file=${frame?.head} link=${link} />`}
+      ${tables.map((/** @type {Table} */ { title: of, cells: [columns, ...all] }) => all.length > 0 && html`<div class="task-table" tabindex="0" role="group" aria-label=${of}>
+        <table><caption>${of}</caption><${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
         ${all.length > MAX_ROWS && html`<p class="quiet">And ${all.length - MAX_ROWS} more rows.</p>`}</div>`)}
+      ${[...notes, ...warnings].map((text) => html`<p>${text}</p>`)}
     </div>
   </article>`;
 }
 
-/**
- * Content of a result.
- * @param {string} task
- * @param {Frame} frame
- * @returns {Answer}
- */
-function answerOf(task, frame) {
-  const found = ANSWERS[task]?.(frame) ?? { sentences: [] };
-  const notes = [...(frame.head.notes ?? []), ...(frame.head.warnings ?? [])];
-  return { ...found, sentences: [...found.sentences, ...notes] };
-}
-
-/** @type {Record<string, (frame: Frame) => Answer>} */
-const ANSWERS = {
-  certify: ({ head }) => ({ sentences: [head.sentence], tables: [figuresOf(head), ...tablesOf(head)] }),
-  export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
-  changes: ({ head }) => ({ sentences: head.sentence ? [head.sentence] : [] }),
-  report: () => ({ sentences: ["The report is ready."] }),
-  identify: ({ head }) => ({ sentences: [head.sentence], tables: tablesOf(head) }),
-  learn: ({ head }) => ({ sentences: [], tables: [figuresOf(head), ...tablesOf(head)] }),
-};
-
-/** Tables as the terminal prints them. @param {any} head @returns {Table[]} */
-const tablesOf = (head) => head.tables.map((/** @type {any} */ { title, cells }) => tableOf(title, cells));
-
-/** @param {any} head @returns {Table} */
-const figuresOf = (head) => ({ title: "figures", columns: ["figure", "value"], rows: head.rows.map((/** @type {any} */ x) => [x.label, textOf(x)]) });
-
-/** A table as Python gave it. @param {string} title @param {string[][]} rows the header first @returns {Table} */
-function tableOf(title, [columns, ...rows]) {
-  return { title, columns, rows };
-}
+/** Figures, the longest ones as text. @param {{rows: any[], theme: "light" | "dark"}} props */
+const Tiles = ({ rows, theme }) => html`<dl class="tiles">${rows.map(({ name, label, value, text, unit, note }) => {
+  const { colour = "", mark = "" } = name === "kept" ? verdictOf(value, theme) : {};
+  return html`<div class=${text.length > LONG ? "long" : ""}><dt>${label}</dt> <dd style=${`color: ${colour}`}>${mark} ${text} <small>${unit}</small></dd> ${note && html`<dd class="quiet">${note}</dd>`}</div>`;
+})}</dl>`;
 
 /** A file to download, and to open where it can be. @param {{file: Kept, link: Link}} props */
 function Download({ file: { file, name, bytes, open, label = `Download ${name}` }, link }) {
@@ -159,7 +133,7 @@ export function init(store, link) {
     results.value = results.value.map((x) => (x === old ? { ...x, ...more } : x));
     if (more.told) return;
     tell();
-    if (results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence")?.textContent ?? "");
+    if (results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence, .tiles")?.textContent ?? "");
   };
   const tell = () => (region.dataset.running = results.value.filter((x) => x.state === "running").map((x) => x.id).join(" "));
   /** @param {Task} task @param {object} options */

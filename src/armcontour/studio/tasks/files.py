@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
-from armcontour.core.render import cells, frame, verdict
+from armcontour.core.render import cells, frame
 from armcontour.core.result import TABLE, Data
 from armcontour.report.page_frame import PageFrame
 from armcontour.studio.tasks.request import Request
@@ -39,7 +39,9 @@ def report(request: Request) -> PageFrame:
     study = run(job, progress=request.progress)
     request.progress(Step(("writing",)))
     return PageFrame.of_file(
-        f"{job.name}-report.html", render_report(study).encode(), {"run": request.run}
+        f"{job.name}-report.html",
+        render_report(study).encode(),
+        {"sentence": "The report is ready."},
     )
 
 
@@ -60,12 +62,10 @@ def certify(request: Request) -> PageFrame:
     request.progress(Step(("writing",)))
     data = certificate.to_data()
     header = {
-        **{
-            "run": certificate.result.run.name,
-            "sentence": f"{verdict(data)} It is valid for: {certificate.model}.",
-        },
         **_shown(data),
-        **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
+        "run": certificate.result.run.name,
+        "notes": [*data.notes, *data.warnings],
+        "certificate": plain(data),
     }
     page = render_report(certificate.study, certificate=certificate)
     return PageFrame.of_file(f"{certificate.job.name}-certificate.html", page.encode(), header)
@@ -114,7 +114,7 @@ def export(request: Request) -> PageFrame:
         write_destination(file, lambda path: format.write(table, path))
         content = file.read_bytes()
     header = {
-        **{"run": plan.run.name, "points": len(plan.set_points.q)},
+        "sentence": f"{len(plan.set_points.q)} set-points.",
         "warnings": (*plan.warnings, *(f"Format {format.label}: {said}" for said in notes)),
     }
     return PageFrame.of_file(file.name, content, header)
@@ -131,7 +131,7 @@ def identify(request: Request) -> PageFrame:
     if any(y.written for y in identification.joints):
         edit = {"do": "set", "key": "servo", "value": servo_values(identification)}
         changes = [{"label": "Use this servo", "edits": [edit]}]
-    facts = {"sentence": verdict(data), "kept": identification.trusted, "changes": changes}
+    facts = {"kept": identification.trusted, "changes": changes}
     return PageFrame("result", {**facts, **_shown(data, logs)})
 
 
