@@ -55,7 +55,7 @@ def import_path(*refused: str) -> list[str]:
 
 
 def _is_same(one: str, other: str) -> bool:
-    """True if two paths are the same existing folder."""
+    """Return whether two paths are the same existing folder."""
     with suppress(OSError):
         return os.path.samefile(one, other)
     return False

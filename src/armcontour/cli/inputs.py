@@ -79,7 +79,7 @@ def library_file(name: str) -> FilePath:
 
 
 def is_job(file: FilePath) -> bool:
-    """True if a file is a job file according to its extension; otherwise it is a drawing."""
+    """Return whether a file is a job file according to its extension; otherwise it is a drawing."""
     if file.is_dir():
         raise InvalidInput(f"{file} is a folder. Specify a job file or a drawing.")
     return file.suffix.lower() in YAML

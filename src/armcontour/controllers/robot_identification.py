@@ -157,7 +157,7 @@ def play_identification(
 
 
 def _is_complete(record: PlayedMotion) -> bool:
-    """True if a motion need not be repeated; late set-points do not matter, as they are logged."""
+    """Return whether a motion need not be repeated; late set-points are in the log."""
     return record.stopped is None or record.deviated
 
 

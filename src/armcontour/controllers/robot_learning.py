@@ -60,7 +60,7 @@ class RobotLearning(Result):
         return self.lesson or self.plan.set_points
 
     def continues(self, runs: int) -> bool:
-        """True if another run follows, up to a number of runs."""
+        """Return whether another run follows, up to a number of runs."""
         return not self.ended and len(self.logs) < runs
 
     @property

@@ -79,7 +79,7 @@ def kernel_array(values: npt.ArrayLike) -> FloatArray:
 
 
 def _is_frozen(array: npt.NDArray[Any]) -> bool:
-    """True if an array of floats is read-only and owns its data."""
+    """Return whether an array of floats is read-only and owns its data."""
     flags = array.flags
     return array.dtype == np.float64 and flags.owndata and not flags.writeable
 

@@ -212,7 +212,7 @@ def _readers(kind: Any) -> tuple[list[tuple[str, str, Reader, Any]], list[tuple[
 
 
 def _fits(default: Any, read: Reader) -> bool:
-    """True if a default is valid without conversion; invalid defaults are replaced later."""
+    """Return whether a default is valid without conversion; invalid defaults are replaced later."""
     try:
         return default is not MISSING and read(default, "") is default
     except InvalidInput:
@@ -330,7 +330,7 @@ def _read_union(parts: tuple[Any, ...]) -> Reader | None:
 
 
 def _is_text(hint: Any) -> bool:
-    """True if an annotation allows texts only."""
+    """Return whether an annotation allows texts only."""
     return get_origin(hint) is Literal or (
         get_origin(hint) is Annotated and get_args(hint)[0] is str
     )

@@ -305,14 +305,14 @@ def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _is_transform(array: FloatArray) -> bool:
-    """True if an array is a homogeneous transform, not four quaternions."""
+    """Return whether an array is a homogeneous transform, not four quaternions."""
     if array.shape != (4, 4) or not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
         return False
     return _are_rotations(array[:3, :3])
 
 
 def _are_rotations(matrices: FloatArray) -> bool:
-    """True if all matrices are rotations within `ROTATION_TOLERANCE`."""
+    """Return whether all matrices are rotations within `ROTATION_TOLERANCE`."""
     # Entries of a rotation are at most 1; much larger entries could overflow below.
     capped = np.clip(matrices, -2.0, 2.0)
     deviation = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))

@@ -85,12 +85,12 @@ def processors() -> int:
 
 
 def can_start() -> bool:
-    """True if processes can be started; a frozen application has no Python interpreter."""
+    """Return whether processes can be started; a frozen application has no Python interpreter."""
     return bool(sys.executable) and not getattr(sys, "frozen", False)
 
 
 def is_child() -> bool:
-    """True if this thread works for another process or an executor."""
+    """Return whether this thread works for another process or an executor."""
     return getattr(_threads, "busy", False)
 
 

@@ -128,7 +128,7 @@ def batch(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Batch:
-    """Run a job for every combination of values of its keys; a refused job is a row, too.
+    """Run a job for every combination of values of its keys; a refused job is also a row.
 
     With `out`, each result is written to `results.jsonl` at once, so that an interruption loses no
     result, and the table is written to `results.csv` at the end.

@@ -175,7 +175,7 @@ class CsvTable(Generic[Key]):
         return self.cells(row)[self.columns[key].index]
 
     def is_empty(self, key: Key) -> bool:
-        """True if no cell in the column of a quantity has a number: all are empty or NaN."""
+        """Return whether no cell in the column of a quantity has a number: all are empty or NaN."""
         return all(self.cell(i, key).lower() in ("", "nan") for i in range(len(self.lines)))
 
     def cell_blocks(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
@@ -300,7 +300,7 @@ def _find_titles(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
 
 
 def _is_blank_separated(lines: Sequence[str]) -> bool:
-    """True if the cells of the first lines are separated by blanks and not by commas."""
+    """Return whether the cells of the first lines are separated by blanks and not by commas."""
     words = [len(x.split()) for x in lines]
     return min(words) == max(words) > 1 and not any("," in _DECIMAL_COMMA.sub("", x) for x in lines)
 

@@ -209,7 +209,7 @@ def verify_file(folder: FilePath, name: str) -> FilePath:
 
 
 def _is_unchanged(file: FilePath, checksum: object) -> bool:
-    """True if a file is a regular file with the given checksum."""
+    """Return whether a file is a regular file with the given checksum."""
     return bool(checksum) and _checksum(file) == checksum
 
 

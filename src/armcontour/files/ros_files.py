@@ -28,7 +28,7 @@ NANOSECOND = 1e-9
 
 
 def is_ros_file(file: str | FilePath) -> bool:
-    """True if a file is YAML, which contains a trajectory of ROS."""
+    """Return whether a file is YAML, which contains a trajectory of ROS."""
     return FilePath(file).suffix.lower() in YAMLS
 
 

@@ -151,7 +151,7 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
 
 
 def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
-    """True if the planned motion in a result folder equals the plan of a run."""
+    """Return whether the planned motion in a result folder equals the plan of a run."""
     file = verify_file(folder, f"{plan.run.name}/planned.csv")
     planned, duration = read_trajectory(file, job.arm.joint_names), plan.trajectory.duration
     if abs(planned.t[-1] - duration) > plan.set_points.cycle or planned.q.shape[1] != job.arm.dof:

@@ -21,9 +21,7 @@ from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, 
 from armcontour.geometry.projection import Projection, find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_gaps
 
-PLANAR_PATH = (
-    "A tool orientation requires a path in space. Give the points of the path three coordinates."
-)
+PLANAR_PATH = "A tool orientation requires a path in space. Use points with three coordinates."
 EVERY_VERTEX = checks.freeze(np.empty(0, dtype=np.intp))
 # A break of an orientation within this distance of a vertex of its path, in metres plus the same
 # fraction of the path length, is moved to the vertex. The differences come from remainders that

@@ -83,7 +83,7 @@ def drop_z(path: Path) -> Path:
 
 
 def has_length_without_z(path: Path) -> bool:
-    """True if the projection of a path onto the x-y plane has any length."""
+    """Return whether the projection of a path onto the x-y plane has any length."""
     run = np.linalg.norm(path.tangents[:, :2], axis=1) * path.lengths
     return bool(((run > REPEATED_POINT) | (path.curvatures > 0)).any())
 

@@ -107,7 +107,7 @@ def with_advice(study: JobResult, progress: Progress | None = None) -> JobResult
 
 
 def is_small(job: Job) -> bool:
-    """True if changes of a job can be planned within a few seconds."""
+    """Return whether changes of a job can be planned within a few seconds."""
     segments = sum(len(x.path) for x in job.program.contours)
     return segments * len(job.runs) <= SMALL and not any(x.is_shaped for x in job.runs)
 

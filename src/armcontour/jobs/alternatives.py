@@ -105,7 +105,7 @@ def below_base(job: Job, motion: Trajectory) -> str | None:
 
 
 def _has_pairs(job: Job) -> bool:
-    """True if there are pairs of bodies that may collide."""
+    """Return whether there are pairs of bodies that may collide."""
     return job.scene is not None or bool(job.cell.pairs)
 
 
@@ -121,7 +121,7 @@ def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
 
 
 def _is_checked(job: Job) -> bool:
-    """True if distances are computed: with a scene, or if the shapes of the links are known."""
+    """Return whether distances are computed: with a scene, or if shapes of links are known."""
     return job.scene is not None or (job.arm.knows_shapes and can_measure())
 
 

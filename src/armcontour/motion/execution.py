@@ -142,7 +142,7 @@ class Execution(Checked):
         return motion if deviation.max(initial=0.0) < SAME_POSITION else None
 
     def _are_steps(self, indices: IntArray) -> bool:
-        """True if next samples are one step later, and the cycle is a whole number of steps."""
+        """Return whether samples are one step apart and the cycle is a whole number of steps."""
         step = float(self.t[1] - self.t[0])
         if not 0 < step < self.set_points.cycle * (1 + WHOLE_STEPS):
             return False

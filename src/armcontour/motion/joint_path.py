@@ -263,7 +263,7 @@ class JointPath(Checked):
 
 
 def _increase(parameters: FloatArray) -> bool:
-    """True if parameters of a spline increase by more than rounding errors."""
+    """Return whether parameters of a spline increase by more than rounding errors."""
     # If they increase, the largest is at an end.
     shortest = REPEATED * max(abs(parameters[0]), abs(parameters[-1]))
     return bool((parameters[1:] - parameters[:-1] > shortest).all())

@@ -101,7 +101,7 @@ def match_joints(names: Sequence[str], requested: Sequence[str], source: str) ->
 
 
 def _is_prefixed(long: str, short: str) -> bool:
-    """True if one of two names is the other name with a prefix."""
+    """Return whether one of two names is the other name with a prefix."""
     if len(long) < len(short):
         long, short = short, long
     return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None

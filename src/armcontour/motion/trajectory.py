@@ -597,8 +597,8 @@ def arm_of(motion: Any, arm: Arm | Any | None = None) -> Arm:
     chosen: Arm | None = getattr(motion, "arm", None) if arm is None else arm
     if chosen is None:
         raise InvalidInput(
-            f"This {type(motion).__name__} has no arm. Plan it with an arm, or give the argument "
-            "arm."
+            f"This {type(motion).__name__} has no arm. Plan it with an arm, or specify "
+            "the argument arm."
         )
     return chosen
 

@@ -335,7 +335,7 @@ def _slow_down(
 
 
 def _is_within(path: JointPath, arm: Arm, limits: Limits) -> bool:
-    """True if a motion along a path over time is within the limits at both ends of every piece."""
+    """Return whether a motion along a path is within the limits at both ends of every piece."""
     for t, side in ((path.breaks[:-1], "right"), (path.breaks[1:], "left")):
         states = States(arm, [path(t, k, side=side) for k in range(4)])
         if any((use.ratio > 1).any() for use in states.uses(limits)):

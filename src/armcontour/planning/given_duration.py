@@ -55,7 +55,7 @@ def _slowing_factor(duration: float, contours: float, others: float) -> float:
     if duration < shortest * (1 - SAME_DURATION):
         raise NotRealizable(
             f"The motion cannot take {duration:.9g} s, because the fastest motion takes "
-            f"{shortest:.9g} s: give a longer duration, or raise the active limits.",
+            f"{shortest:.9g} s. Specify a longer duration, or raise the active limits.",
             limit="duration",
             needed=shortest,
             allowed=duration,
@@ -76,7 +76,7 @@ def _slow_down(fastest: Trajectory, factor: float, timing: Timing) -> Trajectory
             ignored=[x for x in LIMITS if x != "joint_torque"],
             location=f"Slowed down to {factor * fastest.duration:.6g} s",
             t=0.0,
-            remedy="Viscous friction assists braking less in a slower motion: give another "
+            remedy="Viscous friction assists braking less in a slower motion. Specify another "
             "duration, or raise joint_torque",
         )
     return replace(fastest, laws=laws)

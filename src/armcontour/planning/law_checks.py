@@ -26,8 +26,8 @@ def tool_path_of(joint_path: JointPath, method: str) -> Path:
     """Return the tool path of a joint path, which the method requires."""
     if joint_path.tool_path is None:
         raise InvalidInput(
-            f"The method {method} plans along a tool path, but this joint path has none: give "
-            "plan a Path, or the joint path that trace returns for it."
+            f"The method {method} plans along a tool path, but this joint path has none: pass "
+            "a Path to plan, or the joint path that trace returns for it."
         )
     return joint_path.tool_path
 
@@ -36,8 +36,8 @@ def require_speed(limits: Limits, method: str) -> float:
     """Return the assigned velocity [m/s], which the method requires."""
     if limits.speed is None:
         raise InvalidInput(
-            f"The method {method} needs an assigned velocity, but no limit speed is given: give "
-            "the limit speed [m/s]."
+            f"The method {method} needs an assigned velocity, but no limit speed is specified. "
+            "Specify the limit speed [m/s]."
         )
     return limits.speed
 

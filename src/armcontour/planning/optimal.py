@@ -202,7 +202,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
         )
     hint = arm.limits_hint
     raise InvalidInput(
-        "Nothing limits the acceleration along the path: give joint_acceleration, "
+        "Nothing limits the acceleration along the path. Specify joint_acceleration, "
         f"joint_torque or tool_acceleration{f'; {hint}' if hint else ''}."
     )
 

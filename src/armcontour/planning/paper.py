@@ -91,13 +91,13 @@ def _make_lines(
 def _refuse_limits(limits: Limits) -> None:
     if limits.joint_acceleration is None:
         raise InvalidInput(
-            "The method paper needs limits of joint acceleration, but none are given: give "
+            "The method paper needs limits of joint acceleration, but none are specified. Specify "
             "joint_acceleration [rad/s²]."
         )
     if not limits.same_both_ways():
         raise InvalidInput(
-            "The method paper supports one acceleration limit per joint for both directions: give "
-            "one value of joint_acceleration per joint, or plan by the method optimal."
+            "The method paper supports one acceleration limit per joint for both directions. "
+            "Specify one value of joint_acceleration per joint, or plan by the method optimal."
         )
 
 
@@ -107,7 +107,7 @@ def _default_laps(length: float, speed: float, cycle: float, number: int) -> int
     if not count <= MAX_LAPS:
         raise InvalidInput(
             f"Line {number + 1} would have {count:.3g} laps at {speed:g} m/s and a cycle of "
-            f"{cycle:g} s, but at most {MAX_LAPS} are supported: give knots."
+            f"{cycle:g} s, but at most {MAX_LAPS} are supported. Specify knots."
         )
     return max(FEWEST_LAPS, int(np.ceil(count)))
 

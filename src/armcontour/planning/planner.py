@@ -157,14 +157,16 @@ class _JointSpace(Arm):
         self.limits = limits
 
     def _refuse(self, *states: Any, **named: Any) -> Any:
-        raise InvalidInput("The motion of the tool is unknown without an arm: give plan the arm.")
+        raise InvalidInput(
+            "The motion of the tool is unknown without an arm. Pass the arm to plan."
+        )
 
     jacobian = _motion = _frames = _solutions = _refuse
 
     @cached_property
     def dynamics(self) -> NoReturn:
         """Not available, because the masses are unknown."""
-        raise InvalidInput("Limits of torque need the masses of an arm: give plan the arm.")
+        raise InvalidInput("Limits of torque need the masses of an arm. Pass the arm to plan.")
 
 
 def _require_arm(
@@ -230,13 +232,13 @@ def _check_traced(
     # A joint path with a tool path is returned as a tracing.
     if isinstance(options, Shaped):
         raise InvalidInput(
-            "The method shaped changes the tool path, but this path is already traced: give plan "
-            "the Path or Program."
+            "The method shaped changes the tool path, but this path is already traced. Pass "
+            "the Path or Program to plan."
         )
     if not (options.configuration is None and options.seed is None):
         specified = "seed" if options.configuration is None else "configuration"
         raise InvalidInput(
-            f"This path is already traced, so {specified} cannot change it: give {specified} to "
+            f"This path is already traced, so {specified} cannot change it. Pass {specified} to "
             "trace instead."
         )
     steps = (TracedMove(move=None, joint_path=path),) if isinstance(path, JointPath) else path.steps

@@ -367,7 +367,7 @@ def close_contour(
 
 
 def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
-    """True if the automatic start of a closed contour is the drawn start; see `close_contour`."""
+    """Return whether a closed contour automatically starts at its drawn start (`close_contour`)."""
     return (
         contour.keep_start
         or led
@@ -407,7 +407,7 @@ def _check_end_orientations(contour: Contour) -> None:
 
 
 def _has_equal_end_orientations(path: Path) -> bool:
-    """True if the tool orientations at both ends of a closed path are equal."""
+    """Return whether the tool orientations at both ends of a closed path are equal."""
     orientation = path.orientation
     if orientation is None:
         return True

@@ -431,7 +431,7 @@ class LeadPlacement:
         return outline(s or outline.length, 1, side="left")
 
     def _fits(self, lead: Path, after: bool) -> bool:
-        """True if a lead crosses no cut contour and its free end lies in the waste."""
+        """Return whether a lead crosses no cut contour and its free end lies in the waste."""
         lead, up = lead.reversed() if after else lead, self._process.up
         cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
         if self._around is None:

@@ -553,7 +553,7 @@ class Program(Checked):
 
 
 def has_intended_start(moves: Sequence[Move], i: int) -> bool:
-    """True if a rapid, dwell or event precedes contour i, so its start point is deliberate."""
+    """Return whether a rapid, dwell or event precedes contour i and thus fixes its start."""
     # A dwell or event counts only if it is between this contour and the previous contour.
     for k in range(i - 1, -1, -1):
         if isinstance(moves[k], Rapid):

@@ -205,7 +205,7 @@ class _Parts:
         )
 
     def _is_thin(self) -> bool:
-        """True if the area of a closed chain is zero, except for rounding errors."""
+        """Return whether the area of a closed chain is zero, except for rounding errors."""
         p = self.pieces
         a, b = p[:, :2] - p[0, :2], points_at(p, p[:, LENGTH]) - p[0, :2]
         angle = p[:, CURVATURE] * p[:, LENGTH]

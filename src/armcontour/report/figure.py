@@ -194,7 +194,7 @@ def _static(name: str) -> bytes:
 
 
 def pack(content: bytes) -> str:
-    """Compress bytes to text that can stand in a script element."""
+    """Compress bytes to text that is valid in a script element."""
     return base64.b64encode(gzip.compress(content, mtime=0)).decode()
 
 

@@ -82,7 +82,7 @@ class Front:
     tables: tuple[TextTable, ...] = ()
     # `Drawing` of the path; None if figures and tables (`parts`) replace it
     drawing: Any = None
-    # `MovingArm` beside the drawing
+    # `MovingArm` next to the drawing
     arm: Any = None
     parts: tuple[Any, ...] = ()
     # Headings and their sentences

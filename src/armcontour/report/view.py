@@ -77,7 +77,7 @@ class View:
         return np.asarray(in_space(vectors) @ axes, dtype=np.float32)
 
     def is_flat(self, points: FloatArray) -> bool:
-        """True if all points are within 0.1 µm of the plane."""
+        """Return whether all points are within 0.1 µm of the plane."""
         if points.shape[-1] == 2:
             return True
         away = (in_space(points) - self.plane.origin) @ np.cross(self.plane.x, self.plane.y)

@@ -194,7 +194,7 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _parallel(first: FloatArray, second: FloatArray) -> bool:
-    """True if two directions are parallel."""
+    """Return whether two directions are parallel."""
     return float(np.linalg.norm(np.cross(first, second))) < EXACT
 
 

@@ -347,7 +347,7 @@ class Limits(Checked):
         return np.asarray(np.where(both, middle, np.clip(0.0, low, high)))
 
     def same_both_ways(self) -> bool:
-        """True if the acceleration limits of all joints are symmetric."""
+        """Return whether the acceleration limits of all joints are symmetric."""
         values = self.joint_acceleration
         return values is None or values.ndim < 2 or bool((values[:, 0] == -values[:, 1]).all())
 
@@ -380,7 +380,7 @@ DIRECTED = tuple(x for x in JOINT_LIMITS if LIMITS[x].quantity.bounds)
 
 
 def _is_unlimited(values: float | FloatArray) -> bool:
-    """True if a limit is infinite for every joint, in both directions."""
+    """Return whether a limit is infinite for every joint, in both directions."""
     if isinstance(values, float):
         return values == math.inf
     # The first value of most limits is finite.

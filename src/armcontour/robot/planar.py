@@ -138,7 +138,9 @@ class PlanarTwoLink(Arm):
         sign = 1.0 if checks.check_choice("branch", branch, self.branches) == "positive" else -1.0
         tool = checks.floats("tool points", points, "m")
         if tool.shape[-1:] != (2,):
-            raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {tool.shape}.")
+            raise InvalidInput(
+                f"Tool points of a planar arm must have the shape (..., 2), not {tool.shape}."
+            )
         c, y = tool[..., 0] - self.base, tool[..., 1]
         distance = np.hypot(c, y)
         self._check_reach(tool, distance)

@@ -304,7 +304,7 @@ class ServoPlant(LimitedPlant):
         return FineMotion(t=t, q=q, before=before, after=after)
 
     def _smooth_between(self, demand: FloatArray, width: float) -> bool:
-        """True if the motion has no kink between results, and quintics are exact enough."""
+        """Return whether the motion has no kink between results, and quintics are exact enough."""
         # demand: demand at the starts and ends of the intervals [rad/s²], (2, m, dof). width: time
         # between results [s].
         servo = self.servo

@@ -465,7 +465,7 @@ class _Robot:
 
 
 def can_simulate() -> bool:
-    """True if MuJoCo, which simulates the rigid bodies, is installed."""
+    """Return whether MuJoCo, which simulates the rigid bodies, is installed."""
     return importlib.util.find_spec("mujoco") is not None
 
 

@@ -54,7 +54,7 @@ class Endpoint:
         return f"http://{ADDRESS}:{self.port}/#{self.token}"
 
     def accepts(self, token: object) -> bool:
-        """True if the token is correct; the comparison takes the same time for all wrong tokens."""
+        """Return whether the token is correct, in the same time for all wrong tokens."""
         text = token if isinstance(token, str) else ""
         return secrets.compare_digest(text.encode("utf-8", "replace"), self.token.encode())
 
@@ -185,5 +185,5 @@ def _header_values(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[
 
 
 def _is_one_of(values: list[bytes], allowed: frozenset[bytes]) -> bool:
-    """True if exactly one value is given and this value is allowed."""
+    """Return whether exactly one value is given and this value is allowed."""
     return len(values) == 1 and values[0] in allowed

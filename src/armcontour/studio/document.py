@@ -136,7 +136,7 @@ class Document:
         return SAME if self._read_file() == self._saved else CHANGED
 
     def changed_on_disk(self) -> bool:
-        """True if another program has changed or created the file since the last read or save."""
+        """Return whether another program changed or created the file since the last access."""
         return self.on_disk() == CHANGED
 
     def save(self, *, force: bool = False) -> None:

@@ -119,13 +119,13 @@ class Handles:
         return {"names": ["x", "y"], "origin": self.plane.uv(self.frame.position), "x": x, "y": y}
 
     def is_removable(self, point: Waypoint) -> bool:
-        """True if the waypoint can be removed from the path."""
+        """Return whether the waypoint can be removed from the path."""
         ends = self.ends
         is_start_of_arc = point.index == 0 and ends[1].role == END
         return point.role in (POINT, END) and len(ends) > 2 and not is_start_of_arc
 
     def is_divisible(self, index: int) -> bool:
-        """True if the segment that ends at waypoint `index` can be divided: it is not an arc."""
+        """Return whether the segment that ends at waypoint `index` is no arc and can be divided."""
         arcs = {x.keys[2] for x in self.waypoints if x.role in (VIA, CENTER)}
         return index - 1 not in arcs
 
@@ -184,7 +184,7 @@ def drawing_view(drawing: Program, frame: Frame, dimension: int) -> View:
 
 
 def is_blank(data: Mapping[str, Any]) -> bool:
-    """True if the path of a job is still empty."""
+    """Return whether the path of a job is still empty."""
     path = data.get("path")
     return isinstance(path, Mapping) and not any(path.get(x) for x in (*GEOMETRY_KEYS, FILE))
 

@@ -118,7 +118,7 @@ class CoarsePlanner:
         self._start: FloatArray | None = None
 
     def may_execute(self, planned: Preview) -> bool:
-        """True if the motion is short enough to be simulated within seconds."""
+        """Return whether the motion is short enough to be simulated within seconds."""
         return planned.trajectory.duration * planned.job.arm.dof <= MAX_SIMULATED
 
     def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:
@@ -136,7 +136,7 @@ class CoarsePlanner:
         return self._cache.get("program", path, lambda: Program.from_path(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
-        """True if the program is too long to be planned at every edit."""
+        """Return whether the program is too long to be planned at every edit."""
         program = self.path_program(data)
         return self._cache.get("length", program, lambda: is_long_program(program))
 

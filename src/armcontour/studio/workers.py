@@ -19,7 +19,7 @@ class StaleCheck(Protocol):
     """Function that tests if newer work is submitted."""
 
     def __call__(self, within: float = 0.0) -> bool:
-        """True if newer work waits or is submitted within a time [s]."""
+        """Return whether newer work waits or is submitted within a time [s]."""
 
 
 Work: TypeAlias = Callable[[StaleCheck], None]

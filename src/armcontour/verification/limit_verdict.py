@@ -402,7 +402,7 @@ def _record_acceleration_steps(
 
 
 def has_checkable_jerk(law: TimeLaw, limits: Limits, start: FloatArray) -> bool:
-    """True if joint jerk is limited, and known for a law that begins at `start` [s], (1,)."""
+    """Return whether joint jerk is limited and known for a law that begins at `start` [s], (1,)."""
     if limits.joint_jerk is None:
         return False
     try:

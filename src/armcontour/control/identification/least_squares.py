@@ -38,7 +38,7 @@ def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
 
 
 def is_white(residuals: FloatArray, step: float) -> bool:
-    """True if residuals [rad], (n,), are white except for quantization by the resolution `step`."""
+    """Return whether residuals [rad], (n,), are white up to quantization by `step` [rad]."""
     # F-tests compare the mean power of the lowest 8, 16, ... spectral lines with that of the rest.
     from scipy.stats import f
 

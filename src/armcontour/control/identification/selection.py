@@ -109,7 +109,7 @@ class Selected:
         return self.rms * GAIN < max(self.fit.noise, ROUNDING)
 
     def is_better(self, other: Selected) -> bool:
-        """True if this model is significantly better than a poorer one, see GAIN."""
+        """Return whether this model is significantly better than a poorer one, see GAIN."""
         limited = LIMIT in self.fit.problem.model.free
         ratio = float(np.median(self.errors / np.maximum(other.errors, 1e-300))) ** 0.5
         some = float(np.mean(self.errors < other.errors))
@@ -191,7 +191,7 @@ class _Trials:
             self.best = self.tried[-1]
 
     def may_be_cascade(self, model: Model) -> bool:
-        """True if the best model explains enough of the tracking error to try a cascade."""
+        """Return whether the best model explains enough of the tracking error to try a cascade."""
         if self.best is None:
             return False
         lag = np.concatenate([(s.y - s.command.u)[s.use] for s in self.best.segments])
@@ -255,7 +255,7 @@ class _Trials:
 
 
 def is_implausible(result: Fit) -> bool:
-    """True if a fitted loop has parameters at their bounds, or too little damping."""
+    """Return whether a fitted loop has parameters at their bounds, or too little damping."""
     low, high = result.at_bounds()
     servo = result.servo
     ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < LEAST_DAMPING

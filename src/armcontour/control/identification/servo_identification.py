@@ -364,7 +364,7 @@ def _explain_no_model(segments: Sequence[LogSegment]) -> str:
 
 
 def changes_velocity(t: FloatArray, positions: FloatArray) -> bool:
-    """True if positions [rad] at times t [s], (n,), deviate from a line by more than the noise."""
+    """Return whether positions [rad] at times t [s], (n,), deviate from a line beyond the noise."""
     errors = positions - np.polyval(np.polyfit(t, positions, 1), t)
     return bool(
         np.std(errors) > REST_SIGMAS * white_noise(positions) and np.ptp(errors) > LEAST_BEND

@@ -79,7 +79,7 @@ class Device(Protocol):
         """Send the row of cycle k."""
 
     def is_done(self) -> bool:
-        """True if the controller has executed all rows that were sent."""
+        """Return whether the controller has executed all rows that were sent."""
 
     def samples(self) -> Iterable[Sample]:
         """Samples since the last call."""

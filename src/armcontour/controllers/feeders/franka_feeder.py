@@ -94,7 +94,7 @@ class FrankaDevice:
         self.k, self.row = k, row
 
     def is_done(self) -> bool:
-        """True if the robot has confirmed the last row."""
+        """Return whether the robot has confirmed the last row."""
         return not self.before and self.confirmed == self.k
 
     def samples(self) -> Iterable[Sample]:
@@ -141,7 +141,7 @@ class FrankaDevice:
         self.before.append((0, row))
 
     def _is_here(self) -> bool:
-        """True if the address is on this machine, so the robot is simulated."""
+        """Return whether the address is on this machine, so the robot is simulated."""
         try:
             return ipaddress.ip_address(self.address).is_loopback
         except ValueError:

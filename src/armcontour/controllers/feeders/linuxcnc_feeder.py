@@ -133,7 +133,7 @@ class LinuxCNCDevice:
         self.out.write((float(k), *row))
 
     def is_done(self) -> bool:
-        """True if the FIFO is empty."""
+        """Return whether the FIFO is empty."""
         return int(self.out.depth) == 0
 
     def samples(self) -> Iterable[Sample]:

@@ -143,7 +143,7 @@ class UrDevice:
         self.newest = k
 
     def is_done(self) -> bool:
-        """True if the program has used the newest row."""
+        """Return whether the program has used the newest row."""
         return self.k == self.newest
 
     def samples(self) -> Iterable[Sample]:
@@ -202,7 +202,7 @@ class UrDevice:
                 return answer
 
     def _has_package(self) -> bool:
-        """True if a whole package was received."""
+        """Return whether a whole package was received."""
         data = self.received
         return len(data) >= 3 and len(data) >= int.from_bytes(data[:2], "big")
 

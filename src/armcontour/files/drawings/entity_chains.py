@@ -161,7 +161,7 @@ def _find_repeated(
 
 
 def _coincide(a: Path, b: Path) -> bool:
-    """True if two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
+    """Return whether two paths are equal within `SAME_PIECE`, in the same or opposite direction."""
     # The paths can have different numbers of segments, so points at equal fractions are compared.
     fractions = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
     one, other = a(fractions * a.length), b(fractions * b.length)

@@ -235,7 +235,7 @@ def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine
 
 
 def is_singular(transform: Affine) -> bool:
-    """True if a transform is singular, so that it maps every area to zero."""
+    """Return whether a transform is singular, so that it maps every area to zero."""
     size = float(np.abs(transform.linear).max())
     if size == 0:
         return True

@@ -120,11 +120,11 @@ class Walk:
         self.omitted.setdefault(reason, Counter())[name] += 1
 
     def wants_layer(self, layer: str) -> bool:
-        """True if the options select a layer."""
+        """Return whether the options select a layer."""
         return self.requested_layers is None or valid_name(layer) in self.requested_layers
 
     def wants_color(self, names: frozenset[str]) -> bool:
-        """True if the options select a colour; otherwise the entity is counted as omitted."""
+        """Return whether the options select a colour; otherwise count the entity as omitted."""
         if self.colors is None or names & self.colors:
             return True
         self.of_other_colors[min(names)] += 1

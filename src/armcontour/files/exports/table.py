@@ -307,7 +307,7 @@ def _sample_set_points(
 
 
 def equals_plan(q: FloatArray, plan: FloatArray) -> bool:
-    """True if set-points equal the plan at the same times, (n, dof) each, up to rounding."""
+    """Return whether set-points equal the plan at the same times, (n, dof) each, up to rounding."""
     return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_POSITION).all())
 
 

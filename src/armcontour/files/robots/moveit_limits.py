@@ -159,7 +159,7 @@ def _override_acceleration(table: Table, k: int, location: str, entry: Mapping[A
 
 
 def _is_enabled(location: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
-    """True if an entry enables a kind of limit, False if it disables it, None if neither."""
+    """Return whether an entry enables a kind of limit, False if it disables it, None if neither."""
     switch = entry.get(f"has_{kind}_limits")
     if switch is None or isinstance(switch, bool):
         return switch

@@ -154,7 +154,7 @@ class Description:
             )
 
     def _follows_arm(self, joint: Joint) -> bool:
-        """True if a joint mimics a joint of the arm, directly or through other joints."""
+        """Return whether a joint mimics a joint of the arm, directly or through other joints."""
         for _ in range(MAX_MIMICS):
             master = self.tree.joints.get(joint.master or "")
             if master is None:
@@ -165,7 +165,7 @@ class Description:
         return False
 
     def _has_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
-        """True if all links that the arm moves have valid masses; notes data that are ignored."""
+        """Return whether all links that the arm moves have valid masses; note ignored data."""
         faults, has_bodies = self._inertia_faults(carried)
         if has_bodies and faults:
             others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
@@ -214,7 +214,7 @@ class Description:
         return faults or bare, known
 
     def _has_mass(self, link: str) -> bool:
-        """True if a link, or a link below it, has a mass other than 0."""
+        """Return whether a link, or a link below it, has a mass other than 0."""
         links = [link, *(joint.child for joint in self.tree.below(link))]
         masses = [self.tree.links[x].find("inertial/mass") for x in links]
         return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)

@@ -445,7 +445,7 @@ def make_searches(
 
 
 def _turns_at_corners(objective: Path) -> bool:
-    """True if the orientation follows a tangent that jumps, so that it depends on the shape."""
+    """Return whether the orientation follows a tangent that jumps and so depends on the shape."""
     # If the orientation follows a smooth tangent, shapes have the orientation of the matching
     # objective points.
     orientation = objective.orientation

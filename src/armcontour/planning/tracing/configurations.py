@@ -384,8 +384,8 @@ def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) 
     point = pose[:, 3]
     raise Unreachable(
         f"From the given seed, the arm {arm.name} does not reach the tool pose at the start of "
-        f"the path, {tuple(np.round(point, 6).tolist())} m: give a seed closer to joint positions "
-        f"that reach this pose, such as {tuple(np.round(nearest, 4).tolist())} "
+        f"the path, {tuple(np.round(point, 6).tolist())} m. Specify a seed closer to joint "
+        f"positions that reach this pose, such as {tuple(np.round(nearest, 4).tolist())} "
         f"{arm.chain.unit('rad')}.",
         point=point.tolist(),
         s=0.0,

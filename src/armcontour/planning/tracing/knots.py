@@ -143,7 +143,7 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
     if path.dimension != 3:
         raise InvalidInput(
             f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} has "
-            f"{arm.dimension}: give a path with {arm.dimension} coordinates."
+            f"{arm.dimension}. Use a path with {arm.dimension} coordinates."
         )
     orientation = path.orientation
     if orientation is None:
@@ -165,7 +165,7 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
 def _refuse_position_only(arm: SerialArm) -> None:
     if arm.dof > 3:
         raise InvalidInput(
-            f"The path has no tool orientation, but the arm {arm.name} needs one: give the path an "
+            f"The path has no tool orientation, but the arm {arm.name} requires one. Specify an "
             "orientation (in a job, path.orientation; in Python, path.oriented(rotation), or "
             "path.pointing(direction) if only the tool axis matters)."
         )

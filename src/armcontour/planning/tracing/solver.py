@@ -90,7 +90,7 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
         if path.dimension != arm.dimension:
             raise InvalidInput(
                 f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
-                f"has {arm.dimension}: give a path with {arm.dimension} coordinates."
+                f"has {arm.dimension}. Use a path with {arm.dimension} coordinates."
             )
         super().__init__(path, arm)
         self.configuration, self.tolerance = configuration, tolerance

@@ -99,7 +99,7 @@ def trace_all(
     # `configurations.MAX_SOLUTIONS` joint paths are returned.
     if not isinstance(path, Path):
         raise InvalidInput(
-            f"trace takes a Path, not a {type(path).__name__}. Give a program to plan, which "
+            f"trace takes a Path, not a {type(path).__name__}. Pass a program to plan, which "
             "traces its contours."
         )
     checks.positive("tracing tolerance", tolerance, "m")
@@ -109,7 +109,7 @@ def trace_all(
     if isinstance(arm, PlanarTwoLink):
         if seed is not None:
             raise InvalidInput(
-                f"The arm {arm.name} has named branches: give a configuration instead of a seed."
+                f"The arm {arm.name} has named branches. Specify a configuration instead of a seed."
             )
         branches = arm.branches if configuration is None else (configuration,)
         return _complete(
@@ -122,8 +122,8 @@ def trace_all(
         )
     if configuration is not None:
         raise InvalidInput(
-            f"The arm {arm.name} has no named branches: instead of a configuration, give a seed "
-            "with approximate joint positions at the start of the path."
+            f"The arm {arm.name} has no named branches. Instead of a configuration, specify a "
+            "seed with approximate joint positions at the start of the path."
         )
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
@@ -234,7 +234,7 @@ def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
         unit = arm.chain.unit("rad", j)
         raise InvalidInput(
             f"seed has joint {j + 1} at {positions[j]:.6g} {unit}, but its range is from "
-            f"{lower[j]:.6g} to {upper[j]:.6g} {unit}: give values in {unit}, or with their unit.",
+            f"{lower[j]:.6g} to {upper[j]:.6g} {unit}. Specify values in {unit}, or with a unit.",
             joint=j,
             needed=float(positions[j]),
             allowed=float(lower[j] if positions[j] < lower[j] else upper[j]),

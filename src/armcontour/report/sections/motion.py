@@ -173,7 +173,7 @@ def _plans(study: JobResult) -> dict[str, RunResult]:
 
 
 def _is_squeezed(study: JobResult) -> bool:
-    """True if contours are much slower than rapids, so that the axis is scaled to contours."""
+    """Return whether contours are much slower than rapids; then the axis is scaled to contours."""
     fastest = max(float(x.motion.tool_speed.max()) for x in study.runs.values())
     return _largest_on_contours(study) < SQUEEZED * fastest
 

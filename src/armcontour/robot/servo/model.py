@@ -410,7 +410,7 @@ class ServoModel(Checked):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """True if all joints are of one of the orders, without friction and drive cycle.
+        """Return whether all joints are of one of the orders, without friction and drive cycle.
 
         Args:
             orders: The accepted orders.

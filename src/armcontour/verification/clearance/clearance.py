@@ -331,7 +331,7 @@ class Cell:
 
     @checked
     def stays_above(self, motion: Motion) -> bool:
-        """True if all links stay above the mounting plane of the base, or without such a plane.
+        """Return whether all links stay above the mounting plane of the base, if there is one.
 
         Args:
             motion: The motion.
@@ -341,7 +341,7 @@ class Cell:
         return _ClearanceSearch(motion, self._mounting, self._heights, np.inf).run()
 
     def fits(self, motion: Motion) -> bool:
-        """True if a motion satisfies all margins and no link goes below the base.
+        """Return whether a motion satisfies all margins and no link goes below the base.
 
         Args:
             motion: The motion.
@@ -349,7 +349,7 @@ class Cell:
         return self.stays_above(motion) and self.keeps(motion)
 
     def keeps(self, motion: Motion) -> bool:
-        """True if a motion satisfies all margins; faster than `check`.
+        """Return whether a motion satisfies all margins; faster than `check`.
 
         Args:
             motion: The motion.

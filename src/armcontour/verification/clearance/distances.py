@@ -145,7 +145,7 @@ class Distances:
 
 
 def can_measure() -> bool:
-    """True if the library coal is installed."""
+    """Return whether the library coal is installed."""
     return importlib.util.find_spec("coal") is not None
 
 
@@ -162,7 +162,7 @@ def _coal() -> Any:
 
 
 def _hulls_decide(pair: Pair) -> bool:
-    """True if the convex shapes of a pair have the same distance as its bodies."""
+    """Return whether the convex shapes of a pair have the same distance as its bodies."""
     bodies = (pair.first, pair.second)
     # A body and its convex hull have the same distance from a half-space.
     return all(x.exact is None for x in bodies) or any(

@@ -87,7 +87,7 @@ class Machine:
         return self.unit == INCH
 
     def accepts_plain_line(self) -> bool:
-        """True if `execute_plain_line` can execute the next line."""
+        """Return whether `execute_plain_line` can execute the next line."""
         return (
             self.motion == codes.LINE
             and self.absolute
@@ -156,7 +156,7 @@ class Machine:
                 self.notes.skip(f"the word {letter} with the value 0")
 
     def _draws_arc(self, block: Block) -> bool:
-        """True if a line draws an arc."""
+        """Return whether a line draws an arc."""
         if block.motion is not None:
             return block.motion in ARCS
         once = any(x in (codes.DWELL, *OWN_THE_LINE) for x in block.g)

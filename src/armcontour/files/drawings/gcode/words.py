@@ -254,7 +254,7 @@ def _explain_syntax_error(text: str, position: int) -> str:
 
 
 def changes_tools(lines: list[str]) -> bool:
-    """True if a program changes tools with M6; otherwise T alone changes the tool."""
+    """Return whether a program changes tools with M6; otherwise T alone changes the tool."""
     return any(
         TOOL_CHANGE.search(COMMENTS.sub("", x.translate(TO_COMPACT)))
         for x in lines
